@@ -1,0 +1,1 @@
+"""Measured functions to a modal model."""

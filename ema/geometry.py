@@ -1,0 +1,62 @@
+"""Measured points, the trace lines between them, and the degrees of freedom (DOFs) at them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.arrays import readonly
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Geometry:
+    """Points of a test structure in the global coordinate system.
+
+    Attributes
+    ----------
+    node : (n_node,) int
+        Point numbers, unique.
+    coordinate : (n_node, 3) float
+        Position of each point, m.
+    line : (n_line, 2) int
+        Point numbers joined by trace lines for drawing; may be empty.
+    """
+
+    node: NDArray[np.int64]
+    coordinate: NDArray[np.float64]
+    line: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        node = readonly("Geometry", "node", self.node, (None,), np.int64)
+        object.__setattr__(self, "node", node)
+        object.__setattr__(
+            self, "coordinate", readonly("Geometry", "coordinate", self.coordinate, (node.size, 3))
+        )
+        object.__setattr__(self, "line", readonly("Geometry", "line", self.line, (None, 2), np.int64))
+        if np.unique(node).size != node.size:
+            repeated = sorted({int(n) for n in node if np.count_nonzero(node == n) > 1})
+            message = f"Geometry.node: point numbers must be unique, repeated: {repeated}"
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Dofs:
+    """Degrees of freedom: a point number and a signed direction each.
+
+    Attributes
+    ----------
+    node : (n_dof,) int
+        Point number of each DOF; it may be absent from the geometry (a reference often is).
+    direction : (n_dof, 3) float
+        Unit vector of the measured direction in global coordinates, sign included.
+    """
+
+    node: NDArray[np.int64]
+    direction: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        node = readonly("Dofs", "node", self.node, (None,), np.int64)
+        object.__setattr__(self, "node", node)
+        object.__setattr__(self, "direction", readonly("Dofs", "direction", self.direction, (node.size, 3)))

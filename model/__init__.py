@@ -1,0 +1,1 @@
+"""Laminated stack to natural frequencies, damping, shapes and FRFs."""

@@ -1,0 +1,41 @@
+"""Read-only, shape-checked arrays for the frozen data types of `model`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+
+def readonly(
+    owner: str, name: str, value: object, shape: tuple[int | None, ...], dtype: DTypeLike = float
+) -> NDArray[Any]:
+    """Return `value` as a read-only array of `dtype` after checking its shape.
+
+    Parameters
+    ----------
+    owner, name : str
+        The data type and field that the array is for, named in the message of a failed check.
+    value : array_like
+        What was given; it is copied, so the caller's array stays writable.
+    shape : tuple of int or None
+        Expected length of each axis; `None` accepts any length.
+    dtype : dtype, default float
+        Type to convert to.
+
+    Raises
+    ------
+    ValueError
+        The shape differs from the expected one; the message names both.
+    """
+    array = np.array(value, dtype=dtype)
+    fits = array.ndim == len(shape) and all(
+        e is None or e == n for e, n in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        expected = "(" + ", ".join("any" if e is None else str(e) for e in shape) + ")"
+        message = f"{owner}.{name}: expected shape {expected}, got {array.shape}"
+        raise ValueError(message)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,20 @@
+"""What can go wrong on the way from a stack description to its modes.
+
+ModelError
+├── StackError   the stack file or description: an unknown key, an impossible value
+└── SolveError   the numerical solution: a singular system, no convergence
+"""
+
+from __future__ import annotations
+
+
+class ModelError(Exception):
+    """Base of every error that `model` raises on purpose; its message is written for the user."""
+
+
+class StackError(ModelError):
+    """The description of the stack is incomplete or impossible."""
+
+
+class SolveError(ModelError):
+    """The equations of the stack could not be solved to the asked accuracy."""

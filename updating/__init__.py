@@ -1,0 +1,1 @@
+"""Measurement and model side by side: pairing, fitting, diagnosis, reports."""
