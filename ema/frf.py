@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,8 @@ from ema.geometry import Dofs
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 """Response over force: displacement (m/N), velocity (m/(N s)) or acceleration (m/(N s2))."""
+
+_DERIVATIVE: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,14 +62,34 @@ class FRF:
 
     def band(self, lower: float, upper: float) -> FRF:
         """Return the lines with ``lower <= frequency <= upper`` (Hz)."""
-        keep = (self.frequency >= lower) & (self.frequency <= upper)
-        return FRF(
+        return self._lines((self.frequency >= lower) & (self.frequency <= upper))
+
+    def outputs(self, keep: NDArray[np.bool_]) -> FRF:
+        """Return the outputs for which `keep` (n_output,) is true."""
+        return replace(
+            self,
+            value=self.value[keep],
+            output=Dofs(node=self.output.node[keep], direction=self.output.direction[keep]),
+            run=self.run[keep],
+            source=tuple(s for s, k in zip(self.source, keep, strict=True) if k),
+            coherence=None if self.coherence is None else self.coherence[keep],
+        )
+
+    def convert(self, quantity: Quantity) -> FRF:
+        """Return the same functions as another quantity.
+
+        Differentiation in time is multiplication by ``i omega``. Integration divides by it, so the line
+        at 0 Hz, where the result does not exist, is then left out.
+        """
+        power = _DERIVATIVE[quantity] - _DERIVATIVE[self.quantity]
+        lines = self._lines(self.frequency > 0) if power < 0 else self
+        factor = (2j * np.pi * lines.frequency) ** power
+        return replace(lines, value=lines.value * factor, quantity=quantity)
+
+    def _lines(self, keep: NDArray[np.bool_]) -> FRF:
+        return replace(
+            self,
             frequency=self.frequency[keep],
             value=self.value[..., keep],
-            quantity=self.quantity,
-            output=self.output,
-            input=self.input,
-            run=self.run,
-            source=self.source,
             coherence=None if self.coherence is None else self.coherence[..., keep],
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,15 @@ class Geometry:
         Position of each point, m.
     line : (n_line, 2) int
         Point numbers joined by trace lines for drawing; may be empty.
+    axes : (n_node, 3, 3) float
+        Rows: the local x, y and z axis of each point in global coordinates, in which its directions
+        were measured. Given empty, every point has the global axes.
     """
 
     node: NDArray[np.int64]
     coordinate: NDArray[np.float64]
     line: NDArray[np.int64]
+    axes: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3, 3)))
 
     def __post_init__(self) -> None:
         node = readonly("Geometry", "node", self.node, (None,), np.int64)
@@ -35,10 +40,29 @@ class Geometry:
             self, "coordinate", readonly("Geometry", "coordinate", self.coordinate, (node.size, 3))
         )
         object.__setattr__(self, "line", readonly("Geometry", "line", self.line, (None, 2), np.int64))
+        axes = self.axes if np.size(self.axes) else np.broadcast_to(np.eye(3), (node.size, 3, 3))
+        object.__setattr__(self, "axes", readonly("Geometry", "axes", axes, (node.size, 3, 3)))
         if np.unique(node).size != node.size:
             repeated = sorted({int(n) for n in node if np.count_nonzero(node == n) > 1})
             message = f"Geometry.node: point numbers must be unique, repeated: {repeated}"
             raise ValueError(message)
+
+    def direction(self, node: int, code: int) -> tuple[float, float, float]:
+        """Return the global unit vector of a signed local direction: 1, 2, 3 for +x, +y, +z, negative for -.
+
+        A point that the geometry does not hold (a reference often is not there) has the global axes.
+        """
+        known = np.flatnonzero(self.node == node)
+        axes = self.axes[known[0]] if known.size else np.eye(3)
+        x, y, z = np.sign(code) * axes[abs(code) - 1]
+        return float(x), float(y), float(z)
+
+
+class Dof(NamedTuple):
+    """One degree of freedom: a point number and a unit vector in global coordinates, sign included."""
+
+    node: int
+    direction: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

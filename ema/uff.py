@@ -1,0 +1,456 @@
+"""Universal files: measured functions, points and units in; FRFs and points out. All to SI here.
+
+pyuff reads and writes the sets of points, lines, coordinate systems and units. It is handed data sets that
+were cut out and cleaned here: it pairs delimiters by searching the raw bytes, so that a doubled delimiter,
+or a data line that ends in ``-1``, would shift every later set.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+from numpy.typing import NDArray
+
+from ema.errors import MeasurementError
+from ema.frf import FRF, Quantity
+from ema.function import Kind, MeasuredFunction
+from ema.geometry import Geometry
+from ema.uff58 import DataSet, Record58, cut, encode_58b, read_58
+from ema.units import Unit, parse_unit
+
+_GEOMETRY_SETS = ("15", "18", "82", "164", "2411", "2412", "2420")
+_MOTION_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+_TYPE_OF_MOTION = {quantity: code for code, quantity in _MOTION_TYPES.items()}
+_LABEL_OF_MOTION: dict[Quantity, str] = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+_FORCE_TYPES = (9, 13)
+_KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FileUnits:
+    """Length and force unit of a file's values, in m and N, and whether data set 164 stated them."""
+
+    length: float
+    force: float
+    stated: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _System:
+    """A Cartesian coordinate system: its axes as rows, and its origin, in global coordinates."""
+
+    axes: NDArray[np.float64]
+    origin: NDArray[np.float64]
+
+
+def read_uff_functions(
+    path: Path, unit: Unit | None = None
+) -> tuple[tuple[MeasuredFunction, ...], tuple[str, ...]]:
+    """Read every dataset 58 and 58b of a universal file, in SI units.
+
+    The unit labels of a function decide, as the standard says; where they are absent, its data types with
+    the factors of data set 164; where both contradict each other the labels are followed and a note says so.
+
+    Parameters
+    ----------
+    path : Path
+        Universal file.
+    unit : Unit, optional
+        Unit of all FRFs in the file, from a user who knows better than the file.
+
+    Returns
+    -------
+    functions : tuple of MeasuredFunction
+    notes : tuple of str
+        What was odd in the file and how it was resolved.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read; the message names file, data set and field.
+    """
+    sets = cut(path)
+    notes: list[str] = []
+    units = _file_units(_parsed([s for s in sets if s.kind == "164"]), notes)
+    functions = []
+    for data_set in sets:
+        if data_set.kind in ("58", "58b"):
+            record = read_58(data_set)
+            notes += record.notes
+            functions.append(_function(record, units, unit, notes))
+    if not functions:
+        message = f"{path}: no function (dataset 58) in the file; it holds {_listed(sets)}"
+        raise MeasurementError(message)
+    return tuple(functions), tuple(notes)
+
+
+def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geometry, tuple[str, ...]]:
+    """Read points (15, 2411), coordinate systems (18, 2420) and trace lines (82, 2412) of a universal file.
+
+    Parameters
+    ----------
+    path : Path
+        Universal file.
+    length_unit : Unit, optional
+        Unit of the coordinates, from a user who knows better than data set 164.
+
+    Returns
+    -------
+    geometry : Geometry
+        Coordinates in m; local axes are those of each point's displacement coordinate system.
+    notes : tuple of str
+        What was odd in the file and how it was resolved.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or holds no points; the message names file, data set and field.
+    """
+    sets = cut(path)
+    parsed = _parsed([s for s in sets if s.kind in _GEOMETRY_SETS])
+    notes: list[str] = []
+    units = _file_units(parsed, notes)
+    if length_unit is None and not units.stated:
+        notes.append(f"{path}: no units (data set 164); coordinates are taken to be in m")
+    scale = units.length if length_unit is None else length_unit.factor
+    geometry = _points(
+        parsed, scale, f"{path}: no points (15, 2411) in the file; it holds {_listed(sets)}", notes
+    )
+    line = _trace_lines(parsed)
+    known = np.isin(line, geometry.node).all(axis=1)
+    if not known.all():
+        absent = sorted({int(n) for n in line[~known].ravel()} - {int(n) for n in geometry.node})
+        notes.append(f"{path}: lines to points without coordinates are left out, points {absent[:10]}")
+    return replace(geometry, line=line[known]), tuple(notes)
+
+
+def write_uff(path: Path, geometry: Geometry, frf: FRF | None = None) -> None:
+    """Write points, trace lines and, if given, FRFs with their coherence to a universal file, in SI units.
+
+    Sets 164, 2420 (where points have local axes), 2411 and 82 through pyuff, then a dataset 58b of single
+    precision for each function. The file is written beside its place and then put there.
+
+    Raises
+    ------
+    MeasurementError
+        A direction is not along an axis of its point, or the frequency axis is not uniform, so that the
+        format cannot hold it.
+    """
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    blocks = b"" if frf is None else b"".join(_encoded(frf, geometry))
+    pyuff.UFF(str(part)).write_sets(_geometry_sets(geometry), mode="overwrite")
+    with part.open("ab") as file:
+        file.write(blocks)
+    part.replace(path)
+
+
+def _listed(sets: list[DataSet]) -> str:
+    return "data sets " + ", ".join(sorted({s.kind for s in sets}))
+
+
+def _parsed(sets: list[DataSet]) -> list[tuple[str, dict[str, Any]]]:
+    """Have pyuff read geometry and unit sets; return each with the name to use in messages."""
+    result = []
+    with tempfile.TemporaryDirectory() as folder:
+        clean = Path(folder) / "clean.uff"
+        for data_set in sets:
+            clean.write_bytes(
+                b"    -1\n" + data_set.kind_line.rstrip() + b"\n" + _cleaned(data_set) + b"    -1\n"
+            )
+            try:
+                content = pyuff.UFF(str(clean)).read_sets(0)
+            except Exception as error:  # pyuff raises bare exceptions
+                message = f"{data_set.where}: {_first_fault(data_set)}"
+                raise MeasurementError(message) from error
+            if "type" not in content:
+                message = f"{data_set.where}: {_first_fault(data_set)}"
+                raise MeasurementError(message)
+            result.append((data_set.where, content))
+    return result
+
+
+def _cleaned(data_set: DataSet) -> bytes:
+    """Keep pyuff from taking data for a delimiter, and separate the columns of set 15 that may touch."""
+    lines = []
+    for line in data_set.body.replace(b"\r", b"").splitlines():
+        text = line.decode("latin-1")
+        if data_set.kind == "15":
+            cells = [text[10 * i : 10 * i + 10] for i in range(4)] + [
+                text[13 * i + 40 : 13 * i + 53] for i in range(3)
+            ]
+            if all(_is_number(cell) for cell in cells):
+                text = " " + " ".join(cells)
+        lines.append(re.sub("    -1$", "    -1 ", text) + "\n")
+    return "".join(lines).encode("ascii", errors="replace")
+
+
+def _first_fault(data_set: DataSet) -> str:
+    """Name the first line with a word that should be a number, or else the set as a whole."""
+    labelled = data_set.kind in (
+        "18",
+        "82",
+        "164",
+        "2420",
+    )  # these have lines of free text between the numbers
+    for row, line in enumerate(data_set.body.splitlines(), start=1):
+        words = line.decode("latin-1").split()
+        if not labelled and not all(_is_number(word) for word in words):
+            return (
+                f"line {row} of the set holds {line.decode('latin-1').strip()!r}, which is not numbers only"
+            )
+    return "its records are incomplete or hold text in place of numbers"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.lower().replace("d", "e"))
+    except ValueError:
+        return False
+    return True
+
+
+def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> _FileUnits:
+    """Return the units of data set 164, whose factors divide a value of the file to give SI."""
+    stated = [(where, content) for where, content in parsed if content["type"] == 164]
+    if not stated:
+        return _FileUnits(length=1.0, force=1.0, stated=False)
+    where, content = stated[0]
+    length, force = content["length"], content["force"]
+    if not (np.isfinite(length) and np.isfinite(force) and length > 0 and force > 0):
+        message = f"{where}: field 'unit factors' must be positive, found length {length}, force {force}"
+        raise MeasurementError(message)
+    factors = {1: (1.0, 1.0), 3: (1.0, 1 / 9.80665), 5: (1e3, 1e3), 6: (1e2, 1e2)}
+    expected = factors.get(content["units_code"], (length, force))
+    if not np.allclose(expected, (length, force), rtol=1e-3):
+        notes.append(
+            f"{where}: units code {content['units_code']} contradicts the factors "
+            f"(length {length:g}, force {force:g}); the factors are used"
+        )
+    return _FileUnits(length=1.0 / length, force=1.0 / force, stated=True)
+
+
+def _function(record: Record58, units: _FileUnits, unit: Unit | None, notes: list[str]) -> MeasuredFunction:
+    header = record.header
+    kind = _KINDS.get(header["function type"], "other")
+    quantity: Quantity | None = None
+    factor = 1.0
+    if kind == "frf" and unit is not None:
+        factor, quantity = unit.factor, unit.frf
+    elif kind in ("frf", "response"):
+        motion = _axis_unit(record, "ordinate numerator", units, notes)
+        force = _axis_unit(record, "ordinate denominator", units, notes)
+        if kind == "response":
+            kind = "force" if motion is not None and motion.is_force else kind
+            factor, quantity = (1.0, None) if motion is None else (motion.factor, motion.motion)
+        elif motion is not None and motion.frf is not None:
+            factor, quantity = motion.factor, motion.frf
+        elif motion is not None and motion.motion is not None:
+            denominator = force.factor if force is not None and force.is_force else units.force
+            factor, quantity = motion.factor / denominator, motion.motion
+    return MeasuredFunction(
+        kind=kind,
+        abscissa=record.abscissa,
+        value=record.value.real if kind == "coherence" else record.value * factor,
+        quantity=quantity,
+        output=_degree(header["response node"], header["response direction"]),
+        input=_degree(header["reference node"], header["reference direction"]),
+        source=record.where,
+    )
+
+
+def _axis_unit(record: Record58, axis: str, units: _FileUnits, notes: list[str]) -> Unit | None:
+    """Return the unit of an axis from its label, else from its data type with the units of the file."""
+    code = record.header[f"{axis} specific data type"]
+    label = record.header[f"{axis} units label"]
+    from_type = None
+    if code in _MOTION_TYPES:
+        dimension = {"receptance": 0, "mobility": -1, "accelerance": -2}[_MOTION_TYPES[code]]
+        from_type = Unit(factor=units.length, dimension=(1, dimension, 0))
+    elif code in _FORCE_TYPES:
+        from_type = Unit(factor=units.force, dimension=(0, 0, 1))
+    if label.upper() in ("", "NONE"):
+        return from_type
+    try:
+        from_label = parse_unit(label)
+    except MeasurementError as error:
+        notes.append(f"{record.where}: field '{axis} units label': {error}; its data type {code} is used")
+        return from_type
+    single = from_label.frf is None  # a label of the whole FRF says more than the type of its numerator
+    if from_type is not None and single and from_type.dimension != from_label.dimension:
+        notes.append(
+            f"{record.where}: {axis}: data type {code} contradicts the unit {label!r}; the unit is used"
+        )
+    return from_label
+
+
+def _degree(node: int, direction: int) -> tuple[int, int] | None:
+    return (node, direction) if node > 0 and 1 <= abs(direction) <= 3 else None
+
+
+def _points(
+    parsed: list[tuple[str, dict[str, Any]]], scale: float, none_found: str, notes: list[str]
+) -> Geometry:
+    systems = _systems(parsed)
+    coordinate: dict[int, NDArray[np.float64]] = {}
+    axes: dict[int, NDArray[np.float64]] = {}
+    unknown: set[int] = set()
+    for where, content in parsed:
+        if content["type"] not in (15, 2411):
+            continue
+        columns = [content[key] for key in ("node_nums", "def_cs", "disp_cs", "x", "y", "z")]
+        if len({len(column) for column in columns}) != 1 or not np.isfinite(np.array(columns, float)).all():
+            message = f"{where}: the records of the points are incomplete or not finite"
+            raise MeasurementError(message)
+        for label, defined, measured, *xyz in zip(*columns, strict=True):
+            node = int(label)
+            unknown |= {int(s) for s in (defined, measured) if s and int(s) not in systems}
+            system = systems.get(int(defined))
+            local = np.array(xyz, float)
+            position = local if system is None else local @ system.axes + system.origin
+            if node in coordinate and not np.allclose(position, coordinate[node]):
+                notes.append(
+                    f"{where}: point {node} is given twice with other coordinates; the first ones are kept"
+                )
+                continue
+            coordinate[node] = position
+            axes[node] = systems[int(measured)].axes if int(measured) in systems else np.eye(3)
+    if not coordinate:
+        raise MeasurementError(none_found)
+    if unknown:
+        notes.append(
+            f"coordinate systems {sorted(unknown)} are used but not defined; taken to be the global one"
+        )
+    return Geometry(
+        node=np.array(list(coordinate)),
+        coordinate=np.array(list(coordinate.values())) * scale,
+        line=np.empty((0, 2), dtype=np.int64),
+        axes=np.array(list(axes.values())),
+    )
+
+
+def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
+    """Return the coordinate systems by label.
+
+    A matrix of set 2420 has the origin as its fourth row, so it multiplies row vectors from the right and
+    its first three rows are the local axes in global coordinates.
+    """
+    systems: dict[int, _System] = {}
+    for where, content in parsed:
+        if content["type"] == 2420:
+            labels, types = content["CS_sys_labels"], content["CS_types"]
+            matrices = [np.asarray(matrix, float) for matrix in content["CS_matrices"]]
+            axes, origins = [m[:3] for m in matrices], [m[3] for m in matrices]
+        elif content["type"] == 18:
+            labels, types = content["cs_num"], content["cs_type"]
+            origins = [np.asarray(o, float) for o in content["ref_o"]]
+            x = [np.asarray(p, float) - o for p, o in zip(content["x_point"], origins, strict=True)]
+            xz = [np.asarray(p, float) - o for p, o in zip(content["xz_point"], origins, strict=True)]
+            y = [np.cross(b, a) for a, b in zip(x, xz, strict=True)]
+            axes = [np.array([a, b, np.cross(a, b)]) for a, b in zip(x, y, strict=True)]
+        else:
+            continue
+        if not len(labels) == len(types) == len(axes):
+            message = f"{where}: the records of the coordinate systems are incomplete"
+            raise MeasurementError(message)
+        for label, kind, rows, origin in zip(labels, types, axes, origins, strict=True):
+            length = np.linalg.norm(rows, axis=1, keepdims=True)
+            if int(kind) != 0 or not (np.isfinite(rows).all() and np.all(length > 0)):
+                message = f"{where}: coordinate system {int(label)} is not Cartesian with three axes"
+                raise MeasurementError(message)
+            systems[int(label)] = _System(axes=rows / length, origin=origin)
+    return systems
+
+
+def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
+    """Return the pairs of points joined by trace lines (82) and element edges (2412), once each."""
+    pairs: list[tuple[int, int]] = []
+    for _, content in parsed:
+        if content["type"] == 82:
+            nodes = np.asarray(content["nodes"]).astype(int).tolist()
+            pairs += [(a, b) for a, b in pairwise(nodes) if a > 0 and b > 0]
+        elif content["type"] == 2412:
+            for elements in (value for value in content.values() if isinstance(value, list)):
+                for element in elements:
+                    nodes = [int(n) for n in element["nodes_nums"]]
+                    pairs += zip(nodes, nodes[1:] + nodes[:1] if len(nodes) > 2 else nodes[1:], strict=False)
+    once = dict.fromkeys((min(pair), max(pair)) for pair in pairs if pair[0] != pair[1])
+    return np.array(list(once), dtype=np.int64).reshape(-1, 2)
+
+
+def _geometry_sets(geometry: Geometry) -> list[dict[str, Any]]:
+    zero = np.zeros(geometry.node.size, dtype=int)
+    local = np.flatnonzero(np.abs(geometry.axes - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0)
+    system = zero.copy()
+    system[local] = 1 + np.arange(local.size)
+    x, y, z = geometry.coordinate.T
+    sets: list[dict[str, Any]] = [
+        {"type": 164, "units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 1,
+         "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15},
+    ]  # fmt: skip
+    if local.size:
+        matrices = [np.vstack([geometry.axes[i], np.zeros(3)]) for i in local]
+        names = [f"point {geometry.node[i]}" for i in local]
+        sets.append(
+            {"type": 2420, "CS_sys_labels": system[local], "CS_types": zero[local], "CS_colors": zero[local],
+             "CS_names": names, "CS_matrices": matrices}
+        )  # fmt: skip
+    sets.append(
+        {"type": 2411, "node_nums": geometry.node, "def_cs": zero, "disp_cs": system, "color": zero,
+         "x": x, "y": y, "z": z}
+    )  # fmt: skip
+    if geometry.line.size:
+        nodes = np.column_stack([geometry.line, np.zeros(len(geometry.line), dtype=int)]).ravel()[:-1]
+        sets.append(
+            {"type": 82, "trace_num": 1, "n_nodes": nodes.size, "color": 0, "id": "lines", "nodes": nodes}
+        )
+    return sets
+
+
+def _encoded(frf: FRF, geometry: Geometry) -> list[bytes]:
+    step = np.diff(frf.frequency)
+    if step.size == 0 or np.ptp(step) > 1e-6 * step.mean():
+        message = "a universal file is written for a uniform frequency axis only; this one is not"
+        raise MeasurementError(message)
+    blocks = []
+    for i, source in enumerate(frf.source):
+        for j in range(frf.input.node.size):
+            header = {
+                "id": (f"run {frf.run[i]}", Path(source).name),
+                "response node": int(frf.output.node[i]),
+                "response direction": _code(geometry, int(frf.output.node[i]), frf.output.direction[i]),
+                "reference node": int(frf.input.node[j]),
+                "reference direction": _code(geometry, int(frf.input.node[j]), frf.input.direction[j]),
+                "abscissa specific data type": 18,
+                "abscissa axis label": "Frequency",
+                "abscissa units label": "Hz",
+            }
+            ordinate = {
+                "function type": 4,
+                "ordinate numerator specific data type": _TYPE_OF_MOTION[frf.quantity],
+                "ordinate numerator units label": _LABEL_OF_MOTION[frf.quantity],
+                "ordinate denominator specific data type": 13,
+                "ordinate denominator units label": "N",
+            }
+            start, spacing = float(frf.frequency[0]), float(step.mean())
+            blocks.append(encode_58b(header | ordinate, start, spacing, frf.value[i, j]))
+            if frf.coherence is not None:
+                blocks.append(encode_58b(header | {"function type": 6}, start, spacing, frf.coherence[i, j]))
+    return blocks
+
+
+def _code(geometry: Geometry, node: int, direction: NDArray[np.float64]) -> int:
+    for code in (1, 2, 3, -1, -2, -3):
+        if np.allclose(geometry.direction(node, code), direction, atol=1e-6):
+            return code
+    message = (
+        f"point {node}: direction {direction.tolist()} is not along an axis of the point; give it local axes"
+    )
+    raise MeasurementError(message)
