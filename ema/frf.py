@@ -14,7 +14,8 @@ from ema.geometry import Dofs
 Quantity = Literal["receptance", "mobility", "accelerance"]
 """Response over force: displacement (m/N), velocity (m/(N s)) or acceleration (m/(N s2))."""
 
-_DERIVATIVE: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+DERIVATIVE: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+"""How often displacement is differentiated in time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,7 +82,7 @@ class FRF:
         Differentiation in time is multiplication by ``i omega``. Integration divides by it, so the line
         at 0 Hz, where the result does not exist, is then left out.
         """
-        power = _DERIVATIVE[quantity] - _DERIVATIVE[self.quantity]
+        power = DERIVATIVE[quantity] - DERIVATIVE[self.quantity]
         lines = self._lines(self.frequency > 0) if power < 0 else self
         factor = (2j * np.pi * lines.frequency) ** power
         return replace(lines, value=lines.value * factor, quantity=quantity)

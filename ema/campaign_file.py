@@ -1,0 +1,212 @@
+"""The form of a campaign file: its keys, what they may hold, and what is said when they do not."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ema.errors import CampaignError, MeasurementError
+from ema.table import TableLayout
+from ema.units import parse_unit
+
+DOF = re.compile(r"(\d+)([+-])([xyz])", re.IGNORECASE)
+
+
+class Section(BaseModel):
+    """Any table of a campaign file: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SkewDof(Section):
+    """A DOF that is not along a global axis: ``{node = 4, direction = [0, 0.7, 0.7]}``."""
+
+    node: int = Field(ge=1)
+    direction: tuple[float, float, float]
+
+
+def _checked_dof(text: str) -> str:
+    if DOF.fullmatch(text) is None:
+        message = f"{text!r} is not a point number with a signed direction, such as '12+z' or '4-x'"
+        raise ValueError(message)
+    return text
+
+
+def _checked_unit(text: str) -> str:
+    try:
+        parse_unit(text)
+    except MeasurementError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+DofText = Annotated[str, AfterValidator(_checked_dof)]
+UnitText = Annotated[str, AfterValidator(_checked_unit)]
+
+
+class _Name(Section):
+    name: str
+
+
+class _Structure(Section):
+    stack: str | None = None
+
+
+class PointsSection(Section):
+    """Where the points are listed."""
+
+    file: str
+    unit: UnitText | None = None
+    lines: tuple[tuple[int, ...], ...] = ()
+
+
+class _Measurement(Section):
+    format: Literal["uff", "csv"] | None = None
+    unit: UnitText | None = None
+    table: TableLayout | None = None
+
+    @model_validator(mode="after")
+    def _is_frf_unit(self) -> _Measurement:
+        if self.unit is not None and parse_unit(self.unit).frf is None:
+            message = (
+                f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'"
+            )
+            raise ValueError(message)
+        return self
+
+
+class _Run(Section):
+    files: tuple[str, ...] = Field(min_length=1)
+    output: tuple[DofText | SkewDof, ...] = ()
+    input: tuple[DofText | SkewDof, ...] = ()
+
+
+class ConfigurationSection(Section):
+    """One state of the structure and its files."""
+
+    name: str
+    stack: str | int | None = None
+    torque_Nm: float | None = None
+    pressure_kPa: float | None = None
+    height_mm: float | None = None
+    files: tuple[str, ...] = ()
+    output: tuple[DofText | SkewDof, ...] = ()
+    input: tuple[DofText | SkewDof, ...] = ()
+    run: tuple[_Run, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_way_to_name_files(self) -> ConfigurationSection:
+        if bool(self.files) == bool(self.run):
+            message = "give either 'files' (each file is one run) or [[configuration.run]] tables"
+            raise ValueError(message)
+        if self.run and (self.output or self.input):
+            message = "'output' and 'input' belong into each [[configuration.run]] table"
+            raise ValueError(message)
+        return self
+
+
+class CorrectionSection(Section):
+    """A correction of single functions."""
+
+    files: str = "**/*"
+    function: int | None = Field(default=None, ge=1)
+    output: DofText | None = None
+    scale: float = 1.0
+    new_output: DofText | SkewDof | None = None
+    new_input: DofText | SkewDof | None = None
+    exclude: bool = False
+    reason: str
+
+
+class _Identification(Section):
+    band_Hz: tuple[float, float] | None = None
+    order: int | None = Field(default=None, ge=2)
+
+    @model_validator(mode="after")
+    def _ascending(self) -> _Identification:
+        if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1]:
+            message = f"band_Hz must be [lower, upper] with 0 <= lower < upper, found {list(self.band_Hz)}"
+            raise ValueError(message)
+        return self
+
+
+class CampaignFile(Section):
+    """The whole file."""
+
+    campaign: _Name
+    structure: _Structure = _Structure()
+    points: PointsSection
+    measurement: _Measurement = _Measurement()
+    configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
+    correction: tuple[CorrectionSection, ...] = ()
+    identification: _Identification = _Identification()
+
+
+def check_campaign_file(path: Path) -> CampaignFile:
+    """Read a campaign file and check its form.
+
+    Raises
+    ------
+    CampaignError
+        The file cannot be read or does not have the form; the message names file and key.
+    """
+    try:
+        return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        message = f"{path}: cannot be read: {error.strerror}"
+        raise CampaignError(message) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        message = f"{path}: not valid TOML: {error}"
+        raise CampaignError(message) from error
+    except ValidationError as error:
+        faults = [f"{path}: {_explained(dict(fault))}" for fault in error.errors()]
+        raise CampaignError("\n".join(faults)) from error
+
+
+def _explained(fault: dict[str, Any]) -> str:
+    """Return one fault of the validation as key, what is wrong, and what is allowed."""
+    location = [
+        part for part in fault["loc"] if part not in ("SkewDof", "function-after[_checked_dof(), str]")
+    ]
+    key = "".join(f"[{p + 1}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
+    if fault["type"] == "extra_forbidden":
+        allowed = _keys_at(location[:-1])
+        return f"{key}: unknown key; {did_you_mean(str(location[-1]), allowed)}"
+    if fault["type"] == "missing":
+        return f"{key}: this key is missing"
+    text = str(fault["msg"]).removeprefix("Value error, ")
+    return f"{key}: {text}, found {fault['input']!r}" if fault["type"] != "value_error" else f"{key}: {text}"
+
+
+def _keys_at(location: list[str | int]) -> list[str]:
+    model: type[BaseModel] = CampaignFile
+    nested: dict[str, type[BaseModel]] = {
+        "campaign": _Name,
+        "structure": _Structure,
+        "points": PointsSection,
+        "measurement": _Measurement,
+        "table": TableLayout,
+        "configuration": ConfigurationSection,
+        "run": _Run,
+        "correction": CorrectionSection,
+        "identification": _Identification,
+        "output": SkewDof,
+        "input": SkewDof,
+        "new_output": SkewDof,
+        "new_input": SkewDof,
+    }
+    for part in location:
+        model = nested.get(str(part), model)
+    return list(model.model_fields)
+
+
+def did_you_mean(name: str, allowed: list[str]) -> str:
+    """Return the names closest to a misspelt one, and all that are allowed."""
+    close = difflib.get_close_matches(name, allowed, n=2)
+    hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
+    return f"{hint}Allowed: {', '.join(allowed)}"
