@@ -1,0 +1,160 @@
+"""Finite elements of one lamina in its plane: spaces, planar forms and point evaluation.
+
+The in-plane displacements u and v live on quadratic elements, the deflection w on the Bogner-Fox-Schmit plate
+element, whose slopes are continuous. A deflection with kinks, or springs at nodes on slope freedoms, let a
+thin lamina bend between the nodes and bypass the contact; then frequencies do not converge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as splinalg
+import skfem
+from numpy.typing import NDArray
+
+from model.stack import Stack
+
+Field = Literal["u", "v", "w"]
+FIELDS: tuple[Field, ...] = ("u", "v", "w")
+Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
+
+_QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the rectangle
+
+
+def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
+    axes = ["xy".index(letter) for letter in derivative]
+    tensor = (field.value, field.grad, field.hess)[len(axes)]
+    return np.asarray(tensor[tuple(axes)] if axes else tensor)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """The plan of one lamina, meshed, with the spaces of its displacement fields.
+
+    Attributes
+    ----------
+    membrane : skfem.CellBasis
+        Space of u and of v.
+    plate : skfem.CellBasis
+        Space of w.
+    """
+
+    membrane: Any
+    plate: Any
+
+    def basis(self, field: Field) -> Any:
+        """Return the space of a displacement field."""
+        return self.plate if field == "w" else self.membrane
+
+    def size(self, field: Field) -> int:
+        """Return the number of planar degrees of freedom of a field."""
+        return int(self.basis(field).N)
+
+    @property
+    def quadrature_points(self) -> NDArray[np.float64]:
+        """Coordinates of the quadrature points, (2, n_element, n_point) m."""
+        return np.asarray(self.membrane.global_coordinates())
+
+    @property
+    def area(self) -> float:
+        """Area of the plan, m2."""
+        return float(self.membrane.dx.sum())
+
+    def form(
+        self,
+        row: Field,
+        column: Field,
+        derivatives: tuple[Derivative, Derivative] = ("", ""),
+        weight: NDArray[np.float64] | float = 1.0,
+    ) -> sp.csr_matrix:
+        """Integrate the product of two fields' shape functions, or of their derivatives, over the plan.
+
+        Parameters
+        ----------
+        row, column : "u", "v" or "w"
+            Fields whose shape functions give the rows and columns.
+        derivatives : (str, str)
+            Derivative of each, such as "x" or "xy".
+        weight : float or (n_element, n_point)
+            Factor under the integral, at `quadrature_points` where it varies.
+
+        Returns
+        -------
+        csr_matrix, (size(row), size(column))
+            Entries that cancel to zero stay stored, so the pattern depends on the mesh alone.
+        """
+        left, right = self.basis(row), self.basis(column)
+        values_left = np.array([_derivative(f[0], derivatives[0]) for f in left.basis])
+        values_right = np.array([_derivative(f[0], derivatives[1]) for f in right.basis])
+        blocks = np.einsum("ieq,jeq->eij", values_left * (left.dx * weight), values_right, optimize=True)
+        rows = np.broadcast_to(left.element_dofs.T[:, :, None], blocks.shape)
+        columns = np.broadcast_to(right.element_dofs.T[:, None, :], blocks.shape)
+        return sp.coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (left.N, right.N)).tocsr()
+
+    def interpolate(self, field: Field, linear: tuple[float, float, float]) -> NDArray[np.float64]:
+        """Return the degrees of freedom, (size(field),), of the linear function c0 + c1 x + c2 y."""
+        basis = self.basis(field)
+        x, y = self.quadrature_points
+        value = linear[0] + linear[1] * x + linear[2] * y
+        loads = np.array([(shape[0].value * value * basis.dx).sum(axis=1) for shape in basis.basis])
+        load = np.bincount(basis.element_dofs.ravel(), loads.ravel(), minlength=basis.N)
+        return np.asarray(splinalg.spsolve(self.form(field, field).tocsc(), load))
+
+    def point_rows(
+        self, field: Field, points: NDArray[np.float64], derivative: Derivative = ""
+    ) -> sp.csr_matrix:
+        """Return the matrix that evaluates a field, or a derivative of it, at points inside the outline.
+
+        Parameters
+        ----------
+        field : "u", "v" or "w"
+            The field.
+        points : (n, 2)
+            Places on the plan, m.
+        derivative : str
+            Derivative to evaluate.
+
+        Returns
+        -------
+        csr_matrix, (n, size(field))
+        """
+        basis = self.basis(field)
+        x = np.asarray(points, dtype=float).T
+        cells = basis.mesh.element_finder(mapping=basis.mapping)(*x)
+        local = basis.mapping.invF(x[:, :, np.newaxis], tind=cells)
+        values = np.array(
+            [
+                _derivative(basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0], derivative)[:, 0]
+                for k in range(basis.Nbfun)
+            ]
+        )
+        rows = np.broadcast_to(np.arange(x.shape[1]), values.shape)
+        return sp.coo_matrix(
+            (values.ravel(), (rows.ravel(), basis.element_dofs[:, cells].ravel())), (x.shape[1], basis.N)
+        ).tocsr()
+
+    def point_form(
+        self, field: Field, points: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> sp.csr_matrix:
+        """Return the sum over points of weight times the product of a field's values there."""
+        rows = self.point_rows(field, points)
+        return (rows.T @ sp.diags_array(weights) @ rows).tocsr()
+
+
+def rectangle(length: float, width: float, n_x: int, n_y: int) -> Plan:
+    """Mesh a rectangle centred at the origin with `n_x` by `n_y` equal elements."""
+    mesh = skfem.MeshQuad.init_tensor(
+        np.linspace(-length / 2.0, length / 2.0, n_x + 1), np.linspace(-width / 2.0, width / 2.0, n_y + 1)
+    )
+    membrane = skfem.Basis(mesh, skfem.ElementQuadS2(), intorder=_QUADRATURE_ORDER)
+    plate = skfem.Basis(mesh, skfem.ElementQuadBFS(), intorder=_QUADRATURE_ORDER)
+    return Plan(membrane=membrane, plate=plate)
+
+
+def plan_of(stack: Stack) -> Plan:
+    """Mesh a lamina of the stack as its `mesh` says."""
+    return rectangle(stack.length, stack.width, stack.mesh.n_x, stack.mesh.n_y)

@@ -1,0 +1,176 @@
+"""The stack's equations of motion as named sums of (matrix over z) x (matrix over the plan).
+
+Every lamina carries the same planar fields u, v and w, so each part of the mass, stiffness and damping
+matrix is a sum of Kronecker products Z x P, times a scalar that depends on the parameters. Reduction over z
+replaces Z by Phi' Z Phi and leaves everything else as it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.mesh import FIELDS, Field, Plan
+
+Target = Literal["M", "C", "K"]
+Matrix = Any  # scipy sparse or numpy dense; scipy has no common type for the two
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Monomial:
+    """The factor of a term: the product of parameters raised to powers.
+
+    Attributes
+    ----------
+    exponent : mapping of str to int
+        Power of each parameter; empty for a term that is always there.
+    """
+
+    exponent: Mapping[str, int]
+
+    def __call__(self, theta: Mapping[str, float]) -> float:
+        """Return the value at the parameters `theta`."""
+        return float(np.prod([theta[name] ** n for name, n in self.exponent.items()]))
+
+    def derivative(self, theta: Mapping[str, float], name: str) -> float:
+        """Return the derivative by the parameter `name` at `theta`."""
+        n = self.exponent.get(name, 0)
+        if n == 0:
+            return 0.0
+        rest = {other: power for other, power in self.exponent.items() if other != name}
+        return n * theta[name] ** (n - 1) * Monomial(exponent=rest)(theta)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Kron:
+    """One Kronecker product; where `row` and `column` differ, its transpose is meant as well.
+
+    Attributes
+    ----------
+    row, column : "u", "v" or "w"
+        Fields that it couples.
+    z : (n_z_row, n_z_column) matrix
+        Over the laminas, or over the functions of z that stand for them.
+    planar : (n_row, n_column) sparse matrix
+        Over the plan.
+    """
+
+    row: Field
+    column: Field
+    z: Matrix
+    planar: sp.csr_matrix
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Term:
+    """One named part of the mass (M), damping (C) or stiffness (K) matrix."""
+
+    name: str
+    target: Target
+    factor: Monomial
+    krons: tuple[Kron, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Assembly:
+    """The equations of motion, M a + C v + K x = f, as a sum of terms.
+
+    A displacement is one vector: the fields u, v, w one after the other, each with the index over z outside
+    and the planar index inside.
+
+    Attributes
+    ----------
+    plan : Plan
+        The lamina's mesh and spaces.
+    n_z : mapping of field to int
+        Number of laminas, or of functions of z, of each field.
+    terms : tuple of Term
+        The parts.
+    theta : mapping of str to float
+        The parameters and their nominal values.
+    """
+
+    plan: Plan
+    n_z: Mapping[Field, int]
+    terms: tuple[Term, ...]
+    theta: Mapping[str, float]
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom."""
+        return sum(self.n_z[field] * self.plan.size(field) for field in FIELDS)
+
+    def slices(self) -> dict[Field, slice]:
+        """Return where each field sits in a displacement vector."""
+        found, start = {}, 0
+        for field in FIELDS:
+            stop = start + self.n_z[field] * self.plan.size(field)
+            found[field] = slice(start, stop)
+            start = stop
+        return found
+
+    def with_terms(self, terms: tuple[Term, ...], theta: Mapping[str, float]) -> Assembly:
+        """Return the assembly with further terms and the nominal values of their parameters."""
+        return dataclasses.replace(self, terms=self.terms + terms, theta={**self.theta, **theta})
+
+    def krons(self, target: Target, theta: Mapping[str, float]) -> tuple[Kron, ...]:
+        """Return all Kronecker products of a matrix with their factors multiplied in."""
+        return tuple(
+            dataclasses.replace(kron, z=term.factor(theta) * kron.z)
+            for term in self.terms
+            if term.target == target
+            for kron in term.krons
+        )
+
+    def matrix(self, target: Target, theta: Mapping[str, float]) -> sp.csr_matrix:
+        """Return M, C or K at the parameters `theta` as one sparse matrix."""
+        blocks: dict[tuple[Field, Field], Any] = {}
+        for kron in self.krons(target, theta):
+            block = sp.kron(sp.csr_matrix(kron.z), kron.planar, format="csr")
+            key = (kron.row, kron.column)
+            blocks[key] = blocks[key] + block if key in blocks else block
+            if kron.row != kron.column:
+                blocks[key[::-1]] = blocks[key].T
+        sizes = {field: self.n_z[field] * self.plan.size(field) for field in FIELDS}
+        rows = [[blocks.get((r, c), sp.csr_matrix((sizes[r], sizes[c]))) for c in FIELDS] for r in FIELDS]
+        return sp.block_array(rows, format="csr")
+
+    def apply(self, krons: tuple[Kron, ...], x: NDArray[Any]) -> NDArray[Any]:
+        """Multiply a sum of Kronecker products by vectors, (size, k), without forming the matrix."""
+        y = np.zeros_like(x)
+        where = self.slices()
+
+        def add(row: Field, column: Field, z: Matrix, planar: Matrix) -> None:
+            k = x.shape[1]
+            value = x[where[column]].reshape(self.n_z[column], -1, k)
+            over_z = (z @ value.reshape(self.n_z[column], -1)).reshape(self.n_z[row], -1, k)
+            flat = planar @ over_z.transpose(1, 0, 2).reshape(self.plan.size(column), -1)
+            product = flat.reshape(self.plan.size(row), self.n_z[row], k).transpose(1, 0, 2)
+            y[where[row]] += product.reshape(-1, k)
+
+        for kron in krons:
+            add(kron.row, kron.column, kron.z, kron.planar)
+            if kron.row != kron.column:
+                add(kron.column, kron.row, kron.z.T, kron.planar.T)
+        return y
+
+    def project_z(self, phi: Mapping[Field, NDArray[np.float64]]) -> Assembly:
+        """Return the Galerkin projection on x = sum over j of phi[field][:, j] x_j, for each field."""
+        terms = tuple(
+            dataclasses.replace(
+                term,
+                krons=tuple(
+                    dataclasses.replace(kron, z=phi[kron.row].T @ (kron.z @ phi[kron.column]))
+                    for kron in term.krons
+                ),
+            )
+            for term in self.terms
+        )
+        n_z = {field: phi[field].shape[1] for field in FIELDS}
+        return dataclasses.replace(self, n_z=n_z, terms=terms)
