@@ -352,13 +352,14 @@ def _block(
     notes: list[str],
 ) -> FRF:
     table = [[pairs[o, i] for i in inputs] for o in outputs]
+    responses, forces = [row[0].output for row in table], [entry.input for entry in table[0]]
     if len(inputs) > len(outputs):
         notes.append(
             f"{len(inputs)} force points and {len(outputs)} response(s): given by reciprocity as "
             f"{len(inputs)} responses to {len(outputs)} force(s)"
         )
         table = [list(column) for column in zip(*table, strict=True)]
-        outputs, inputs = inputs, outputs
+        responses, forces = forces, responses
     coherence = None
     entries = [entry for row in table for entry in row]
     if all(e.coherence is not None for e in entries):
@@ -369,9 +370,13 @@ def _block(
         frequency=entries[0].frequency,
         value=np.array([[e.value for e in row] for row in table]),
         quantity=entries[0].quantity,
-        output=Dofs(node=np.array([o[0] for o in outputs]), direction=np.array([o[1] for o in outputs])),
-        input=Dofs(node=np.array([i[0] for i in inputs]), direction=np.array([i[1] for i in inputs])),
+        output=_dofs(responses),
+        input=_dofs(forces),
         run=np.array([row[0].run for row in table]),
         source=tuple(row[0].source for row in table),
         coherence=coherence,
     )
+
+
+def _dofs(dofs: list[Dof]) -> Dofs:
+    return Dofs(node=np.array([d.node for d in dofs]), direction=np.array([d.direction for d in dofs]))

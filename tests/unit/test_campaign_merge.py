@@ -1,0 +1,167 @@
+"""Runs become one block of FRFs: duplicates, gaps, axes, quantities and signs by rule, each with a note."""
+
+import numpy as np
+import pytest
+
+from ema.campaign import read_campaign
+from ema.errors import CampaignError, MeasurementError
+from ema.frf import FRF
+from ema.geometry import Dofs, Geometry
+from ema.measurement import read_measurement
+from ema.uff import write_uff
+
+GEOMETRY = Geometry(node=[1, 2, 3, 4], coordinate=np.eye(4, 3), line=[[1, 2]])
+FREQUENCY = 1.0 * np.arange(1, 41)
+HEAD = """
+[campaign]
+name = "t"
+[points]
+file = "points.uff"
+[[configuration]]
+name = "A"
+files = ["run*.uff"]
+"""
+
+
+def value(output, force, frequency=FREQUENCY):
+    """Return a receptance that differs between pairs and obeys reciprocity."""
+    return 1.0 / ((output + force) - (frequency / 20) ** 2 + 0.1j)
+
+
+def run(
+    folder, name, outputs, inputs, *, frequency=FREQUENCY, quantity="accelerance", scale=1.0, coherence=None
+):
+    axis = np.array([[0, 0, np.sign(n)] for n in outputs], float)
+    force_axis = np.array([[0, 0, np.sign(n)] for n in inputs], float)
+    block = np.array([[np.sign(o * i) * value(abs(o), abs(i), frequency) for i in inputs] for o in outputs])
+    frf = FRF(
+        frequency=frequency,
+        value=scale * block,
+        quantity=quantity,
+        output=Dofs(node=np.abs(outputs), direction=axis),
+        input=Dofs(node=np.abs(inputs), direction=force_axis),
+        run=np.zeros(len(outputs)),
+        source=("x",) * len(outputs),
+        coherence=None if coherence is None else np.full(block.shape, coherence),
+    )
+    write_uff(folder / f"run{name}.uff", GEOMETRY, frf)
+
+
+def measure(folder, text=HEAD):
+    write_uff(folder / "points.uff", GEOMETRY)
+    (folder / "campaign.toml").write_text(text)
+    return read_measurement(read_campaign(folder / "campaign.toml"), "A")
+
+
+def test_roving_accelerometers(tmp_path):
+    run(tmp_path, 1, [1, -2], [45], coherence=0.9)
+    run(tmp_path, 2, [3, 4], [45], coherence=0.8)
+    measurement = measure(tmp_path)
+    frf = measurement.frf
+    assert frf.value.shape == (4, 1, 40)
+    np.testing.assert_array_equal(frf.output.node, [1, 2, 3, 4])
+    np.testing.assert_array_equal(frf.output.direction[:, 2], [1, -1, 1, 1])
+    np.testing.assert_array_equal(frf.run, [0, 0, 1, 1])
+    np.testing.assert_allclose(frf.coherence[:, 0, 0], [0.9, 0.9, 0.8, 0.8], rtol=1e-6)
+    np.testing.assert_allclose(frf.value[1, 0], -value(2, 45), rtol=1e-6)
+    assert measurement.notes == ()
+
+
+def test_roving_hammer_is_given_by_reciprocity(tmp_path):
+    for n in (1, 2, 3):
+        run(tmp_path, n, [-2], [n])
+    measurement = measure(tmp_path)
+    frf = measurement.frf
+    np.testing.assert_array_equal(frf.output.node, [1, 2, 3])
+    np.testing.assert_array_equal(frf.input.direction, [[0, 0, -1]])
+    np.testing.assert_array_equal(frf.run, [0, 1, 2])
+    np.testing.assert_allclose(frf.value[2, 0], -value(3, 2), rtol=1e-6)
+    assert "by reciprocity" in measurement.notes[0]
+
+
+def test_the_last_of_duplicates_is_used(tmp_path):
+    run(tmp_path, 1, [1, 2], [45])
+    run(tmp_path, 2, [2, 3], [45], scale=2)
+    measurement = measure(tmp_path)
+    np.testing.assert_allclose(measurement.frf.value[1, 0], 2 * value(2, 45), rtol=1e-6)
+    assert measurement.frf.run.tolist() == [0, 1, 1]
+    (note,) = measurement.notes
+    assert "2+z over 45+z is measured twice" in note
+    assert "differs by 50 %" in note
+
+
+def test_a_gap_leaves_out_the_least(tmp_path):
+    run(tmp_path, 1, [1, 2, 3, 4], [1])
+    run(tmp_path, 2, [1, 2, 3], [2])
+    measurement = measure(tmp_path)
+    assert measurement.frf.value.shape == (3, 2, 40)
+    assert measurement.notes == ("response 4+z is left out: not measured with all of the others",)
+
+
+def test_axes(tmp_path):
+    run(tmp_path, 1, [1, 2], [45])
+    run(tmp_path, 2, [3], [45], frequency=FREQUENCY[5:35])
+    run(tmp_path, 3, [4], [45], frequency=FREQUENCY + 0.5)
+    measurement = measure(tmp_path)
+    np.testing.assert_allclose(measurement.frf.frequency, FREQUENCY[5:35])
+    np.testing.assert_array_equal(measurement.frf.output.node, [1, 2, 3])
+    np.testing.assert_allclose(measurement.frf.value[2, 0], value(3, 45)[5:35], rtol=1e-6)
+    np.testing.assert_allclose(measurement.frf.value[0, 0], value(1, 45)[5:35], rtol=1e-6)
+    assert any("run3.uff: data set 4 (58b): left out" in note for note in measurement.notes)
+    assert any("cropped to their common lines, 6 to 35 Hz" in note for note in measurement.notes)
+
+
+def test_quantities(tmp_path):
+    run(tmp_path, 1, [1], [45])
+    run(tmp_path, 2, [2], [45], quantity="receptance")
+    measurement = measure(tmp_path)
+    assert measurement.frf.quantity == "accelerance"
+    expected = -((2 * np.pi * FREQUENCY) ** 2) * value(2, 45)
+    np.testing.assert_allclose(measurement.frf.value[1, 0], expected, rtol=1e-6)
+    assert "receptance are differentiated to accelerance" in measurement.notes[0]
+
+
+def test_corrections(tmp_path):
+    run(tmp_path, 1, [1, 2], [45])
+    run(tmp_path, 2, [3, 4], [45])
+    text = HEAD + (
+        '[[correction]]\nfiles = "run1.uff"\nfunction = 2\nscale = -2\nnew_input = "45-z"\nreason = "cable"\n'
+        '[[correction]]\noutput = "3+z"\nexclude = true\nreason = "loose"\n'
+        '[[correction]]\nfiles = "run1.uff"\nfunction = 1\nnew_input = "45-z"\nreason = "cable"\n'
+        '[[correction]]\nfiles = "run2.uff"\nnew_input = "45-z"\nreason = "cable"\n'
+    )
+    measurement = measure(tmp_path, text)
+    np.testing.assert_array_equal(measurement.frf.output.node, [1, 2, 4])
+    np.testing.assert_allclose(measurement.frf.value[1, 0], -2 * value(2, 45), rtol=1e-6)
+    np.testing.assert_array_equal(measurement.frf.input.direction, [[0, 0, -1]])
+    assert any("corrected as the campaign file says: loose" in note for note in measurement.notes)
+
+
+def test_dofs_from_the_campaign_file(tmp_path):
+    run(tmp_path, 1, [1, 2], [45])
+    run(tmp_path, 2, [3], [45])
+    listed = 'output = ["11+x", "12-y", "13+z"]\ninput = ["9+z"]\n'
+    measurement = measure(tmp_path, HEAD + listed)
+    np.testing.assert_array_equal(measurement.frf.output.node, [11, 12, 13])
+    np.testing.assert_array_equal(measurement.frf.output.direction[1], [0, -1, 0])
+    np.testing.assert_array_equal(measurement.frf.run, [0, 0, 1])
+    assert "points without coordinates, measured but not drawn: [11, 12, 13]" in measurement.notes
+    with pytest.raises(CampaignError, match=r"output: 2 DOFs are listed for 3 FRFs in run1\.uff, run2\.uff"):
+        measure(tmp_path, HEAD + 'output = ["11+x", "12-y"]\n')
+
+
+def test_what_the_file_does_not_say_is_asked_for(tmp_path):
+    run(tmp_path, 1, [1], [45])
+    file = tmp_path / "run1.uff"
+    data = file.read_bytes()
+    assert data.count(b"         1   3") == 1
+    file.write_bytes(data.replace(b"         1   3", b"         0   0"))
+    with pytest.raises(
+        MeasurementError, match=r"does not state the output DOF .*such as output = \['12\+z'\]"
+    ):
+        measure(tmp_path)
+    file.write_bytes(
+        data.replace(b"        12    0    0    0", b"         0    0    0    0").replace(b"m/s^2", b"V    ")
+    )
+    with pytest.raises(MeasurementError, match=r"does not state which quantity .*say \[measurement\] unit"):
+        measure(tmp_path)
