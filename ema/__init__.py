@@ -4,7 +4,11 @@ from ema.campaign import Campaign, Configuration, read_campaign
 from ema.errors import CampaignError, EmaError, IdentificationError, MeasurementError
 from ema.frf import FRF
 from ema.geometry import Dof, Dofs, Geometry
+from ema.identify import identify, identify_frf
+from ema.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.measurement import Measurement, read_measurement
+from ema.modes import ModalModel, synthesize
+from ema.stabilization import StabilizationDiagram, stabilization
 from ema.uff import write_uff
 
 __all__ = [
@@ -19,7 +23,22 @@ __all__ = [
     "IdentificationError",
     "Measurement",
     "MeasurementError",
+    "ModalModel",
+    "StabilizationDiagram",
+    "cmif",
+    "comac",
+    "frac",
+    "identify",
+    "identify_frf",
+    "mac",
+    "mcf",
+    "modal_scale_factor",
+    "mpc",
+    "mpd",
     "read_campaign",
     "read_measurement",
+    "real_shape",
+    "stabilization",
+    "synthesize",
     "write_uff",
 ]

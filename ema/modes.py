@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.arrays import readonly
+from ema.errors import IdentificationError
+from ema.frf import DERIVATIVE, Quantity
 from ema.geometry import Dofs, Geometry
 
 
@@ -49,6 +51,30 @@ class ModalModel:
         Frequency band that was identified, Hz.
     geometry : Geometry
         The measured points.
+    quantity : {"receptance", "mobility", "accelerance"}
+        What was measured and fitted.
+    covariance : (2 n_mode, 2 n_mode) float
+        Covariance of Re and Im of each pole in turn, (rad/s)**2.
+    residue_std : (n_output, n_input, n_mode) float
+        Standard deviation of the magnitude of each residue.
+    noise : (n_output, n_input) float
+        Standard deviation of the residual of each function, in the unit of the measured quantity.
+    correlation : (n_output, n_input) float
+        Correlation (FRAC) of measured and synthesised functions over the band.
+    error : (n_output, n_input) float
+        Root mean square of measured less synthesised over that of measured.
+    driving_point_valid : (n_mode,) bool
+        Whether the driving-point residue of each mode has the phase and sign that a passive structure allows;
+        False throughout where no driving point was measured.
+    run : (n_run,) int
+        Roving runs.
+    run_pole : (n_run, n_mode) complex
+        Poles that each run alone gives, rad/s.
+    run_frequency_std, run_damping_std : (n_run, n_mode) float
+        Their standard deviations.
+    run_probability : (n_run, n_mode) float
+        Probability that a run's frequency would differ this much from that of the other runs by noise alone;
+        1 where there is one run only.
     """
 
     name: str
@@ -68,10 +94,22 @@ class ModalModel:
     input: Dofs
     band: tuple[float, float]
     geometry: Geometry
+    quantity: Quantity
+    covariance: NDArray[np.float64]
+    residue_std: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+    error: NDArray[np.float64]
+    driving_point_valid: NDArray[np.bool_]
+    run: NDArray[np.int64]
+    run_pole: NDArray[np.complex128]
+    run_frequency_std: NDArray[np.float64]
+    run_damping_std: NDArray[np.float64]
+    run_probability: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)
-        n_input = self.input.node.size
+        n_input, n_run = self.input.node.size, np.size(self.run)
         expected: dict[str, tuple[tuple[int, ...], type]] = {
             "frequency": ((n_mode,), float),
             "damping": ((n_mode,), float),
@@ -85,6 +123,64 @@ class ModalModel:
             "shape_std": ((n_dof, n_mode), float),
             "node": ((n_dof,), int),
             "direction": ((n_dof, 3), float),
+            "covariance": ((2 * n_mode, 2 * n_mode), float),
+            "residue_std": ((n_dof, n_input, n_mode), float),
+            "noise": ((n_dof, n_input), float),
+            "correlation": ((n_dof, n_input), float),
+            "error": ((n_dof, n_input), float),
+            "driving_point_valid": ((n_mode,), bool),
+            "run": ((n_run,), int),
+            "run_pole": ((n_run, n_mode), complex),
+            "run_frequency_std": ((n_run, n_mode), float),
+            "run_damping_std": ((n_run, n_mode), float),
+            "run_probability": ((n_run, n_mode), float),
         }
         for name, (shape, dtype) in expected.items():
             object.__setattr__(self, name, readonly("ModalModel", name, getattr(self, name), shape, dtype))
+
+    @property
+    def run_frequency(self) -> NDArray[np.float64]:
+        """Undamped natural frequency that each run alone gives, Hz, ``(n_run, n_mode)``."""
+        return np.abs(self.run_pole) / (2.0 * np.pi)
+
+    def disagreeing_runs(self, level: float = 0.05) -> NDArray[np.bool_]:
+        """Which run differs from the others in which mode, ``(n_run, n_mode)``.
+
+        `level` is the chance of any false alarm over all runs and modes together (Bonferroni's bound).
+        """
+        tests = max(self.run_probability.size, 1)
+        return self.run_probability < level / tests
+
+
+def synthesize(
+    modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity
+) -> NDArray[np.complex128]:
+    """Evaluate the functions that a modal model stands for.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+    frequency : (n_frequency,) float
+        Lines, Hz.
+    quantity : {"receptance", "mobility", "accelerance"}
+        What to return.
+
+    Returns
+    -------
+    (n_output, n_input, n_frequency) complex
+
+    Raises
+    ------
+    IdentificationError
+        A line at 0 Hz is asked of receptance or mobility, where the lower residual term is singular.
+    """
+    s = 2j * np.pi * np.asarray(frequency, dtype=float)
+    exponent = DERIVATIVE[quantity]
+    if exponent < 2 and np.any(s == 0.0):
+        message = f"{quantity} has no value at 0 Hz: its lower residual term is singular; ask for lines above"
+        raise IdentificationError(message)
+    kernel = s**exponent / (s - modal_model.pole[:, None])
+    mirrored = s**exponent / (s - modal_model.pole.conj()[:, None])
+    modes = modal_model.residue @ kernel + modal_model.residue.conj() @ mirrored
+    lower = modal_model.lower[..., None] * s ** (exponent - 2)
+    return modes + lower + modal_model.upper[..., None] * s**exponent

@@ -1,0 +1,158 @@
+"""Comparison and quality measures of mode shapes and FRFs.
+
+Shapes are columns, ``(n_dof, n_mode)``, real or complex. Formulas: Allemang, The modal assurance criterion,
+Sound and Vibration 37(8), 2003 (MAC, CoMAC, scale factor, FRAC); Pappa, Elliott and Schenk, A consistent-mode
+indicator for the eigensystem realization algorithm, NASA TM-107607, 1992 (MPC); Reynders, Houbrechts and De
+Roeck, Mech. Syst. Signal Process. 29, 2012 (MPD); Shih, Tsuei, Allemang and Brown, Mech. Syst. Signal
+Process. 2, 1988 (CMIF).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+    """Modal assurance criterion ``|a_i^H b_j|**2 / (a_i^H a_i b_j^H b_j)``.
+
+    Parameters
+    ----------
+    a : (n_dof, n_a) array_like
+    b : (n_dof, n_b) array_like
+        Shapes at the same DOFs. The AutoMAC of a set is ``mac(a, a)``.
+
+    Returns
+    -------
+    (n_a, n_b) float
+
+    Raises
+    ------
+    ValueError
+        The shapes have different numbers of DOFs, or a shape is zero.
+    """
+    first, second = _shapes("a", a), _shapes("b", b)
+    _same_dofs(first, second)
+    cross = np.abs(first.conj().T @ second) ** 2
+    return cross / np.outer(_squares("a", first), _squares("b", second))
+
+
+def modal_scale_factor(a: ArrayLike, b: ArrayLike) -> NDArray[np.complex128]:
+    """Least-squares factors (MSF) that scale each shape of `a` to its partner in `b`: ``a^H b / a^H a``.
+
+    Both are ``(n_dof, n_mode)``; the result is ``(n_mode,)`` complex.
+    """
+    first, second = _shapes("a", a), _shapes("b", b)
+    if first.shape != second.shape:
+        message = f"MSF pairs shapes one to one: got {first.shape} and {second.shape}"
+        raise ValueError(message)
+    return np.sum(first.conj() * second, axis=0) / _squares("a", first)
+
+
+def comac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+    """Coordinate modal assurance criterion of paired shapes ``(n_dof, n_mode)``: one value per DOF.
+
+    Each pair is brought to the same scale first, since the criterion compares magnitudes DOF by DOF.
+    DOFs at which all shapes vanish have the value 1.
+    """
+    first, second = _shapes("a", a), _shapes("b", b)
+    scaled = first * modal_scale_factor(first, second)
+    weight = 1.0 / np.linalg.norm(second, axis=0)
+    scaled, second = scaled * weight, second * weight
+    cross = np.sum(np.abs(scaled * second.conj()), axis=1) ** 2
+    product = np.sum(np.abs(scaled) ** 2, axis=1) * np.sum(np.abs(second) ** 2, axis=1)
+    return np.divide(cross, product, out=np.ones_like(cross), where=product > 0.0)
+
+
+def mpc(shape: ArrayLike) -> NDArray[np.float64]:
+    """Modal phase collinearity ``|phi^T phi|**2 / (phi^H phi)**2`` of each column: 1 for a real mode.
+
+    This is the form about the origin, so that a rigid translation has a value too.
+    """
+    phi = _shapes("shape", shape)
+    return np.abs(np.sum(phi**2, axis=0)) ** 2 / _squares("shape", phi) ** 2
+
+
+def mcf(shape: ArrayLike) -> NDArray[np.float64]:
+    """Modal complexity factor of each column: 0 for a real mode, 1 for one of circular phase; ``1 - MPC``."""
+    return 1.0 - mpc(shape)
+
+
+def mpd(shape: ArrayLike) -> NDArray[np.float64]:
+    """Mean phase deviation of each column from its own line of best fit, rad, weighted by magnitude."""
+    phi = _shapes("shape", shape)
+    angle = _best_angle(phi)
+    turned = phi * np.exp(-1j * angle)
+    magnitude = np.abs(phi)
+    _squares("shape", phi)
+    cosine = np.divide(np.abs(turned.real), magnitude, out=np.ones_like(magnitude), where=magnitude > 0.0)
+    return np.sum(magnitude * np.arccos(np.clip(cosine, 0.0, 1.0)), axis=0) / np.sum(magnitude, axis=0)
+
+
+def real_shape(shape: ArrayLike) -> NDArray[np.float64]:
+    """Real modes that correlate best with complex ones: each turned to its best line, real part, norm kept.
+
+    The turning maximises the norm of the real part (Ahmadian, Gladwell and Ismail, J. Vib. Acoust. 117,
+    1995). The sign is that of the complex shape's largest component along the line.
+    """
+    phi = _shapes("shape", shape)
+    turned = (phi * np.exp(-1j * _best_angle(phi))).real
+    return turned * np.linalg.norm(phi, axis=0) / np.linalg.norm(turned, axis=0)
+
+
+def cmif(value: ArrayLike) -> NDArray[np.float64]:
+    """Complex mode indicator function: singular values of the FRF matrix, line by line.
+
+    Parameters
+    ----------
+    value : (n_output, n_input, n_frequency) array_like
+
+    Returns
+    -------
+    (min(n_output, n_input), n_frequency) float
+        In descending order, in the unit of `value`.
+    """
+    matrix = np.asarray(value)
+    return np.linalg.svd(matrix.transpose(2, 0, 1), compute_uv=False).T
+
+
+def frac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+    """Frequency response assurance criterion ``|sum a b*|**2 / (sum |a|**2 sum |b|**2)`` over the last axis.
+
+    Functions that are zero on either side have the value 0.
+    """
+    first, second = np.asarray(a), np.asarray(b)
+    cross = np.abs(np.sum(first * second.conj(), axis=-1)) ** 2
+    product = np.sum(np.abs(first) ** 2, axis=-1) * np.sum(np.abs(second) ** 2, axis=-1)
+    return np.divide(cross, product, out=np.zeros_like(cross), where=product > 0.0)
+
+
+def _shapes(name: str, shape: ArrayLike) -> NDArray[Any]:
+    array = np.asarray(shape)
+    if array.ndim != 2:
+        message = f"{name}: shapes are columns of a (n_dof, n_mode) array, got {array.ndim} dimension(s)"
+        raise ValueError(message)
+    return array
+
+
+def _same_dofs(a: NDArray[Any], b: NDArray[Any]) -> None:
+    if a.shape[0] != b.shape[0]:
+        message = f"shapes to compare need the same DOFs: got {a.shape[0]} and {b.shape[0]}"
+        raise ValueError(message)
+
+
+def _squares(name: str, shape: NDArray[Any]) -> NDArray[np.float64]:
+    square = np.sum(np.abs(shape) ** 2, axis=0)
+    if not np.all(square > 0.0):
+        message = f"{name}: shape {int(np.flatnonzero(~(square > 0.0))[0])} is zero or not a number"
+        raise ValueError(message)
+    return square
+
+
+def _best_angle(shape: NDArray[Any]) -> NDArray[np.float64]:
+    """Phase of the line through the origin that fits each column best, towards its largest component."""
+    angle = 0.5 * np.angle(np.sum(np.asarray(shape, dtype=complex) ** 2, axis=0))
+    largest = shape[np.argmax(np.abs(shape), axis=0), np.arange(shape.shape[1])]
+    return np.where((largest * np.exp(-1j * angle)).real < 0.0, angle + np.pi, angle)

@@ -1,0 +1,89 @@
+"""Figures draw what the model holds, without a display and without leaving state in pyplot."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from ema.frf import FRF
+from ema.geometry import Dofs, Geometry
+from ema.identify import identify_frf
+from ema.mac import mac
+from ema.modes import ModalModel
+from ema.plot import frf_figure, mac_figure, shape_figure, stabilization_figure
+from ema.stabilization import stabilization
+
+
+@pytest.fixture(scope="module")
+def beam() -> tuple[FRF, ModalModel]:
+    f = np.arange(1.0, 401.0)
+    pole = 2 * np.pi * np.array([60.0, 200.0]) * (-0.02 + 1j)
+    phi = np.array([[1.0, 1.0], [0.3, -0.8], [-0.9, 0.7]])
+    s = 2j * np.pi * f
+    residue = phi * phi[0] / (2j * pole.imag)
+    value = s**2 * (residue @ (1 / (s - pole[:, None])) + residue.conj() @ (1 / (s - pole.conj()[:, None])))
+    z = np.tile([0.0, 0.0, 1.0], (3, 1))
+    frf = FRF(
+        frequency=f,
+        value=value[:, None],
+        quantity="accelerance",
+        output=Dofs(node=[1, 2, 3], direction=z),
+        input=Dofs(node=[1], direction=z[:1]),
+        run=[0, 0, 0],
+        source=("generated",) * 3,
+    )
+    geometry = Geometry(
+        node=[1, 2, 3, 4], coordinate=np.outer(range(4), [0.2, 0.0, 0.0]), line=[[1, 2], [2, 3], [3, 4]]
+    )
+    return frf, identify_frf(frf, geometry, name="beam", order=20)
+
+
+def test_frf_figure_shows_both_curves_and_every_pole(beam: tuple[FRF, ModalModel]) -> None:
+    frf, model = beam
+    figure = frf_figure(frf, model, n_function=2)
+    magnitude = figure.axes[0]
+    measured, fitted, *marks = magnitude.lines
+    np.testing.assert_allclose(measured.get_ydata(), np.abs(frf.value[0, 0]))
+    np.testing.assert_allclose(fitted.get_ydata(), np.abs(frf.value[0, 0]), rtol=1e-6)
+    assert [m.get_xdata()[0] for m in marks] == pytest.approx(model.frequency)
+    figure.canvas.draw()
+
+
+def test_stabilization_figure_fills_the_clusters(beam: tuple[FRF, ModalModel]) -> None:
+    diagram = stabilization(beam[0], order=20)
+    axes = stabilization_figure(diagram).axes[0]
+    loose, clustered = axes.lines[:2]
+    assert len(clustered.get_xdata()) == np.count_nonzero(diagram.stable)
+    assert len(loose.get_xdata()) == np.count_nonzero(~diagram.stable)
+
+
+def test_mac_figure_prints_every_value(beam: tuple[FRF, ModalModel]) -> None:
+    model = beam[1]
+    values = mac(model.shape, model.shape)
+    axes = mac_figure(values, model.frequency, model.frequency).axes[0]
+    assert [t.get_text() for t in axes.texts] == [f"{v:.2f}" for v in values.ravel()]
+
+
+def test_shape_figure_moves_measured_points_only(beam: tuple[FRF, ModalModel]) -> None:
+    axes = shape_figure(beam[1], 0).axes[0]
+    rest, moved = (np.array(c._offsets3d) for c in axes.collections)
+    height = moved[2] - rest[2]
+    np.testing.assert_allclose(height[:3] / height[0], [1.0, 0.3, -0.9], atol=1e-3)
+    assert height[3] == 0.0
+
+
+def test_long_functions_keep_their_peaks() -> None:
+    from ema.plot import _thinned
+
+    magnitude = np.ones(100_000)
+    magnitude[54_321] = 7.0
+    assert 54_321 in _thinned(magnitude)
+
+
+def test_plot_module_does_not_import_matplotlib_by_itself() -> None:
+    import subprocess
+
+    code = "import sys, ema.plot; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
