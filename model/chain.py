@@ -55,61 +55,67 @@ class ChainFactor:
     ----------
     groups : list of (n_i,) int
         Unknowns of each block.
-    diagonal : list of (n_i, n_i)
-        Lower Cholesky factors L of the diagonal blocks.
+    inverse : list of (n_i, n_i)
+        Inverses of the lower Cholesky factors of the diagonal blocks; a product with one is several times
+        faster than a triangular solution for the few dozen right-hand sides of a block iteration.
     below : list of (n_i+1, n_i)
-        Blocks below them.
+        Blocks of the factor below the diagonal.
     """
 
     groups: list[NDArray[np.intp]]
-    diagonal: list[NDArray[np.float64]]
+    inverse: list[NDArray[np.float64]]
     below: list[NDArray[np.float64]]
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution for right-hand sides (n, k)."""
         parts = [b[group] for group in self.groups]
-        for i, factor in enumerate(self.diagonal):
-            if i:
-                parts[i] = parts[i] - self.below[i - 1] @ parts[i - 1]
-            parts[i] = la.solve_triangular(factor, parts[i], lower=True, check_finite=False)
+        parts[0] = self.inverse[0] @ parts[0]
+        for i in range(1, len(parts)):
+            parts[i] = self.inverse[i] @ (parts[i] - self.below[i - 1] @ parts[i - 1])
         x = np.empty_like(b)
-        for i in range(len(parts) - 1, -1, -1):
-            if i < len(parts) - 1:
-                parts[i] = parts[i] - self.below[i].T @ parts[i + 1]
-            parts[i] = la.solve_triangular(
-                self.diagonal[i], parts[i], lower=True, trans=1, check_finite=False
-            )
+        parts[-1] = self.inverse[-1].T @ parts[-1]
+        x[self.groups[-1]] = parts[-1]
+        for i in range(len(parts) - 2, -1, -1):
+            parts[i] = self.inverse[i].T @ (parts[i] - self.below[i].T @ parts[i + 1])
             x[self.groups[i]] = parts[i]
         return x
 
 
 def factorize(matrix: sp.csr_matrix, groups: list[NDArray[np.intp]]) -> ChainFactor:
-    """Factorise a symmetric positive definite matrix that is block tridiagonal in `groups`.
+    """Factorise a symmetric positive definite matrix whose rows stand in the order of `groups`.
+
+    Parameters
+    ----------
+    matrix : sparse (n, n)
+        Block tridiagonal: the first ``groups[0].size`` rows are those of the first block, and so on.
+    groups : list of (n_i,) int
+        The unknowns that the rows stand for; `ChainFactor.solve` takes and returns them in their own order.
 
     Raises
     ------
     SolveError
         The matrix is not positive definite.
     """
-    order = np.concatenate(groups)
-    ordered = matrix[order][:, order].tocsr()
     stops = np.cumsum([group.size for group in groups])
-    diagonal: list[NDArray[np.float64]] = []
+    inverse: list[NDArray[np.float64]] = []
     below: list[NDArray[np.float64]] = []
     start = 0
     for i, stop in enumerate(stops):
-        block = ordered[start:stop, start:stop].toarray()
+        following = stops[min(i + 1, len(stops) - 1)]
+        columns = matrix[start:following, start:stop].toarray()
+        block = columns[: stop - start]
         if i:
-            block -= below[-1] @ below[-1].T
+            block -= la.blas.dsyrk(1.0, below[-1], lower=1)  # fills the lower triangle, all that follows reads
         try:
-            diagonal.append(la.cholesky(block, lower=True, overwrite_a=True, check_finite=False))
+            lower = la.cholesky(block, lower=True, check_finite=False)
         except la.LinAlgError as error:
             message = (
                 "the shifted stiffness matrix is not positive definite; check for negative stiffness or mass"
             )
             raise SolveError(message) from error
+        inverse.append(la.lapack.dtrtri(lower, lower=1)[0])
         if i < len(stops) - 1:
-            following = ordered[stop : stops[i + 1], start:stop].toarray()
-            below.append(la.solve_triangular(diagonal[-1], following.T, lower=True, check_finite=False).T)
+            coupling = columns[stop - start :]
+            below.append(la.blas.dtrmm(1.0, inverse[-1], coupling, side=1, lower=1, trans_a=1))
         start = stop
-    return ChainFactor(groups=groups, diagonal=diagonal, below=below)
+    return ChainFactor(groups=groups, inverse=inverse, below=below)

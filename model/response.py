@@ -14,6 +14,7 @@ from model.errors import SolveError
 from model.modes import full_parameters
 from model.observation import Observation, observation_rows
 from model.reduction import ReducedSystem, shifted_factor
+from model.system import Target
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 
@@ -33,11 +34,11 @@ def frf(
 ) -> NDArray[np.complex128]:
     """Synthesise frequency response functions from the modes of the reduced system.
 
-    The static residual of the modes that the reduced system lacks enters through one attachment vector for each
-    input, (K + s M)^-1 f with the shift s that makes K positive definite (Craig and Kurdila, Fundamentals of
-    Structural Dynamics, 2nd ed., chapter 17). The modes stay coupled by the damping matrix: at a
-    driving point the contact's share of the residual is damped too, and a modal damping alone missed that by a
-    tenth.
+    The static residual of the modes that the reduced system lacks enters through one attachment vector for
+    each input, (K + s M)^-1 f with the shift s that makes K positive definite (Craig and Kurdila,
+    Fundamentals of Structural Dynamics, 2nd ed., chapter 17). The modes stay coupled by the damping matrix:
+    at a driving point the contact's share of the residual is damped too, and a modal damping alone missed
+    that by a tenth.
 
     Parameters
     ----------
@@ -68,14 +69,16 @@ def frf(
         raise SolveError(message)
     frequency = np.asarray(frequency, dtype=float)
     if frequency.size and not frequency.min() > 0.0:
-        message = f"frequencies must be positive, since a free stack has no static response; got {frequency.min():g} Hz"
+        message = (
+            f"frequencies must be positive: a free stack has no static response; got {frequency.min():g} Hz"
+        )
         raise SolveError(message)
     theta = full_parameters(system, G_f, d_f, parameters)
     rows_out, rows_in = observation_rows(system, output), observation_rows(system, input)
     assembly = system.assembly
-    krons = {target: assembly.krons(target, theta) for target in ("K", "C", "M")}
+    krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
 
-    factor, _ = shifted_factor(system, theta)
+    factor = shifted_factor(system, theta)
     attachment, _ = orthonormalize(
         factor.solve(rows_in.T.toarray()),
         lambda x: assembly.apply(krons["M"], x),
@@ -83,7 +86,7 @@ def frf(
         assembly.apply(krons["M"], system.basis),
     )
     basis = np.hstack([system.basis, attachment])
-    reduced = {}
+    reduced: dict[Target, NDArray[np.float64]] = {}
     for target, parts in krons.items():
         added = basis.T @ assembly.apply(parts, attachment)
         matrix = np.zeros((basis.shape[1], basis.shape[1]))

@@ -130,16 +130,21 @@ class Assembly:
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> sp.csr_matrix:
         """Return M, C or K at the parameters `theta` as one sparse matrix."""
+        return self.sparse_sum(self.krons(target, theta))
+
+    def sparse_sum(self, krons: tuple[Kron, ...]) -> sp.csr_matrix:
+        """Return a sum of Kronecker products as one sparse matrix, (size, size)."""
+        sizes = {field: self.n_z[field] * self.plan.size(field) for field in FIELDS}
         blocks: dict[tuple[Field, Field], Any] = {}
-        for kron in self.krons(target, theta):
+        for kron in krons:
             block = sp.kron(sp.csr_matrix(kron.z), kron.planar, format="csr")
             key = (kron.row, kron.column)
             blocks[key] = blocks[key] + block if key in blocks else block
-            if kron.row != kron.column:
-                blocks[key[::-1]] = blocks[key].T
-        sizes = {field: self.n_z[field] * self.plan.size(field) for field in FIELDS}
+        for row, column in list(blocks):
+            if row != column:
+                blocks[column, row] = blocks[row, column].T.tocsr()
         rows = [[blocks.get((r, c), sp.csr_matrix((sizes[r], sizes[c]))) for c in FIELDS] for r in FIELDS]
-        return sp.block_array(rows, format="csr")
+        return sp.vstack([sp.hstack(row, format="csr") for row in rows], format="csr")
 
     def apply(self, krons: tuple[Kron, ...], x: NDArray[Any]) -> NDArray[Any]:
         """Multiply a sum of Kronecker products by vectors, (size, k), without forming the matrix."""
