@@ -12,15 +12,14 @@ from typing import Literal
 import numpy as np
 
 from ema.campaign_file import (
-    DOF,
     ConfigurationSection,
     CorrectionSection,
     PointsSection,
-    SkewDof,
     check_campaign_file,
     did_you_mean,
 )
 from ema.errors import CampaignError
+from ema.estimate import Averaging
 from ema.geometry import Dof, Geometry
 from ema.table import TableLayout, read_points
 from ema.uff import read_uff_geometry
@@ -145,6 +144,8 @@ class Campaign:
         Unit of the FRFs, which overrides what the files say.
     table : TableLayout or None
         Column layout of text files.
+    averaging : Averaging or None
+        How FRFs are estimated from files of time histories; None where the files hold FRFs.
     corrections : tuple of Correction
         Corrections of single functions.
     notes : tuple of str
@@ -161,6 +162,7 @@ class Campaign:
     format: Literal["uff", "csv"] | None
     unit: Unit | None
     table: TableLayout | None
+    averaging: Averaging | None
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
 
@@ -203,6 +205,11 @@ def read_campaign(path: str | Path) -> Campaign:
         unit = "(m/s2)/N"                      # needed for CSV; overrides what universal files say
         [measurement.table]                    # columns of CSV files, see `ema.table.TableLayout`
         layout = "real-imaginary"
+        [measurement.time]                     # only where the files are time histories of one force and its
+        estimator = "H1"                       # responses; see `ema.estimate.Averaging`. All files of a run
+        window = "boxcar"                      # are averaged
+        force_unit = "N"                       # units of text files, in place of 'unit' above
+        response_unit = "m/s2"
 
         [[configuration]]
         name = "M1"
@@ -256,7 +263,8 @@ def read_campaign(path: str | Path) -> Campaign:
     needs_table = content.measurement.format == "csv" or (
         content.measurement.format is None and not suffixes <= set(UFF_SUFFIXES)
     )
-    if needs_table and (content.measurement.table is None or content.measurement.unit is None):
+    stated = content.measurement.unit is not None or content.measurement.time is not None
+    if needs_table and (content.measurement.table is None or not stated):
         message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
         raise CampaignError(message)
     options = content.identification
@@ -271,18 +279,10 @@ def read_campaign(path: str | Path) -> Campaign:
         format=content.measurement.format,
         unit=None if content.measurement.unit is None else parse_unit(content.measurement.unit),
         table=content.measurement.table,
+        averaging=content.measurement.time,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
     )
-
-
-def _dof(given: str | SkewDof) -> Dof:
-    if isinstance(given, str):
-        node, sign, axis = DOF.fullmatch(given).groups()  # type: ignore[union-attr]  # checked on reading
-        unit = np.eye(3)["xyz".index(axis.lower())] * (-1 if sign == "-" else 1)
-        return Dof(int(node), tuple(unit.tolist()))
-    direction = np.array(given.direction)
-    return Dof(given.node, tuple((direction / np.linalg.norm(direction)).tolist()))
 
 
 def _files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -> tuple[Path, ...]:
@@ -322,8 +322,8 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
             Files(
                 files=_files(path, folder, key, group.files),
                 together=bool(given.run),
-                output=tuple(map(_dof, group.output)),
-                input=tuple(map(_dof, group.input)),
+                output=group.output,
+                input=group.input,
             )
             for group in groups
         ),
@@ -335,10 +335,10 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
     return Correction(
         files=files,
         function=given.function,
-        output=None if given.output is None else _dof(given.output),
+        output=given.output,
         scale=given.scale,
-        new_output=None if given.new_output is None else _dof(given.new_output),
-        new_input=None if given.new_input is None else _dof(given.new_input),
+        new_output=given.new_output,
+        new_input=given.new_input,
         exclude=given.exclude,
         reason=given.reason,
     )

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.arrays import readonly
 from ema.campaign import UFF_SUFFIXES, Campaign, Configuration, Correction, Files
 from ema.errors import CampaignError, MeasurementError
 from ema.frf import DERIVATIVE, FRF, Quantity
 from ema.function import MeasuredFunction
 from ema.geometry import Dof, Dofs, Geometry
+from ema.records import frfs_from_records
 from ema.table import read_table
 from ema.uff import read_uff_functions
 
@@ -34,6 +36,8 @@ class Measurement:
         reciprocity, with the force points as outputs, so that the shapes live on all measured points.
     geometry : Geometry
         The measured points.
+    overload : (n_output,) float
+        Share of overloaded samples in the records of each output or its force; 0 for files of FRFs.
     notes : tuple of str
         What was odd in the files and how it was resolved: duplicates, exclusions, units.
     """
@@ -42,7 +46,12 @@ class Measurement:
     configuration: Configuration
     frf: FRF
     geometry: Geometry
+    overload: NDArray[np.float64]
     notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        shape = (self.frf.output.node.size,)
+        object.__setattr__(self, "overload", readonly("Measurement", "overload", self.overload, shape))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,6 +66,7 @@ class _Entry:
     input: Dof
     run: int
     source: str
+    overload: float = 0.0
 
 
 def read_measurement(campaign: Campaign, name: str) -> Measurement:
@@ -94,12 +104,17 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     entries = _one_axis(entries, notes)
     pairs = _without_duplicates(entries, notes)
     outputs, inputs = _full_block(pairs, notes)
-    frf = _block(pairs, outputs, inputs, notes)
+    frf, overload = _block(pairs, outputs, inputs, notes)
     absent = sorted({int(n) for n in frf.output.node} - {int(n) for n in campaign.geometry.node})
     if absent:
         notes.append(f"points without coordinates, measured but not drawn: {absent}")
     return Measurement(
-        name=name, configuration=configuration, frf=frf, geometry=campaign.geometry, notes=tuple(notes)
+        name=name,
+        configuration=configuration,
+        frf=frf,
+        geometry=campaign.geometry,
+        overload=overload,
+        notes=tuple(notes),
     )
 
 
@@ -108,39 +123,51 @@ def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFun
         functions, odd = read_uff_functions(file, campaign.unit)
         notes += odd
         return functions
-    if campaign.table is None or campaign.unit is None:
-        message = f"{campaign.path}: measurement: text file {file.name} needs 'unit' and [measurement.table]"
+    if campaign.table is None:
+        message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
         raise CampaignError(message)
     return read_table(file, campaign.table, campaign.unit)
 
 
 def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
-    found: list[tuple[MeasuredFunction, MeasuredFunction | None, int, int]] = []
-    for file in files.files:
-        functions = _read(campaign, file, notes)
-        frfs = [f for f in functions if f.kind == "frf"]
-        if not frfs:
-            kinds = ", ".join(sorted({f.kind for f in functions}))
-            notes.append(f"{file}: no FRF in the file, only functions of kind {kinds}")
-        coherences = _coherences(frfs, [f for f in functions if f.kind == "coherence"], file, notes)
-        found += [(f, c, n_run, i) for i, (f, c) in enumerate(zip(frfs, coherences, strict=True), start=1)]
-        n_run += 0 if files.together else 1
-    n_run += 1 if files.together else 0
+    found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, int, int]] = []
+    for group in [files.files] if files.together else [(file,) for file in files.files]:
+        contents = [(file, _read(campaign, file, notes)) for file in group]
+        if campaign.averaging is not None:
+            estimated = frfs_from_records(contents, campaign.averaging, notes)
+            found += [(*f, n_run, i) for i, f in enumerate(estimated, start=1)]
+        else:
+            for file, functions in contents:
+                found += [(*f, 0.0, n_run, i) for i, f in enumerate(_frfs(file, functions, notes), start=1)]
+        n_run += 1
     outputs = _listed(campaign, "output", files, files.output, len(found))
     inputs = _listed(campaign, "input", files, files.input, len(found))
     entries = []
-    for (function, coherence, run, position), output, force in zip(found, outputs, inputs, strict=True):
+    for (function, coherence, overload, run, position), output, force in zip(
+        found, outputs, inputs, strict=True
+    ):
         entry = _corrected(campaign, function, coherence, run, position, output, force, notes)
         if entry is not None:
-            entries.append(entry)
+            entries.append(replace(entry, overload=overload))
     return entries, n_run
+
+
+def _frfs(
+    file: Path, functions: tuple[MeasuredFunction, ...], notes: list[str]
+) -> list[tuple[MeasuredFunction, MeasuredFunction | None]]:
+    """Return the FRFs of a file, each with the coherence of its DOFs or, unstated, of its place."""
+    frfs = [f for f in functions if f.kind == "frf"]
+    coherences = [f for f in functions if f.kind == "coherence"]
+    if not frfs:
+        kinds = ", ".join(sorted({f.kind for f in functions}))
+        notes.append(f"{file}: no FRF in the file, only functions of kind {kinds}")
+    return list(zip(frfs, _coherences(frfs, coherences, file, notes), strict=True))
 
 
 def _coherences(
     frfs: list[MeasuredFunction], coherences: list[MeasuredFunction], file: Path, notes: list[str]
-) -> list[MeasuredFunction | None]:
-    """Return the coherence of each FRF: that of its DOFs or, where none are stated, that of its place."""
+) -> Sequence[MeasuredFunction | None]:
     if not coherences:
         return [None] * len(frfs)
     if len({f.abscissa.size for f in (*frfs, *coherences)}) > 1:
@@ -350,7 +377,7 @@ def _block(
     outputs: list[tuple[int, tuple[float, ...]]],
     inputs: list[tuple[int, tuple[float, ...]]],
     notes: list[str],
-) -> FRF:
+) -> tuple[FRF, NDArray[np.float64]]:
     table = [[pairs[o, i] for i in inputs] for o in outputs]
     responses, forces = [row[0].output for row in table], [entry.input for entry in table[0]]
     if len(inputs) > len(outputs):
@@ -366,7 +393,8 @@ def _block(
         coherence = np.array([[e.coherence for e in row] for row in table])
     elif any(e.coherence is not None for e in entries):
         notes.append("only some functions have a coherence; it is left out")
-    return FRF(
+    overload = np.array([max(e.overload for e in row) for row in table])
+    frf = FRF(
         frequency=entries[0].frequency,
         value=np.array([[e.value for e in row] for row in table]),
         quantity=entries[0].quantity,
@@ -376,6 +404,7 @@ def _block(
         source=tuple(row[0].source for row in table),
         coherence=coherence,
     )
+    return frf, overload
 
 
 def _dofs(dofs: list[Dof]) -> Dofs:

@@ -21,12 +21,13 @@ Column = Annotated[int, Field(ge=1)]
 
 
 class TableLayout(BaseModel):
-    """How the columns of a text file hold frequency-response functions; keys of ``[measurement.table]``.
+    """How the columns of a text file hold measured functions; keys of ``[measurement.table]``.
 
     Attributes
     ----------
-    layout : {"real-imaginary", "magnitude-phase", "complex"}
-        Two columns for each function, or one of complex numbers written like ``(1.2-3.4j)`` or ``1.2-3.4i``.
+    layout : {"real-imaginary", "magnitude-phase", "complex", "time"}
+        Two columns for each FRF, or one of complex numbers written like ``(1.2-3.4j)`` or ``1.2-3.4i``, or
+        one for each time history.
     delimiter : {"comma", "semicolon", "tab", "space"}
         What separates the columns; "space" is any amount of blanks and tabs.
     decimal : {".", ","}
@@ -35,13 +36,12 @@ class TableLayout(BaseModel):
         Rows before the first row of numbers.
     encoding : str
         Text encoding of the header.
-    frequency_column : int or None
-        Column of the frequency in Hz, counted from 1; None (``frequency_column = 0`` in the campaign file)
-        when there is none and `frequency_start_Hz` and `frequency_step_Hz` give the axis.
-    frequency_start_Hz, frequency_step_Hz : float
-        Axis of files without a frequency column.
+    axis_column : int
+        Column of the frequency in Hz or the time in s, counted from 1; 0 when there is none.
+    axis_start, axis_step : float
+        First value and step (Hz or s) of a file without such a column.
     columns : tuple of tuple of int
-        Columns of each function, e.g. ``[[2, 3], [6, 7]]``; empty takes all columns after the frequency.
+        Columns of each function, e.g. ``[[2, 3], [6, 7]]``; empty takes all columns but the axis.
     coherence_columns : tuple of int
         Column of each function's coherence, in the order of the functions; may be empty.
     phase_unit : {"deg", "rad"}
@@ -52,27 +52,34 @@ class TableLayout(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    layout: Literal["real-imaginary", "magnitude-phase", "complex"]
+    layout: Literal["real-imaginary", "magnitude-phase", "complex", "time"]
     delimiter: Literal["comma", "semicolon", "tab", "space"] = "comma"
     decimal: Literal[".", ","] = "."
     header_rows: int = Field(default=0, ge=0)
     encoding: str = "utf-8"
-    frequency_column: int = Field(default=1, ge=0)
-    frequency_start_Hz: float = 0.0
-    frequency_step_Hz: float = Field(default=0.0, ge=0)
+    axis_column: int = Field(default=1, ge=0)
+    axis_start: float = 0.0
+    axis_step: float = Field(default=0.0, ge=0)
     columns: tuple[tuple[Column, ...], ...] = ()
     coherence_columns: tuple[Column, ...] = ()
     phase_unit: Literal["deg", "rad"] = "deg"
     magnitude_unit: Literal["linear", "dB"] = "linear"
 
+    @property
+    def width(self) -> int:
+        """Number of columns of one function."""
+        return 2 if self.layout in ("real-imaginary", "magnitude-phase") else 1
+
     @model_validator(mode="after")
     def _consistent(self) -> TableLayout:
-        width = 1 if self.layout == "complex" else 2
+        width = self.width
         if any(len(columns) != width for columns in self.columns):
             message = f"layout {self.layout!r} takes {width} column(s) for each function in 'columns'"
             raise ValueError(message)
-        if self.frequency_column == 0 and self.frequency_step_Hz <= 0:
-            message = "without a frequency column (frequency_column = 0), frequency_step_Hz must be positive"
+        if self.axis_column == 0 and self.axis_step <= 0:
+            message = (
+                "without a column of the frequency or time (axis_column = 0), axis_step must be positive"
+            )
             raise ValueError(message)
         if self.decimal == "," and self.delimiter == "comma":
             message = "the comma cannot be both delimiter and decimal mark"
@@ -80,10 +87,12 @@ class TableLayout(BaseModel):
         return self
 
 
-def read_table(path: Path, layout: TableLayout, unit: Unit) -> tuple[MeasuredFunction, ...]:
-    """Read every function of a text table, plain or gzip-compressed (``.gz``), in SI units.
+def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[MeasuredFunction, ...]:
+    """Read every function of a text table, plain or gzip-compressed (``.gz``).
 
-    Tables state no degrees of freedom, so `output` and `input` of the functions are None.
+    FRFs of `unit` come in SI units. Time histories come as they stand, as functions of kind "response",
+    since only the user knows which column is the force. Tables state no degrees of freedom, so `output` and
+    `input` of the functions are None.
 
     Raises
     ------
@@ -94,28 +103,32 @@ def read_table(path: Path, layout: TableLayout, unit: Unit) -> tuple[MeasuredFun
     width = len(_split(rows[0], layout.delimiter))
     columns = layout.columns or _all_columns(width, layout, path)
     used = [*(c for group in columns for c in group), *layout.coherence_columns]
-    if layout.frequency_column:
-        used.append(layout.frequency_column)
+    if layout.axis_column:
+        used.append(layout.axis_column)
     if max(used) > width:
         message = (
             f"{path}: column {max(used)} is asked for, but row {layout.header_rows + 1} has {width} columns"
         )
         raise MeasurementError(message)
     table = _numbers(path, rows, layout, sorted(set(used)))
-    if layout.frequency_column:
-        frequency = table[layout.frequency_column].real
+    if layout.axis_column:
+        axis = table[layout.axis_column].real
     else:
-        frequency = layout.frequency_start_Hz + layout.frequency_step_Hz * np.arange(len(rows))
+        axis = layout.axis_start + layout.axis_step * np.arange(len(rows))
+    if not np.all(np.diff(axis) > 0):
+        row = layout.header_rows + 2 + int(np.argmin(np.diff(axis) > 0))
+        message = f"{path}: row {row}, column {layout.axis_column}: the frequency or time does not ascend"
+        raise MeasurementError(message)
     functions = []
     for group in columns:
         source = f"{path}: column {', '.join(map(str, group))}"
         value = _complex(layout, [table[c] for c in group])
         functions.append(
             MeasuredFunction(
-                kind="frf",
-                abscissa=frequency,
-                value=value * unit.factor,
-                quantity=unit.frf,
+                kind="response" if layout.layout == "time" else "frf",
+                abscissa=axis,
+                value=value if unit is None else value * unit.factor,
+                quantity=None if unit is None else unit.frf,
                 output=None,
                 input=None,
                 source=source,
@@ -125,7 +138,7 @@ def read_table(path: Path, layout: TableLayout, unit: Unit) -> tuple[MeasuredFun
         functions.append(
             MeasuredFunction(
                 kind="coherence",
-                abscissa=frequency,
+                abscissa=axis,
                 value=table[column].real,
                 quantity=None,
                 output=None,
@@ -210,8 +223,8 @@ def _split(row: str, delimiter: str) -> list[str]:
 
 
 def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int, ...], ...]:
-    step = 1 if layout.layout == "complex" else 2
-    taken = {layout.frequency_column, *layout.coherence_columns}
+    step = layout.width
+    taken = {layout.axis_column, *layout.coherence_columns}
     free = [c for c in range(1, width + 1) if c not in taken]
     if not free or len(free) % step:
         message = (
@@ -259,7 +272,9 @@ def _number(word: str) -> complex:
     return complex(compact[:-1] + "j" if compact.endswith(("i", "I", "J")) else compact)
 
 
-def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[np.complex128]:
+def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[Any]:
+    if layout.layout == "time":
+        return np.asarray(columns[0].real)
     if layout.layout == "complex":
         return np.asarray(columns[0], dtype=complex)
     first, second = columns[0].real, columns[1].real

@@ -55,9 +55,9 @@ def test_layouts(tmp_path, text, layout):
 
 
 @pytest.mark.parametrize("spelling", ["({:g}{:+g}j)", "{:g}{:+g}i", "{:g} {:+g}J"])
-def test_complex_text_without_a_frequency_column(tmp_path, spelling):
+def test_complex_text_without_a_axis_column(tmp_path, spelling):
     text = "\n".join(spelling.format(v.real, v.imag) for v in VALUE[0])
-    layout = {"layout": "complex", "frequency_column": 0, "frequency_start_Hz": 10, "frequency_step_Hz": 0.5}
+    layout = {"layout": "complex", "axis_column": 0, "axis_start": 10, "axis_step": 0.5}
     (function,) = read(tmp_path, text, **layout)
     np.testing.assert_allclose(function.abscissa, FREQUENCY)
     np.testing.assert_allclose(function.value, VALUE[0])
@@ -93,6 +93,7 @@ def test_gzip(tmp_path):
         (rows(PARTS, ";"), {}, "is the delimiter 'comma' right"),
         (rows(PARTS), {"columns": [[8, 9]]}, "column 9 is asked for, but row 1 has 5 columns"),
         ("", {}, "no rows of numbers"),
+        ("1,2,3\n3,2,3\n2,2,3\n", {}, "row 3, column 1: the frequency or time does not ascend"),
     ],
 )
 def test_faults_are_named(tmp_path, text, layout, said):
@@ -105,7 +106,7 @@ def test_faults_are_named(tmp_path, text, layout, said):
     [
         {"layout": "real-imaginary", "decimal": ","},
         {"layout": "complex", "columns": [[2, 3]]},
-        {"layout": "complex", "frequency_column": 0},
+        {"layout": "complex", "axis_column": 0},
         {"layout": "polar"},
     ],
 )
