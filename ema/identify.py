@@ -20,12 +20,14 @@ from ema.measurement import read_measurement
 from ema.modes import ModalModel
 from ema.refinement import Fit, linear_fit, refine
 from ema.shapes import shapes_from_residues
-from ema.significance import judge
+from ema.significance import is_split, judge, likeliest_pole, variance_inflation
 from ema.stabilization import MAX_DAMPING, stabilization
 
 DEFAULT_ORDER = 60
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
+MAX_SEARCH = 30
+"""Resonances tried in the residuals."""
 
 
 def identify(campaign: Campaign) -> Iterator[tuple[str, ModalModel]]:
@@ -153,14 +155,37 @@ def _modes(
     quantity: Quantity,
     band: tuple[float, float],
 ) -> Fit:
-    """Take away what is no mode, refine what is left, and judge again until every pole is a mode."""
-    pole = _screen(frequency, value, candidates, quantity)
+    """Refine what looks like a mode, then look for modes in what is left until none is found."""
+    fit = _refined(frequency, value, _screen(frequency, value, candidates, quantity), quantity, band)
+    tried = fit.pole
+    for _ in range(MAX_SEARCH):
+        more = likeliest_pole(frequency, fit, tried)
+        if more is None:
+            break
+        tried = np.append(tried, more)
+        trial = np.append(fit.pole, more)
+        if judge(frequency, linear_fit(frequency, value, trial, quantity), quantity).accepted[-1]:
+            extended = _refined(frequency, value, trial, quantity, band)
+            if extended.pole.size > fit.pole.size and not is_split(extended, -1):
+                fit = extended
+                tried = np.concatenate([tried, fit.pole])
+    rank = np.argsort(np.abs(fit.pole))
+    return linear_fit(frequency, value, fit.pole[rank], quantity)
+
+
+def _refined(
+    frequency: NDArray[np.float64],
+    value: NDArray[np.complex128],
+    pole: NDArray[np.complex128],
+    quantity: Quantity,
+    band: tuple[float, float],
+) -> Fit:
+    """Refine, take away what is no mode, and refine again until every pole is one."""
     while True:
         fit = refine(frequency, value, pole, quantity)
-        keep = judge(fit, frequency.size, quantity).accepted & _sound(fit, pole, band)
+        keep = judge(frequency, fit, quantity).accepted & _sound(fit, pole, band)
         if keep.all():
-            rank = np.argsort(np.abs(fit.pole))
-            return fit if np.all(np.diff(rank) > 0) else refine(frequency, value, fit.pole[rank], quantity)
+            return fit
         pole = pole[keep]
 
 
@@ -173,7 +198,7 @@ def _screen(
     """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
     pole = candidates
     while pole.size:
-        verdicts = judge(linear_fit(frequency, value, pole, quantity), frequency.size, quantity)
+        verdicts = judge(frequency, linear_fit(frequency, value, pole, quantity), quantity)
         if verdicts.accepted.all():
             break
         score = np.where(verdicts.accepted, np.inf, verdicts.score)
@@ -207,15 +232,17 @@ def _frequency_damping_std(
 
 def _model(fit: Fit, frf: FRF, geometry: Geometry, name: str, band: tuple[float, float]) -> ModalModel:
     n_output, n_input, _ = frf.value.shape
+    inflation = np.repeat(np.sqrt(variance_inflation(frf.frequency, fit)), 2)
+    pole_covariance = fit.pole_covariance * np.outer(inflation, inflation)
     n_mode = fit.pole.size
     residue = fit.residue.reshape(n_output, n_input, n_mode)
-    covariance = fit.residue_covariance()
+    covariance = fit.residue_covariance() * np.outer(inflation, inflation)
     parts = np.stack([fit.residue.real, fit.residue.imag], axis=-1)
     unit = parts / np.maximum(np.abs(fit.residue), np.finfo(float).tiny)[..., None]
     blocks = np.stack([covariance[:, 2 * r : 2 * r + 2, 2 * r : 2 * r + 2] for r in range(n_mode)], axis=1)
     variance = np.einsum("ori,orij,orj->or", unit, blocks, unit).reshape(n_output, n_input, n_mode)
     shapes = shapes_from_residues(fit.pole, residue, variance, frf.output, frf.input)
-    frequency_std, damping_std = _frequency_damping_std(fit.pole, fit.pole_covariance)
+    frequency_std, damping_std = _frequency_damping_std(fit.pole, pole_covariance)
     fitted = frf.value - fit.residual.reshape(frf.value.shape)
     measured_power = np.sum(np.abs(frf.value) ** 2, axis=-1)
     residual_power = np.sum(np.abs(fit.residual) ** 2, axis=-1).reshape(n_output, n_input)
@@ -238,7 +265,7 @@ def _model(fit: Fit, frf: FRF, geometry: Geometry, name: str, band: tuple[float,
         band=band,
         geometry=geometry,
         quantity=frf.quantity,
-        covariance=fit.pole_covariance,
+        covariance=pole_covariance,
         residue_std=np.sqrt(variance),
         noise=fit.noise.reshape(n_output, n_input),
         correlation=frac(frf.value, fitted),

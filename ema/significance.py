@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.fft
 import scipy.stats
 from numpy.typing import NDArray
 
@@ -25,6 +26,13 @@ MIN_COLLINEARITY = 0.9
 MIN_REALNESS = 0.5
 """Least share of a non-dominant pole's modal constants along the real axis, where real modes have them."""
 
+MAX_LINE_DAMPING = 0.2
+"""Widest resonance, as a damping ratio, that is searched for in the residuals."""
+TRIES_PER_WIDTH = 5
+"""Places of each width that are looked at."""
+SPLIT_DISTANCE, SPLIT_MAC = 2.0, 0.8
+"""Poles closer than this many sums of their half bandwidths with shapes more alike are one mode."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Verdicts:
@@ -34,7 +42,7 @@ class Verdicts:
     ----------
     statistic : (n_mode,) float
         Wald statistic of all residues of the pole being zero; chi-squared of twice the number of functions
-        for noise.
+        for noise. A misfit around the pole counts as noise.
     threshold : float
         Least statistic of a significant pole.
     dominance : (n_mode,) float
@@ -73,14 +81,14 @@ def significance_threshold(n_function: int, n_frequency: int) -> float:
     return float(scipy.stats.chi2.isf(FALSE_ALARM / n_frequency, 2 * n_function + 2))
 
 
-def judge(fit: Fit, n_frequency: int, quantity: Quantity) -> Verdicts:
+def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdicts:
     """Measure every pole of a fit.
 
     Parameters
     ----------
+    frequency : (n_frequency,) float
+        Lines that were fitted, Hz.
     fit : Fit
-    n_frequency : int
-        Lines that were fitted.
     quantity : {"receptance", "mobility", "accelerance"}
         What was fitted.
     """
@@ -122,9 +130,116 @@ def judge(fit: Fit, n_frequency: int, quantity: Quantity) -> Verdicts:
         rest = np.sum(np.abs(everything - own) ** 2)
         dominance[r] = np.sqrt(np.sum(np.abs(own) ** 2) / max(rest, np.finfo(float).tiny))
     return Verdicts(
-        statistic=statistic,
-        threshold=significance_threshold(n_function, n_frequency),
+        statistic=statistic / variance_inflation(frequency, fit),
+        threshold=significance_threshold(n_function, frequency.size),
         dominance=dominance,
         collinearity=collinearity,
         realness=realness,
     )
+
+
+def variance_inflation(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.float64]:
+    """Factor by which a misfit around each mode enlarges the variances, ``(n_mode,)``, 1 in white noise.
+
+    The covariance of a fit holds for residuals without correlation from line to line. Around a mode that the
+    model does not meet exactly (leakage, drift, nonlinearity) they are larger and smooth, and count as fewer.
+    The factor is their spectral density in quefrency zero over the assumed one: local variance times
+    ``1 + 2 sum_k rho_k``. It stays 1 where both the variance and the correlation are those of white noise.
+    """
+    scaled = fit.residual / fit.noise[:, None]
+    return np.array([_inflation(scaled[:, _window(frequency, pole)]) for pole in fit.pole])
+
+
+def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
+    """Lines within four half bandwidths of a pole, or eight lines where that is more."""
+    spacing = frequency[1] - frequency[0]
+    centre = (pole.imag / (2.0 * np.pi) - frequency[0]) / spacing
+    reach = max(4.0 * -pole.real / (2.0 * np.pi * spacing), 8.0)
+    start = int(np.clip(centre - reach, 0, frequency.size - 16))
+    return slice(start, int(np.clip(centre + reach + 1, start + 16, frequency.size)))
+
+
+def _inflation(residual: NDArray[np.complex128]) -> float:
+    """Spectral density of unit-variance residuals ``(n_function, n_line)`` if it is significantly above 1."""
+    n_function, n_line = residual.shape
+    sample = n_function * n_line
+    variance = float(np.mean(np.abs(residual) ** 2))
+    spectrum = np.abs(scipy.fft.fft(residual, 2 * n_line, axis=1)) ** 2
+    covariance = scipy.fft.ifft(spectrum.sum(axis=0)).real[: n_line // 2]
+    correlation = covariance / covariance[0]
+    if variance < 1.0 + 4.0 / np.sqrt(sample) and correlation[1] < 4.0 / np.sqrt(2.0 * sample):
+        return 1.0
+    # Beyond the first zero the correlation is noise.
+    end = int(np.argmax(correlation <= 0.0)) or correlation.size
+    return max(1.0, variance * (1.0 + 2.0 * float(correlation[1:end].sum())))
+
+
+def likeliest_pole(frequency: NDArray[np.float64], fit: Fit, taken: NDArray[np.complex128]) -> complex | None:
+    """Pole that would explain most of what a fit has left, or None where nothing stands out.
+
+    Lorentzian lines of octave-spaced widths are correlated with the residuals of all functions at once, which
+    is the generalised likelihood ratio of one more mode, its residues free. What is left around such a line
+    must then be smaller than the line, or it is one of the ripples of a misfit.
+
+    Parameters
+    ----------
+    frequency : (n_frequency,) float
+        Evenly spaced lines, Hz.
+    fit : Fit
+        A fit over these lines.
+    taken : (n_taken,) complex
+        Poles already tried: none is returned within a half bandwidth of one of them.
+    """
+    n_function, n = fit.residual.shape
+    spacing = frequency[1] - frequency[0]
+    scaled = fit.residual / fit.noise[:, None]
+    threshold = significance_threshold(n_function, n)
+    size = scipy.fft.next_fast_len(2 * n)
+    spectrum = scipy.fft.fft(scaled, size, axis=1)
+    ones = scipy.fft.rfft(np.ones(n), size)
+    offset = np.arange(size, dtype=float)
+    offset[offset > size // 2] -= size
+    best, chosen = 0.0, None
+    width = 0.25
+    while width < n / 8:
+        line = 1.0 / (1.0 + 1j * offset / width)
+        half_bandwidth = 2.0 * np.pi * spacing * width
+        pole = -half_bandwidth + 2j * np.pi * frequency
+        free = half_bandwidth < MAX_LINE_DAMPING * np.abs(pole)
+        for old in taken:
+            free &= np.abs(pole.imag - old.imag) > np.maximum(half_bandwidth, -old.real)
+        energy = scipy.fft.irfft(ones * scipy.fft.rfft(np.abs(line) ** 2), size)[:n]
+        amplitude = scipy.fft.ifft(spectrum * scipy.fft.fft(line).conj(), axis=1)[:, :n] / energy
+        statistic = np.where(free, 2.0 * energy * np.sum(np.abs(amplitude) ** 2, axis=0), 0.0)
+        for _ in range(TRIES_PER_WIDTH):
+            k = int(np.argmax(statistic))
+            if statistic[k] <= max(threshold, best):
+                break
+            window = _window(frequency, pole[k])
+            rest = scaled[:, window] - amplitude[:, k, None] * line[np.arange(n)[window] - k]
+            inflated = statistic[k] / _inflation(rest)
+            if inflated > max(threshold, best) and _collinear(amplitude[:, k]) > 0.8 * MIN_COLLINEARITY:
+                best, chosen = inflated, complex(pole[k])
+                break
+            reach = int(np.ceil(2.0 * width))
+            statistic[max(0, k - reach) : k + reach + 1] = 0.0
+        width *= 2.0
+    return chosen
+
+
+def _collinear(amplitude: NDArray[np.complex128]) -> float:
+    """Phase collinearity of amplitudes in noise of unit variance, which blurs the smallest of them."""
+    power = np.sum(np.abs(amplitude) ** 2)
+    return float(np.abs(np.sum(amplitude**2)) ** 2 / power**2) if power > 0.0 else 0.0
+
+
+def is_split(fit: Fit, mode: int) -> bool:
+    """Whether a pole shares another one's shape within its bandwidth: one misfitted mode taken for two."""
+    mode %= fit.pole.size
+    pole, own = fit.pole[mode], fit.residue[:, mode]
+    for r, other in enumerate(fit.pole):
+        if r != mode and np.abs(pole - other) < SPLIT_DISTANCE * -(pole.real + other.real):
+            cross = np.abs(np.vdot(own, fit.residue[:, r])) ** 2
+            if cross > SPLIT_MAC * np.sum(np.abs(own) ** 2) * np.sum(np.abs(fit.residue[:, r]) ** 2):
+                return True
+    return False
