@@ -1,0 +1,148 @@
+"""The command line: one command for each job, and errors that say what would be right."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from updating import jobs, tables
+from updating.errors import LAMELLA_ERRORS
+from updating.modal_table import is_modal_table
+
+app = typer.Typer(
+    name="lamella",
+    help=(
+        "From the measured FRFs of a laminated steel stack to a validated model.\n\n"
+        "A campaign file (TOML) says where the FRFs are, at which points they were measured and at which bolt torques; "
+        "a stack file says what the stack is made of. Start with [bold]lamella demo[/bold], or read the campaign file "
+        "in data/demo_stack line by line."
+    ),
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+_OUT = Console()
+_ERR = Console(stderr=True)
+
+Folder = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; made if it is not there."),
+]
+CampaignFile = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False)
+]
+
+
+@app.command(epilog="Example: lamella ema data/demo_stack/campaign.toml -o out/demo")
+def ema(campaign: CampaignFile, output: Folder) -> None:
+    """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
+
+    Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
+    modal_model.json, the FRFs as measurement.npz and pictures of the fit; prints one table each.
+    """
+    for result in jobs.identify(campaign, output, _OUT):
+        _OUT.print(tables.modes_table(result))
+    _OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+
+
+@app.command(epilog="Example: lamella model data/demo_stack/stack.toml -o out/stack")
+def model(
+    stack: Annotated[Path, typer.Argument(metavar="STACK", help="Stack file (TOML).", show_default=False)],
+    output: Folder,
+    modes: Annotated[
+        int, typer.Option("--modes", "-n", min=1, max=200, help="Number of elastic modes.")
+    ] = 10,
+) -> None:
+    """Solve the model of a stack: natural frequencies, damping ratios and shapes.
+
+    Writes modes.json and a picture of each mode; prints a table.
+    """
+    _OUT.print(tables.model_table(*jobs.solve(stack, output, modes, _OUT)))
+    _OUT.print(f"Results in [bold]{output}[/bold]")
+
+
+@app.command(epilog="Example: lamella fit data/pirnat2013/campaign.toml -o out/pirnat2013")
+def fit(
+    campaign: CampaignFile,
+    output: Folder,
+    threshold: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")
+    ] = 0.8,
+) -> None:
+    """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
+
+    G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC. A campaign whose modes are
+    given as a table is fitted row by row, with modes paired by shape class.
+    """
+    if is_modal_table(campaign):
+        _OUT.print(tables.modal_table(jobs.fit_modal_table(campaign, output, _OUT)))
+        _OUT.print(f"Results in [bold]{output}[/bold]")
+        return
+    for measured, fitted in jobs.fit(campaign, output, threshold, _OUT):
+        _OUT.print(tables.fit_table(measured, fitted))
+    _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
+
+
+@app.command(epilog="Example: lamella report out/demo")
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)],
+) -> None:
+    """Make one self-contained HTML page from the results in a folder."""
+    _OUT.print(f"Report: [bold]{jobs.report(folder)}[/bold]")
+
+
+@app.command(epilog="Example: lamella simulate data/demo_stack/virtual_test.toml -o data/demo_stack")
+def simulate(
+    specification: Annotated[
+        Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False)
+    ],
+    output: Folder,
+) -> None:
+    """Play a vibration test on a model and write its FRFs as a test system would.
+
+    The truth goes to truth.json, which no other command reads. The same file and seed give the same bytes.
+    """
+    jobs.simulate(specification, output)
+    _OUT.print(f"Campaign: [bold]{output / 'campaign.toml'}[/bold]")
+
+
+@app.command(epilog="Example: lamella demo")
+def demo(output: Folder = Path("out/demo")) -> None:
+    """Run the whole path on the shipped campaign data/demo_stack: identify, fit, report.
+
+    Run it in the folder of the source checkout, where data/ is.
+    """
+    fit(Path("data/demo_stack/campaign.toml"), output)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        _OUT.print(f"lamella {version('lamella')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
+    try:
+        app()
+    except LAMELLA_ERRORS as error:
+        _ERR.print(f"[bold red]Error:[/bold red] {error}", markup=True, highlight=False)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        _ERR.print("Interrupted; the configurations that were done are kept.")
+        sys.exit(130)

@@ -1,0 +1,145 @@
+"""What the commands do with files: read, compute, show progress, and write each configuration as soon as it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import model
+from ema import Campaign, Configuration, identify_frf, read_campaign, read_measurement
+from ema.modes import ModalModel
+from model import Modes, Stack
+from updating.errors import FitError
+from updating.fit import Fit
+from updating.fit import fit as fit_configuration
+from updating.modal_table import TableFit, fit_row, read_modal_table
+from updating.report.page import write_report
+from updating.shape_class import class_grid, shape_classes
+from updating.store import folder_name, write_bytes, write_frf, write_result
+from updating.virtual_test import read_virtual_test, write_virtual_test
+
+
+def identify(campaign_file: Path, output: Path, console: Console) -> tuple[ModalModel, ...]:
+    """Identify every configuration of a campaign and write each result as soon as it is there."""
+    campaign = read_campaign(campaign_file)
+    with _progress(console) as progress:
+        task = progress.add_task("identify", total=len(campaign.configurations))
+        results = []
+        for _, measured in _identified(campaign, output):
+            results.append(measured)
+            progress.advance(task)
+    return tuple(results)
+
+
+def solve(
+    stack_file: Path, output: Path, n_mode: int, console: Console
+) -> tuple[Stack, Modes, tuple[str, ...]]:
+    """Solve the model of a stack file and write its elastic modes and their pictures."""
+    stack = model.read_stack(stack_file)
+    with _progress(console) as progress:
+        task = progress.add_task("solve", total=1 + n_mode)
+        system = model.reduce(stack)
+        contact = stack.contact
+        modes = model.solve_modes(
+            system, G_f=contact.G_f, d_f=contact.d_f, n_mode=6 + n_mode, observation=class_grid(stack)
+        ).elastic()
+        write_result(output / "modes.json", modes, inputs=(stack_file,), options={"n_mode": n_mode})
+        progress.advance(task)
+        for r in range(n_mode):
+            picture = model.plot.mode_picture(stack, system, modes, r)
+            write_bytes(output / f"mode_{r + 1:02d}.png", picture)
+            progress.advance(task)
+    return stack, modes, shape_classes(modes)
+
+
+def fit(
+    campaign_file: Path, output: Path, threshold: float, console: Console
+) -> tuple[tuple[ModalModel, Fit], ...]:
+    """Identify and fit every configuration of a campaign and write each result as soon as it is there."""
+    campaign = read_campaign(campaign_file)
+    if campaign.stack is None:
+        message = (
+            f'{campaign_file}: a fit needs the model\'s stack; add stack = "stack.toml" under [structure]'
+        )
+        raise FitError(message)
+    stack = model.read_stack(campaign.stack)
+    results = []
+    with _progress(console) as progress:
+        task = progress.add_task("identify and fit", total=len(campaign.configurations))
+        for configuration, measured in _identified(campaign, output):
+            fitted = fit_configuration(_in_state(stack, configuration), measured, threshold=threshold)
+            folder = output / folder_name(measured.name)
+            inputs = (campaign_file, campaign.stack)
+            write_result(folder / "modes.json", fitted.modes, inputs=inputs, options={"threshold": threshold})
+            write_result(folder / "fit.json", fitted, inputs=inputs, options={"threshold": threshold})
+            results.append((measured, fitted))
+            progress.advance(task)
+    return tuple(results)
+
+
+def fit_modal_table(campaign_file: Path, output: Path, console: Console) -> tuple[TableFit, ...]:
+    """Fit every row of a modal table and write each result as soon as it is there."""
+    table = read_modal_table(campaign_file)
+    results = []
+    with _progress(console) as progress:
+        task = progress.add_task("fit", total=len(table.rows))
+        for row in table.rows:
+            fitted = fit_row(row, table.shape_class)
+            write_result(
+                output / f"stack_{folder_name(row.name)}" / "fit.json",
+                fitted,
+                inputs=table.inputs,
+                options={},
+            )
+            results.append(fitted)
+            progress.advance(task)
+    return tuple(results)
+
+
+def report(folder: Path) -> Path:
+    """Make the page of a results folder."""
+    return write_report(folder)
+
+
+def simulate(specification: Path, output: Path) -> None:
+    """Play a virtual test and write its campaign."""
+    write_virtual_test(read_virtual_test(specification), output)
+
+
+def _identified(campaign: Campaign, output: Path) -> Iterator[tuple[Configuration, ModalModel]]:
+    """Identify configuration by configuration, writing each before it is handed on."""
+    write_result(output / "campaign.json", campaign, inputs=(campaign.path,), options={})
+    for configuration in campaign.configurations:
+        measurement = read_measurement(campaign, configuration.name)
+        options = campaign.identification
+        measured = identify_frf(
+            measurement.frf,
+            measurement.geometry,
+            name=configuration.name,
+            band=options.band,
+            order=options.order,
+        )
+        folder = output / folder_name(configuration.name)
+        files = tuple(file for group in configuration.files for file in group.files)
+        used = {"band_Hz": list(measured.band), "order": options.order}
+        write_result(folder / "modal_model.json", measured, inputs=(campaign.path, *files), options=used)
+        write_frf(folder / "measurement.npz", measurement.frf)
+        yield configuration, measured
+
+
+def _in_state(stack: Stack, configuration: Configuration) -> Stack:
+    """Put the configuration's pressure and height, where it states them, in place of those of the stack file."""
+    if configuration.pressure is not None:
+        stack = stack.with_contact(pressure=configuration.pressure)
+    return stack if configuration.height is None else replace(stack, height=configuration.height)
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        console=console, transient=True,
+    )  # fmt: skip

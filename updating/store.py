@@ -1,0 +1,206 @@
+"""Results as files: JSON documents that say what made them, written whole or not at all, and read back."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import re
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar, get_origin
+
+import cattrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.frf import FRF
+from ema.geometry import Dofs
+from updating.errors import StoreError
+
+T = TypeVar("T")
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file beside its final place and rename it, so that no half-written file is ever seen.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be made or written, or the disk is full.
+    """
+    partial = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        partial = Path(name)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        partial.chmod(0o644)
+        partial.replace(path)
+    except OSError as error:
+        if partial is not None:
+            partial.unlink(missing_ok=True)
+        message = f"cannot write {path}: {error.strerror}. Choose another folder with -o, or make room."
+        raise StoreError(message) from error
+
+
+def write_result(
+    path: Path, result: object, *, inputs: tuple[Path, ...], options: Mapping[str, object]
+) -> None:
+    """Write a frozen result as JSON with the versions, input hashes and options that made it.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    result : dataclass instance
+        What to write; NaN becomes null, complex arrays become an object of two arrays.
+    inputs : tuple of Path
+        Files that the result was computed from; their SHA-256 goes into the document.
+    options : dict
+        Options that were used.
+    """
+    document = {
+        "kind": type(result).__name__,
+        "provenance": {
+            "versions": {name: version(name) for name in ("lamella", "numpy", "scipy")},
+            "inputs": {file.name: _sha256(file) for file in inputs},
+            "options": dict(options),
+        },
+        "result": _CONVERTER.unstructure(result),
+    }
+    text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
+    write_bytes(path, (text + "\n").encode())
+
+
+def read_result(path: Path, kind: type[T]) -> T:
+    """Read a result written by `write_result`.
+
+    Raises
+    ------
+    StoreError
+        The file is missing, is not JSON, or holds another kind of result.
+    """
+    document = read_document(path)
+    if document.get("kind") != kind.__name__:
+        message = f"{path}: expected a {kind.__name__}, found {document.get('kind')!r}"
+        raise StoreError(message)
+    try:
+        return _CONVERTER.structure(document["result"], kind)
+    except (cattrs.BaseValidationError, KeyError, TypeError, ValueError) as error:
+        message = f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
+        raise StoreError(message) from error
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """Read a whole result document: kind, provenance and the plain values of the result.
+
+    Raises
+    ------
+    StoreError
+        The file is missing or is not a result document.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        message = f"cannot read {path}: {error.strerror}"
+        raise StoreError(message) from error
+    except ValueError as error:
+        message = f"{path}: not a JSON file ({error})"
+        raise StoreError(message) from error
+    if not isinstance(document, dict) or "result" not in document:
+        message = (
+            f"{path}: not a result of Lamella; expected an object with 'kind', 'provenance' and 'result'"
+        )
+        raise StoreError(message)
+    return document
+
+
+def folder_name(configuration: str) -> str:
+    """Name of a configuration as the name of its folder: letters, digits, dots, dashes and underscores stay."""
+    return re.sub(r"[^\w.-]+", "_", configuration).strip("._") or "configuration"
+
+
+def write_frf(path: Path, frf: FRF) -> None:
+    """Write FRFs as a compressed NumPy archive; the values are kept in full precision."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {n: value for n, value in vars(frf).items() if isinstance(value, np.ndarray)}
+    for name in ("output", "input"):
+        dofs: Dofs = getattr(frf, name)
+        arrays[f"{name}_node"], arrays[f"{name}_direction"] = dofs.node, dofs.direction
+    np.savez_compressed(buffer, quantity=np.array(frf.quantity), source=np.array(frf.source), **arrays)
+    write_bytes(path, buffer.getvalue())
+
+
+def read_frf(path: Path) -> FRF:
+    """Read FRFs written by `write_frf`.
+
+    Raises
+    ------
+    StoreError
+        The file is missing or is not such an archive.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return FRF(
+                frequency=archive["frequency"],
+                value=archive["value"],
+                quantity=str(archive["quantity"]),  # type: ignore[arg-type]  # written from a Quantity
+                output=Dofs(node=archive["output_node"], direction=archive["output_direction"]),
+                input=Dofs(node=archive["input_node"], direction=archive["input_direction"]),
+                run=archive["run"],
+                source=tuple(str(s) for s in archive["source"]),
+                coherence=archive.get("coherence"),
+            )
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        message = f"cannot read the FRFs in {path}: {error}"
+        raise StoreError(message) from error
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _plain(array: NDArray[Any]) -> Any:
+    """Array as nested lists; complex as two of them; NaN, which JSON does not have, as null."""
+    if np.iscomplexobj(array):
+        return {"real": _plain(array.real), "imag": _plain(array.imag)}
+    if array.dtype.kind == "f" and not np.all(np.isfinite(array)):
+        replaced = array.astype(object)
+        replaced[~np.isfinite(array)] = None
+        return replaced.tolist()
+    return array.tolist()
+
+
+def _array(value: Any, _: type) -> NDArray[Any]:
+    if isinstance(value, dict):
+        return np.asarray(value["real"], float) + 1j * np.asarray(value["imag"], float)
+    array = np.asarray(value)
+    return array.astype(float) if array.dtype == object else array
+
+
+def _is_array(kind: Any) -> bool:
+    return kind is np.ndarray or get_origin(kind) is np.ndarray
+
+
+def _make_converter() -> cattrs.Converter:
+    converter = cattrs.Converter(detailed_validation=False)
+    converter.register_unstructure_hook_func(_is_array, _plain)
+    converter.register_structure_hook_func(_is_array, _array)
+    unstructure_float: Callable[[float], float | None] = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+    converter.register_unstructure_hook(float, unstructure_float)
+    converter.register_structure_hook(float, lambda x, _: np.nan if x is None else float(x))
+    converter.register_unstructure_hook(complex, lambda z: {"real": z.real, "imag": z.imag})
+    converter.register_structure_hook(complex, lambda z, _: complex(z["real"], z["imag"]))
+    converter.register_unstructure_hook(Path, str)
+    converter.register_structure_hook(Path, lambda x, _: Path(x))
+    return converter
+
+
+_CONVERTER = _make_converter()

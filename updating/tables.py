@@ -1,0 +1,125 @@
+"""Results as short tables for a terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.table import Table
+
+from ema.modes import ModalModel
+from model import Modes, Stack
+from updating.correlation import correlate
+from updating.fit import Estimate, Fit
+from updating.modal_table import TableFit
+
+
+def modes_table(measured: ModalModel) -> Table:
+    """List identified frequencies and damping ratios with their standard deviations."""
+    table = Table(
+        title=f"{measured.name}: {measured.frequency.size} modes in {_band(measured)}", title_justify="left"
+    )
+    for name in ("mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"):
+        table.add_column(name, justify="right")
+    columns = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
+    for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True), start=1):
+        table.add_row(str(r), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}")
+    return table
+
+
+def model_table(stack: Stack, modes: Modes, names: tuple[str, ...]) -> Table:
+    """List natural frequencies, damping ratios and shape classes of the model."""
+    table = Table(title=f"{stack.name}: {modes.frequency.size} elastic modes", title_justify="left")
+    for name in ("mode", "f [Hz]", "damping [%]"):
+        table.add_column(name, justify="right")
+    table.add_column("shape")
+    for r, (f, xi, name) in enumerate(zip(modes.frequency, modes.damping, names, strict=True), start=1):
+        table.add_row(str(r), f"{f:.2f}", f"{100 * xi:.3g}", name)
+    return table
+
+
+def fit_table(measured: ModalModel, fit: Fit) -> Table:
+    """Put measured beside fitted modes, with the parameters below."""
+    pairs = correlate(measured, fit.modes, fit.pairing)
+    caption = (
+        f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}\nmean frequency error {100 * fit.error:.2f} %"
+    )
+    left_over = [f"{f:.1f}" for f in measured.frequency[fit.pairing.unpaired_measured]]
+    if left_over:
+        caption += f"\nmeasured but not paired: {', '.join(left_over)} Hz"
+    table = Table(
+        title=f"{fit.name}: measured and fitted",
+        title_justify="left",
+        caption=caption,
+        caption_justify="left",
+    )
+    for name in (
+        "mode", "f measured [Hz]", "f model [Hz]", "error [%]", "damping measured [%]", "damping model [%]", "MAC",
+    ):  # fmt: skip
+        table.add_column(name, justify="right")
+    columns = (
+        pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, pairs.measured_damping,
+        pairs.model_damping, pairs.mac,
+    )  # fmt: skip
+    for mode, values in zip(fit.pairing.measured, zip(*columns, strict=True), strict=True):
+        f_exp, f_num, error, xi_exp, xi_num, mac = values
+        table.add_row(
+            str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
+            f"{100 * xi_num:.3g}", f"{mac:.4f}",
+        )  # fmt: skip
+    return table
+
+
+def modal_table(fits: tuple[TableFit, ...]) -> Table:
+    """Print Table 7 of the paper with our numbers beside its own."""
+    published = np.array([f.row.published_G_f for f in fits])
+    known = np.isfinite(published)
+    ratio = np.array([f.G_f.value for f in fits])[known] / published[known]
+    caption = (
+        f"mean error, eq. (2): ours {100 * np.mean([f.error for f in fits]):.1f} %, "
+        f"published {100 * np.mean([f.published_error for f in fits]):.1f} %\n"
+        "our model fitted to the published model's frequencies: "
+        f"{100 * np.mean([f.model_misfit for f in fits]):.2f} % off"
+    )
+    if np.any(known):
+        caption += f"\nour G_f over the published: {ratio.min():.3f} to {ratio.max():.3f}"
+    table = Table(
+        title="Natural frequencies [Hz]: measured | published model | ours", title_justify="left", caption=caption,
+        caption_justify="left",
+    )  # fmt: skip
+    table.add_column("stack", justify="right")
+    for r in range(fits[0].row.frequency.size):
+        table.add_column(f"mode {r + 1}", justify="right")
+    for name in ("error published [%]", "error ours [%]", "G_f published", "G_f ours"):
+        table.add_column(name, justify="right")
+    for fit in fits:
+        columns = zip(fit.row.frequency, fit.row.published_frequency, fit.frequency, strict=True)
+        table.add_row(
+            fit.row.name,
+            *(f"{a:.0f} | {b:.0f} | {c:.0f}" for a, b, c in columns),
+            f"{100 * fit.published_error:.1f}",
+            f"{100 * fit.error:.1f}",
+            "" if np.isnan(fit.row.published_G_f) else f"{fit.row.published_G_f:.0f}",
+            f"{fit.G_f.value:.0f}",
+        )
+    return table
+
+
+def parameter_text(estimate: Estimate) -> str:
+    """Write one fitted parameter with its name, standard deviation and unit."""
+    bound = " (at the bound of its range)" if estimate.at_bound else ""
+    return f"{estimate.name} = {estimate_text(estimate)} {estimate.unit}{bound}"
+
+
+def estimate_text(estimate: Estimate) -> str:
+    """Write value ± standard deviation with as many digits as the latter supports, such as ``1480 ± 12``."""
+    if not 0.0 < estimate.std < np.inf:
+        return f"{estimate.value:.4g}"
+    exponent = (
+        0 if abs(estimate.value) >= 1e-3 else int(np.floor(np.log10(max(abs(estimate.value), estimate.std))))
+    )
+    digits = min(12, max(0, 1 - int(np.floor(np.log10(estimate.std))) + exponent))
+    value, std = (f"{x / 10.0**exponent:.{digits}f}" for x in (estimate.value, estimate.std))
+    return f"{value} ± {std}" if exponent == 0 else f"({value} ± {std})e{exponent}"
+
+
+def _band(measured: ModalModel) -> str:
+    return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
