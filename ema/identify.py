@@ -7,6 +7,7 @@ modes taken away (`significance`), all modes refined together (`refinement`), sh
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +20,29 @@ from ema.mac import frac
 from ema.measurement import read_measurement
 from ema.modes import ModalModel
 from ema.refinement import Fit, linear_fit, refine
+from ema.roving import RunPoles, frequency_damping_std, run_poles
 from ema.shapes import shapes_from_residues
-from ema.significance import is_split, judge, likeliest_pole, variance_inflation
+from ema.significance import is_confined, is_split, judge, likeliest_poles, variance_inflation
 from ema.stabilization import MAX_DAMPING, stabilization
 
 DEFAULT_ORDER = 60
+MIN_LINES = 16
+"""Fewest lines that a band may hold."""
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
-MAX_SEARCH = 30
-"""Resonances tried in the residuals."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Data:
+    """The functions to fit as rows, above 0 Hz and within the band."""
+
+    frequency: NDArray[np.float64]
+    value: NDArray[np.complex128]
+    run: NDArray[np.int64]
+    quantity: Quantity
+
+    def linear_fit(self, pole: NDArray[np.complex128]) -> Fit:
+        return linear_fit(self.frequency, self.value, pole, self.quantity)
 
 
 def identify(campaign: Campaign) -> Iterator[tuple[str, ModalModel]]:
@@ -81,7 +96,8 @@ def identify_frf(
     band : (float, float), optional
         Frequency band, Hz; all lines above 0 Hz where not given.
     order : int, optional
-        Highest model order, to be well above the number of modes in the band; 60 where not given.
+        Highest model order, to be well above the number of modes in the band. Where not given 60, less in
+        bands of few lines.
 
     Raises
     ------
@@ -90,28 +106,34 @@ def identify_frf(
     IdentificationError
         The band holds too few lines, or no mode stands out of the noise.
     """
-    order = DEFAULT_ORDER if order is None else order
     frf = _by_reciprocity(frf)
     _check(frf, name)
     lower, upper = band if band is not None else (frf.frequency[frf.frequency > 0.0][0], frf.frequency[-1])
     inside = frf.band(max(lower, np.finfo(float).tiny), upper)
-    if inside.frequency.size < 2 * order:
+    n_line = inside.frequency.size
+    if order is None:
+        order = min(DEFAULT_ORDER, n_line // 3)
+    if n_line < max(MIN_LINES, 2 * order):
         message = (
-            f"{name}: {inside.frequency.size} lines in {lower:g}-{upper:g} Hz of "
-            f"{frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz are too few for order {order}: widen the band or "
-            f"lower the order to {inside.frequency.size // 2} or less"
+            f"{name}: {n_line} lines in {lower:g}-{upper:g} Hz of {frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz "
+            f"are too few for order {order}: widen the band"
         )
         raise IdentificationError(message)
     candidates = stabilization(inside, order=order).chosen
-    value = inside.value.reshape(-1, inside.frequency.size)
-    fit = _modes(inside.frequency, value, candidates, inside.quantity, (lower, upper))
+    data = _Data(
+        frequency=inside.frequency,
+        value=inside.value.reshape(-1, inside.frequency.size),
+        run=np.repeat(inside.run, inside.input.node.size),
+        quantity=inside.quantity,
+    )
+    fit, runs = _modes(data, candidates, (lower, upper))
     if fit.pole.size == 0:
         message = (
             f"{name}: none of {candidates.size} stable poles in {lower:g}-{upper:g} Hz stands out of "
             "the noise as a mode: check the data, or give another band"
         )
         raise IdentificationError(message)
-    return _model(fit, inside, geometry, name, (float(lower), float(upper)))
+    return _model(fit, runs, inside, geometry, name, (float(lower), float(upper)))
 
 
 def _by_reciprocity(frf: FRF) -> FRF:
@@ -149,56 +171,55 @@ def _check(frf: FRF, name: str) -> None:
 
 
 def _modes(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    candidates: NDArray[np.complex128],
-    quantity: Quantity,
-    band: tuple[float, float],
-) -> Fit:
+    data: _Data, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
     """Refine what looks like a mode, then look for modes in what is left until none is found."""
-    fit = _refined(frequency, value, _screen(frequency, value, candidates, quantity), quantity, band)
-    tried = fit.pole
-    for _ in range(MAX_SEARCH):
-        more = likeliest_pole(frequency, fit, tried)
-        if more is None:
-            break
-        tried = np.append(tried, more)
-        trial = np.append(fit.pole, more)
-        if judge(frequency, linear_fit(frequency, value, trial, quantity), quantity).accepted[-1]:
-            extended = _refined(frequency, value, trial, quantity, band)
+    fit = _refined(data, _screen(data, candidates), band)
+    searching = True
+    while searching:
+        searching = False
+        for more in likeliest_poles(data.frequency, _run_by_run(data, fit)):
+            trial = np.append(fit.pole, more)
+            if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
+                continue
+            extended = _refined(data, trial, band)
             if extended.pole.size > fit.pole.size and not is_split(extended, -1):
                 fit = extended
-                tried = np.concatenate([tried, fit.pole])
-    rank = np.argsort(np.abs(fit.pole))
-    return linear_fit(frequency, value, fit.pole[rank], quantity)
+                searching = True
+                break
+    fit = data.linear_fit(fit.pole[np.argsort(np.abs(fit.pole))])
+    return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
 
 
-def _refined(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    pole: NDArray[np.complex128],
-    quantity: Quantity,
-    band: tuple[float, float],
-) -> Fit:
+def _run_by_run(data: _Data, fit: Fit) -> Fit:
+    """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one."""
+    runs = run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+    if not runs.disagree():
+        return fit
+    residual, noise = np.empty_like(fit.residual), np.empty_like(fit.noise)
+    for number, pole in zip(runs.run, runs.pole, strict=True):
+        own = data.run == number
+        alone = linear_fit(data.frequency, data.value[own], pole, data.quantity)
+        residual[own], noise[own] = alone.residual, alone.noise
+    return replace(fit, residual=residual, noise=noise)
+
+
+def _refined(data: _Data, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:
     """Refine, take away what is no mode, and refine again until every pole is one."""
     while True:
-        fit = refine(frequency, value, pole, quantity)
-        keep = judge(frequency, fit, quantity).accepted & _sound(fit, pole, band)
+        fit = refine(data.frequency, data.value, pole, data.quantity)
+        keep = judge(data.frequency, fit, data.quantity).accepted & _sound(fit, pole, band)
+        keep &= ~is_confined(fit, data.run)
         if keep.all():
             return fit
         pole = pole[keep]
 
 
-def _screen(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    candidates: NDArray[np.complex128],
-    quantity: Quantity,
-) -> NDArray[np.complex128]:
+def _screen(data: _Data, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
     pole = candidates
     while pole.size:
-        verdicts = judge(frequency, linear_fit(frequency, value, pole, quantity), quantity)
+        verdicts = judge(data.frequency, data.linear_fit(pole), data.quantity)
         if verdicts.accepted.all():
             break
         score = np.where(verdicts.accepted, np.inf, verdicts.score)
@@ -216,21 +237,9 @@ def _sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -
     return inside & ~moved & (std < half_bandwidth) & (half_bandwidth <= MAX_DAMPING * np.abs(fit.pole))
 
 
-def _frequency_damping_std(
-    pole: NDArray[np.complex128], covariance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Carry the poles' covariance to ``abs(s) / 2 pi`` and ``-Re(s) / abs(s)``: standard deviations."""
-    size = np.abs(pole)
-    block = np.stack([covariance[2 * r : 2 * r + 2, 2 * r : 2 * r + 2] for r in range(pole.size)])
-    to_frequency = np.stack([pole.real, pole.imag], axis=1) / (2.0 * np.pi * size[:, None])
-    to_damping = np.stack([-(pole.imag**2), pole.real * pole.imag], axis=1) / size[:, None] ** 3
-    frequency_std, damping_std = (
-        np.sqrt(np.einsum("ri,rij,rj->r", row, block, row)) for row in (to_frequency, to_damping)
-    )
-    return frequency_std, damping_std
-
-
-def _model(fit: Fit, frf: FRF, geometry: Geometry, name: str, band: tuple[float, float]) -> ModalModel:
+def _model(
+    fit: Fit, runs: RunPoles, frf: FRF, geometry: Geometry, name: str, band: tuple[float, float]
+) -> ModalModel:
     n_output, n_input, _ = frf.value.shape
     inflation = np.repeat(np.sqrt(variance_inflation(frf.frequency, fit)), 2)
     pole_covariance = fit.pole_covariance * np.outer(inflation, inflation)
@@ -242,7 +251,7 @@ def _model(fit: Fit, frf: FRF, geometry: Geometry, name: str, band: tuple[float,
     blocks = np.stack([covariance[:, 2 * r : 2 * r + 2, 2 * r : 2 * r + 2] for r in range(n_mode)], axis=1)
     variance = np.einsum("ori,orij,orj->or", unit, blocks, unit).reshape(n_output, n_input, n_mode)
     shapes = shapes_from_residues(fit.pole, residue, variance, frf.output, frf.input)
-    frequency_std, damping_std = _frequency_damping_std(fit.pole, pole_covariance)
+    frequency_std, damping_std = frequency_damping_std(fit.pole, pole_covariance)
     fitted = frf.value - fit.residual.reshape(frf.value.shape)
     measured_power = np.sum(np.abs(frf.value) ** 2, axis=-1)
     residual_power = np.sum(np.abs(fit.residual) ** 2, axis=-1).reshape(n_output, n_input)
@@ -271,9 +280,9 @@ def _model(fit: Fit, frf: FRF, geometry: Geometry, name: str, band: tuple[float,
         correlation=frac(frf.value, fitted),
         error=np.sqrt(residual_power / measured_power),
         driving_point_valid=shapes.valid,
-        run=np.unique(frf.run),
-        run_pole=np.tile(fit.pole, (np.unique(frf.run).size, 1)),
-        run_frequency_std=np.tile(frequency_std, (np.unique(frf.run).size, 1)),
-        run_damping_std=np.tile(damping_std, (np.unique(frf.run).size, 1)),
-        run_probability=np.ones((np.unique(frf.run).size, n_mode)),
+        run=runs.run,
+        run_pole=runs.pole,
+        run_frequency_std=runs.frequency_std,
+        run_damping_std=runs.damping_std,
+        run_probability=runs.probability,
     )

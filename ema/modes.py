@@ -73,8 +73,8 @@ class ModalModel:
     run_frequency_std, run_damping_std : (n_run, n_mode) float
         Their standard deviations.
     run_probability : (n_run, n_mode) float
-        Probability that a run's frequency would differ this much from that of the other runs by noise alone;
-        1 where there is one run only.
+        Probability that noise alone would make any run's frequency of any mode differ this much from those of
+        the other runs (Bonferroni's bound); 1 where there is one run only.
     """
 
     name: str
@@ -144,12 +144,8 @@ class ModalModel:
         return np.abs(self.run_pole) / (2.0 * np.pi)
 
     def disagreeing_runs(self, level: float = 0.05) -> NDArray[np.bool_]:
-        """Which run differs from the others in which mode, ``(n_run, n_mode)``.
-
-        `level` is the chance of any false alarm over all runs and modes together (Bonferroni's bound).
-        """
-        tests = max(self.run_probability.size, 1)
-        return self.run_probability < level / tests
+        """Tell which run differs from the others in which mode, ``(n_run, n_mode)``, at a false alarm rate."""
+        return self.run_probability < level
 
 
 def synthesize(

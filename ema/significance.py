@@ -28,6 +28,8 @@ MIN_REALNESS = 0.5
 
 MAX_LINE_DAMPING = 0.2
 """Widest resonance, as a damping ratio, that is searched for in the residuals."""
+CONFINED_SHARE, NEIGHBOUR_DISTANCE = 0.8, 0.02
+"""Share of one run in a pole that is no mode, and how near, relative to its size, the true one then is."""
 TRIES_PER_WIDTH = 5
 """Places of each width that are looked at."""
 SPLIT_DISTANCE, SPLIT_MAC = 2.0, 0.8
@@ -174,8 +176,8 @@ def _inflation(residual: NDArray[np.complex128]) -> float:
     return max(1.0, variance * (1.0 + 2.0 * float(correlation[1:end].sum())))
 
 
-def likeliest_pole(frequency: NDArray[np.float64], fit: Fit, taken: NDArray[np.complex128]) -> complex | None:
-    """Pole that would explain most of what a fit has left, or None where nothing stands out.
+def likeliest_poles(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.complex128]:
+    """Find poles that would explain most of what a fit has left, best first; none where nothing stands out.
 
     Lorentzian lines of octave-spaced widths are correlated with the residuals of all functions at once, which
     is the generalised likelihood ratio of one more mode, its residues free. What is left around such a line
@@ -187,8 +189,11 @@ def likeliest_pole(frequency: NDArray[np.float64], fit: Fit, taken: NDArray[np.c
         Evenly spaced lines, Hz.
     fit : Fit
         A fit over these lines.
-    taken : (n_taken,) complex
-        Poles already tried: none is returned within a half bandwidth of one of them.
+
+    Returns
+    -------
+    (n_pole,) complex
+        At most one for each width, none within a half bandwidth of a fitted pole.
     """
     n_function, n = fit.residual.shape
     spacing = frequency[1] - frequency[0]
@@ -199,32 +204,33 @@ def likeliest_pole(frequency: NDArray[np.float64], fit: Fit, taken: NDArray[np.c
     ones = scipy.fft.rfft(np.ones(n), size)
     offset = np.arange(size, dtype=float)
     offset[offset > size // 2] -= size
-    best, chosen = 0.0, None
+    found: list[tuple[float, complex]] = []
     width = 0.25
     while width < n / 8:
         line = 1.0 / (1.0 + 1j * offset / width)
         half_bandwidth = 2.0 * np.pi * spacing * width
         pole = -half_bandwidth + 2j * np.pi * frequency
         free = half_bandwidth < MAX_LINE_DAMPING * np.abs(pole)
-        for old in taken:
+        for old in fit.pole:
             free &= np.abs(pole.imag - old.imag) > np.maximum(half_bandwidth, -old.real)
         energy = scipy.fft.irfft(ones * scipy.fft.rfft(np.abs(line) ** 2), size)[:n]
         amplitude = scipy.fft.ifft(spectrum * scipy.fft.fft(line).conj(), axis=1)[:, :n] / energy
         statistic = np.where(free, 2.0 * energy * np.sum(np.abs(amplitude) ** 2, axis=0), 0.0)
         for _ in range(TRIES_PER_WIDTH):
             k = int(np.argmax(statistic))
-            if statistic[k] <= max(threshold, best):
+            if statistic[k] <= threshold:
                 break
             window = _window(frequency, pole[k])
             rest = scaled[:, window] - amplitude[:, k, None] * line[np.arange(n)[window] - k]
             inflated = statistic[k] / _inflation(rest)
-            if inflated > max(threshold, best) and _collinear(amplitude[:, k]) > 0.8 * MIN_COLLINEARITY:
-                best, chosen = inflated, complex(pole[k])
+            if inflated > threshold and _collinear(amplitude[:, k]) > 0.8 * MIN_COLLINEARITY:
+                found.append((inflated, complex(pole[k])))
                 break
             reach = int(np.ceil(2.0 * width))
             statistic[max(0, k - reach) : k + reach + 1] = 0.0
         width *= 2.0
-    return chosen
+    found.sort(key=lambda pair: pair[0], reverse=True)
+    return np.array([pole for _, pole in found], dtype=complex)
 
 
 def _collinear(amplitude: NDArray[np.complex128]) -> float:
@@ -243,3 +249,21 @@ def is_split(fit: Fit, mode: int) -> bool:
             if cross > SPLIT_MAC * np.sum(np.abs(own) ** 2) * np.sum(np.abs(fit.residue[:, r]) ** 2):
                 return True
     return False
+
+
+def is_confined(fit: Fit, run: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether each pole, ``(n_mode,)``, is a neighbour's image in a single roving run whose poles are shifted.
+
+    Such a pole lies near another one and has most of its residues, in units of the noise, in one of at least
+    three runs.
+    """
+    numbers = np.unique(run)
+    confined = np.zeros(fit.pole.size, dtype=bool)
+    if numbers.size < 3:
+        return confined
+    energy = np.abs(fit.residue / fit.noise[:, None]) ** 2
+    share = np.stack([energy[run == n].sum(axis=0) for n in numbers]) / energy.sum(axis=0)
+    for r in np.flatnonzero(share.max(axis=0) > CONFINED_SHARE):
+        gap = np.abs(np.delete(fit.pole, r) - fit.pole[r])
+        confined[r] = np.any(gap < NEIGHBOUR_DISTANCE * np.abs(fit.pole[r]))
+    return confined
