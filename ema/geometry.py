@@ -84,3 +84,11 @@ class Dofs:
         node = readonly("Dofs", "node", self.node, (None,), np.int64)
         object.__setattr__(self, "node", node)
         object.__setattr__(self, "direction", readonly("Dofs", "direction", self.direction, (node.size, 3)))
+
+    def name(self, index: int) -> str:
+        """Return a DOF as a campaign file writes it, ``12+z``, or its point and direction off the axes."""
+        direction = self.direction[index]
+        axis = int(np.argmax(np.abs(direction)))
+        if abs(direction[axis]) < 0.999:
+            return f"{self.node[index]} along {np.round(direction, 3).tolist()}"
+        return f"{self.node[index]}{'+' if direction[axis] > 0 else '-'}{'xyz'[axis]}"

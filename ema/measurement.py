@@ -265,10 +265,7 @@ def _key(dof: Dof) -> tuple[int, tuple[float, ...]]:
 
 
 def _name(key: tuple[int, tuple[float, ...]]) -> str:
-    """Return a DOF as the campaign file writes it."""
-    axis = int(np.argmax(np.abs(key[1])))
-    sign = "+" if key[1][axis] > 0 else "-"
-    return f"{key[0]}{sign}{'xyz'[axis]}" if abs(key[1][axis]) > 0.999 else f"{key[0]} along {list(key[1])}"
+    return _dofs([Dof(key[0], key[1])]).name(0)  # type: ignore[arg-type]  # three components
 
 
 def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
