@@ -2,31 +2,40 @@
 
 from ema.campaign import Campaign, Configuration, read_campaign
 from ema.errors import CampaignError, EmaError, IdentificationError, MeasurementError
+from ema.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.frf import FRF
 from ema.geometry import Dof, Dofs, Geometry
 from ema.identify import identify, identify_frf
 from ema.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.measurement import Measurement, read_measurement
 from ema.modes import ModalModel, synthesize
+from ema.quality import check, check_linearity, usable
 from ema.stabilization import StabilizationDiagram, stabilization
 from ema.uff import write_uff
+from ema.verdict import Verdict
 
 __all__ = [
     "FRF",
+    "Averaging",
     "Campaign",
     "CampaignError",
     "Configuration",
     "Dof",
     "Dofs",
     "EmaError",
+    "FRFEstimate",
     "Geometry",
     "IdentificationError",
     "Measurement",
     "MeasurementError",
     "ModalModel",
     "StabilizationDiagram",
+    "Verdict",
+    "check",
+    "check_linearity",
     "cmif",
     "comac",
+    "estimate_frf",
     "frac",
     "identify",
     "identify_frf",
@@ -40,5 +49,6 @@ __all__ = [
     "real_shape",
     "stabilization",
     "synthesize",
+    "usable",
     "write_uff",
 ]

@@ -14,9 +14,6 @@ from ema.arrays import readonly
 from ema.errors import MeasurementError
 from ema.units import parse_unit
 
-_FULL_SCALE_RUN = 3
-"""Consecutive samples at the largest value of a record that mark an overload."""
-
 
 class Averaging(BaseModel):
     """How spectra are averaged; keys of ``[measurement.time]``.
@@ -181,18 +178,22 @@ def estimate_frf(
 def clipped_share(record: NDArray[np.float64]) -> float:
     """Return the share of samples of an overloaded record that stick to its largest or smallest value.
 
-    An overload is a run of at least three equal samples at an extreme of the record; 0 for a sound record
-    and for one that is constant.
+    A signal that is cut holds its extreme value again and again, but few values just inside it. So an extreme
+    that occurs at least three times, and three times as often as the values in the next two percent (or the
+    next step of the converter, if that is coarser), marks an overload; 0 for a sound or a constant record.
     """
     record = np.asarray(record, float)
-    if record.size == 0 or np.ptp(record) == 0:
+    if record.size == 0 or not np.isfinite(record).all() or np.ptp(record) == 0:
         return 0.0
-    tolerance = 1e-6 * np.ptp(record)
     stuck = 0
-    for extreme in (record.max(), record.min()):
-        edges = np.diff(np.concatenate(([0], np.abs(record - extreme) <= tolerance, [0])).astype(int))
-        length = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-        stuck += int(length[length >= _FULL_SCALE_RUN].sum())
+    for side in (record, -record):
+        distance = side.max() - side
+        inside = distance > 1e-6 * np.ptp(record)
+        quantum = float(distance[inside].min())
+        next_to = int(np.count_nonzero(distance[inside] <= max(quantum, 0.02 * abs(side.max()))))
+        at_extreme = record.size - int(np.count_nonzero(inside))
+        if at_extreme >= 3 and at_extreme > 3 * next_to:
+            stuck += at_extreme
     return stuck / record.size
 
 

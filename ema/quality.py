@@ -19,6 +19,8 @@ from ema.measurement import Measurement
 from ema.spatial import MIN_CHANNELS, contradictions, undetectable_signs
 from ema.verdict import Verdict
 
+_MIN_OTHERS = 6
+"""Fewer channels do not hold the resonances that another one should be made of."""
 _DEAD_LEVEL = 1e-3
 _UNSHARED_DEAD = 0.8
 _UNSHARED_WARN = 0.05
@@ -60,7 +62,8 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     findings += _unshared(frf, _sound(frf, findings))
     findings += _coherence(frf, _sound(frf, findings))
     findings += _driving_points(frf, _sound(frf, findings))
-    findings += _spatial(measurement, _sound(frf, findings))
+    noisy = [c for v in findings if v.check == "unshared" for c in v.channel]
+    findings += _spatial(measurement, np.setdiff1d(_sound(frf, findings), noisy))
     findings += _reciprocity(frf, _sound(frf, findings))
     findings += _units(measurement, _sound(frf, findings))
     findings += _resolution(frf, _sound(frf, findings))
@@ -235,7 +238,7 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
     The lower values of the channel are explained by the resonances of the others; the highest ones are then
     predicted from the same combination.
     """
-    if sound.size < 4:
+    if sound.size < _MIN_OTHERS:
         return
     for position, channel in enumerate(sound):
         value = frf.value[channel, 0]
@@ -248,9 +251,10 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
         if np.count_nonzero(low) <= 2 * len(others):
             continue
         factor = np.linalg.lstsq(others[:, low].T, value[low], rcond=1e-6)[0]
+        misfit = np.linalg.norm(value[low] - factor @ others[:, low]) / np.linalg.norm(value[low])
         predicted = np.abs(factor @ others)
         share = float(np.median(size[top] / np.maximum(predicted[top], 1e-300)))
-        if share < 0.9:
+        if share < 0.9 and misfit < 0.3:
             lines = np.flatnonzero(top)
             yield int(channel), share, (float(frf.frequency[lines[0]]), float(frf.frequency[lines[-1]]))
 
@@ -269,7 +273,7 @@ def _resonances_of_others(value: NDArray[np.complex128], left_out: int) -> NDArr
 
 def _unshared(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     """Find channels that do not share the resonances of the others: unplugged, loose, overloaded, noisy."""
-    if sound.size < 4:
+    if sound.size < _MIN_OTHERS:
         return
     share = np.empty(sound.size)
     for position, channel in enumerate(sound):
@@ -324,6 +328,7 @@ def _driving_points(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 
 
 def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+    """Compare channels with their neighbours, leaving out noisy ones, which are rough without being wrong."""
     frf = measurement.frf
     for direction in _parallel(frf, sound):
         if direction.size < MIN_CHANNELS:

@@ -157,7 +157,7 @@ def test_two_faults_are_both_named():
 
 @pytest.mark.benchmark
 def test_study_of_injected_faults(capsys):
-    n_set = 200
+    n_set = 100
     lines = []
     for fault in FAULTS:
         right = others = 0

@@ -1,0 +1,202 @@
+"""Each verdict is given where its cause is, with channel and band, and not elsewhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ema.campaign import Configuration
+from ema.errors import MeasurementError
+from ema.frf import FRF
+from ema.geometry import Dofs, Geometry
+from ema.measurement import Measurement
+from ema.quality import check, check_linearity, usable
+
+FREQUENCY = np.arange(20.0, 500.0, 0.5)
+MODES = np.array([120.0, 210.0, 380.0])
+N = 20
+CONFIGURATION = Configuration(name="a", stack=None, torque=None, pressure=None, height=None, files=())
+
+
+def shape(x):
+    """Return three smooth shapes of unit modal mass at positions x in 0..1."""
+    return np.cos(np.pi * np.outer(x, [2, 3, 4])) + 0.1
+
+
+def bar(*, inputs=(1,), damping=0.01, modes=MODES, frequency=FREQUENCY, mass=1.0, noise=0.002):
+    """Return a measurement on a bar with driving points at `inputs`."""
+    x = np.linspace(0, 1, N)
+    omega = 2 * np.pi * frequency
+    own = 2 * np.pi * modes
+    mode = -(omega**2) / (own[:, None] ** 2 - omega**2 + 2j * damping * own[:, None] * omega)
+    value = np.einsum("or,ir,rf->oif", shape(x), shape(x[np.array(inputs) - 1]), mode) / mass
+    rng = np.random.default_rng(0)
+    level = noise * np.abs(value).max(axis=2, keepdims=True)
+    value = value + level * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
+    up = [0.0, 0.0, 1.0]
+    geometry = Geometry(node=np.arange(1, N + 1), coordinate=np.outer(x, [0.8, 0, 0]), line=np.empty((0, 2)))
+    frf = FRF(
+        frequency=frequency,
+        value=value,
+        quantity="accelerance",
+        output=Dofs(node=geometry.node, direction=np.tile(up, (N, 1))),
+        input=Dofs(node=inputs, direction=np.tile(up, (len(inputs), 1))),
+        run=np.arange(N) // 2,
+        source=tuple(f"run{k // 2}.uff" for k in range(N)),
+    )
+    return Measurement(
+        name="a", configuration=CONFIGURATION, frf=frf, geometry=geometry, overload=np.zeros(N), notes=()
+    )
+
+
+def changed(measurement, channel, change):
+    value = np.array(measurement.frf.value)
+    value[channel] = change(value[channel])
+    return replace(measurement, frf=replace(measurement.frf, value=value))
+
+
+def found(measurement, **options):
+    return {(v.check, v.level, v.channel) for v in check(measurement, **options) if v.level != "pass"}
+
+
+def channels(measurement):
+    return {finding for finding in found(measurement) if finding[2]}
+
+
+def test_a_sound_measurement_passes_every_check():
+    verdicts = check(bar())
+    assert {v.level for v in verdicts} == {"pass"}
+    assert len({v.check for v in verdicts}) == 12
+    assert usable(bar(), verdicts).frf.value.shape == (N, 1, FREQUENCY.size)
+
+
+def test_not_a_number():
+    def damage(value):
+        value[0, 100:105] = np.nan
+        return value
+
+    verdicts = check(changed(bar(), 4, damage))
+    (verdict,) = [v for v in verdicts if v.level == "fail"]
+    assert (verdict.check, verdict.channel, verdict.band) == ("number", (4,), (70.0, 72.0))
+    assert verdict.message.startswith("5+z (run 3, run2.uff): 5 values are not numbers")
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-5])
+def test_dead(factor):
+    assert found(changed(bar(), 4, lambda v: factor * v)) == {("dead", "fail", (4,))}
+
+
+def test_a_channel_of_another_test():
+    other = bar(modes=np.array([90.0, 260.0, 333.0])).frf.value[4]
+    assert found(changed(bar(), 4, lambda _: other)) == {("dead", "fail", (4,))}
+
+
+def test_a_noisy_channel():
+    rng = np.random.default_rng(1)
+
+    def damage(value):
+        return value + 0.4 * np.std(value) * rng.normal(size=value.shape)
+
+    assert channels(changed(bar(), 4, damage)) == {("unshared", "warn", (4,))}
+
+
+def test_overload_of_the_records():
+    assert found(replace(bar(), overload=np.eye(N)[3] * 0.02)) == {("clipped", "fail", (3,))}
+
+
+def test_coherence_with_band():
+    coherence = np.ones((N, 1, FREQUENCY.size))
+    coherence[0, 0, 150:250] = 0.3
+    measurement = bar()
+    verdicts = check(replace(measurement, frf=replace(measurement.frf, coherence=coherence)))
+    (verdict,) = [v for v in verdicts if v.level != "pass"]
+    assert (verdict.check, verdict.channel) == ("coherence", (0,))
+    assert 95 <= verdict.band[0] <= verdict.band[1] <= 144.5
+
+
+def test_driving_point_of_the_wrong_sign():
+    # too few channels for the neighbours to tell, so the power at the driving point alone decides
+    measurement = bar()
+    few = replace(
+        changed(measurement, 0, np.negative),
+        frf=changed(measurement, 0, np.negative).frf.outputs(np.arange(N) < 4),
+        overload=np.zeros(4),
+    )
+    assert ("sign", "fail", (0,)) in found(few)
+    turned = replace(few.frf, output=Dofs(node=few.frf.output.node, direction=-few.frf.output.direction))
+    assert ("sign", "fail", (0,)) not in found(replace(few, frf=turned))
+
+
+def test_sign_of_a_neighbour():
+    assert channels(changed(bar(), 6, np.negative)) == {("sign", "fail", (6,))}
+
+
+def test_too_few_channels_are_said():
+    few = bar().frf.outputs(np.arange(N) < 5)
+    verdicts = check(replace(bar(), frf=few, overload=np.zeros(5)))
+    assert [v.message for v in verdicts if v.level == "warn"] == [
+        "5 channels in one direction are too few to check sign, scale and exchange"
+    ]
+
+
+def test_reciprocity():
+    two = bar(inputs=(2, 9))
+    assert found(two) == set()
+    value = np.array(two.frf.value)
+    value[1, 1] *= 1.3
+    assert found(replace(two, frf=replace(two.frf, value=value))) == {("reciprocity", "warn", (1, 8))}
+
+
+def test_non_uniform_axis_fails_as_a_whole():
+    measurement = bar()
+    frequency = np.array(measurement.frf.frequency)
+    frequency[300:] += 0.2
+    broken = replace(measurement, frf=replace(measurement.frf, frequency=frequency))
+    verdicts = check(broken)
+    assert [(v.check, v.level, v.channel) for v in verdicts] == [("axis", "fail", ())]
+    with pytest.raises(MeasurementError, match="not uniform, first seen at line 300"):
+        usable(broken, verdicts)
+
+
+@pytest.mark.parametrize("factor", [1e-8, 1e8])
+def test_size_that_no_structure_has(factor):
+    measurement = bar()
+    frf = replace(measurement.frf, value=factor * measurement.frf.value)
+    assert found(replace(measurement, frf=frf)) == {("unit", "warn", ())}
+
+
+def test_quantity_that_does_not_fit_the_phase():
+    measurement = bar()
+    wrong = replace(measurement.frf.convert("mobility"), quantity="accelerance")
+    assert ("unit", "fail", ()) in found(replace(measurement, frf=wrong))
+    assert found(replace(measurement, frf=measurement.frf.convert("mobility"))) == set()
+
+
+@pytest.mark.parametrize(("damping", "lines"), [(0.01, None), (0.001, "120 Hz (0.5 lines)")])
+def test_resonances_of_few_lines(damping, lines):
+    verdicts = [v for v in check(bar(damping=damping, noise=1e-5)) if v.check == "resolution"]
+    assert [v.level for v in verdicts] == ["pass" if lines is None else "warn"]
+    if lines is not None:
+        assert lines in verdicts[0].message
+        assert verdicts[0].band == pytest.approx((120, 380), abs=0.1)
+
+
+def test_only_the_band_is_judged():
+    assert found(bar(damping=0.001, noise=1e-5), band=(125.0, 205.0)).isdisjoint({("resolution", "warn", ())})
+
+
+def test_failed_channels_are_left_out_with_the_reason():
+    measurement = changed(bar(), 4, lambda v: 0 * v)
+    rest = usable(measurement, check(measurement))
+    assert rest.frf.output.node.tolist() == [1, 2, 3, 4, *range(6, N + 1)]
+    assert rest.overload.shape == (N - 1,)
+    assert rest.notes[0].startswith("left out: 5+z (run 3, run2.uff): dead")
+
+
+def test_linearity():
+    low, high = bar(), replace(bar(modes=MODES * [1, 0.99, 1]), name="b")
+    verdicts = check_linearity(low, high)
+    assert [v.level for v in verdicts] == ["pass", "warn", "pass"]
+    assert verdicts[1].band[0] < 210 < verdicts[1].band[1]
+    with pytest.raises(MeasurementError, match="do not share DOFs and frequency lines"):
+        check_linearity(low, bar(frequency=FREQUENCY + 1))
