@@ -35,6 +35,11 @@ class ModalModel:
         Residues of the receptance, m/(N s).
     lower, upper : (n_output, n_input) complex
         Residual terms of the modes below (1/kg) and above (m/N) the band.
+    outside_pole : (n_outside,) complex
+        Poles, rad/s, of modes just outside the band whose flanks the residual terms do not meet; often none.
+        They belong to the sum above and are no result: the band does not determine them.
+    outside_residue : (n_output, n_input, n_outside) complex
+        Their residues, m/(N s).
     shape : (n_dof, n_mode) complex
         Shapes at the outputs. Mass-normalised (1/sqrt(kg)) where `scaled`, else of unit largest component.
     shape_std : (n_dof, n_mode) float
@@ -86,6 +91,8 @@ class ModalModel:
     residue: NDArray[np.complex128]
     lower: NDArray[np.complex128]
     upper: NDArray[np.complex128]
+    outside_pole: NDArray[np.complex128]
+    outside_residue: NDArray[np.complex128]
     shape: NDArray[np.complex128]
     shape_std: NDArray[np.float64]
     scaled: bool
@@ -109,6 +116,7 @@ class ModalModel:
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)
+        n_outside = np.size(self.outside_pole)
         n_input, n_run = self.input.node.size, np.size(self.run)
         expected: dict[str, tuple[tuple[int, ...], type]] = {
             "frequency": ((n_mode,), float),
@@ -119,6 +127,8 @@ class ModalModel:
             "residue": ((n_dof, n_input, n_mode), complex),
             "lower": ((n_dof, n_input), complex),
             "upper": ((n_dof, n_input), complex),
+            "outside_pole": ((n_outside,), complex),
+            "outside_residue": ((n_dof, n_input, n_outside), complex),
             "shape": ((n_dof, n_mode), complex),
             "shape_std": ((n_dof, n_mode), float),
             "node": ((n_dof,), int),
@@ -175,8 +185,8 @@ def synthesize(
     if exponent < 2 and np.any(s == 0.0):
         message = f"{quantity} has no value at 0 Hz: its lower residual term is singular; ask for lines above"
         raise IdentificationError(message)
-    kernel = s**exponent / (s - modal_model.pole[:, None])
-    mirrored = s**exponent / (s - modal_model.pole.conj()[:, None])
-    modes = modal_model.residue @ kernel + modal_model.residue.conj() @ mirrored
+    pole = np.concatenate([modal_model.pole, modal_model.outside_pole])[:, None]
+    residue = np.concatenate([modal_model.residue, modal_model.outside_residue], axis=-1)
+    modes = residue @ (s**exponent / (s - pole)) + residue.conj() @ (s**exponent / (s - pole.conj()))
     lower = modal_model.lower[..., None] * s ** (exponent - 2)
     return modes + lower + modal_model.upper[..., None] * s**exponent

@@ -119,11 +119,14 @@ def refine(
             )
             step /= scale
             trial = current + step[0::2] + 1j * step[1::2]
-            if np.all(trial.real < 0.0) and np.all(trial.imag > 0.0):
-                proposed = _project(frequency, target, fixed, trial, quantity)
-                if proposed.objective <= state.objective:
-                    improved = True
-                    break
+            # A step across an axis goes nine tenths of the way to it, pole by pole, so that none stalls the rest.
+            trial = np.minimum(trial.real, 0.1 * current.real) + 1j * np.maximum(
+                trial.imag, 0.1 * current.imag
+            )
+            proposed = _project(frequency, target, fixed, trial, quantity)
+            if proposed.objective <= state.objective:
+                improved = True
+                break
             damping *= 10.0
         if not improved:
             break

@@ -157,8 +157,9 @@ def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
     spacing = frequency[1] - frequency[0]
     centre = (pole.imag / (2.0 * np.pi) - frequency[0]) / spacing
     reach = max(4.0 * -pole.real / (2.0 * np.pi * spacing), 8.0)
-    start = int(np.clip(centre - reach, 0, frequency.size - 16))
-    return slice(start, int(np.clip(centre + reach + 1, start + 16, frequency.size)))
+    fewest = min(16, frequency.size)
+    start = int(np.clip(centre - reach, 0, frequency.size - fewest))
+    return slice(start, int(np.clip(centre + reach + 1, start + fewest, frequency.size)))
 
 
 def _inflation(residual: NDArray[np.complex128]) -> float:

@@ -24,7 +24,7 @@ LINK_DISTANCE = 0.01
 MAX_GAP = 2
 """A chain survives this many orders without its pole."""
 MIN_CHAIN = 6
-"""Fewest poles in a cluster."""
+"""Fewest poles in a cluster, or a third of the orders where they are few."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,7 +104,7 @@ def stabilization(frf: FRF, *, order: int = 60) -> StabilizationDiagram:
         orders.append(np.full(kept.size, k))
     chain = _chain(poles)
     all_orders, all_poles = np.concatenate(orders), np.concatenate(poles)
-    cluster, chosen = _clusters(all_orders, all_poles, chain)
+    cluster, chosen = _clusters(all_orders, all_poles, chain, order)
     return StabilizationDiagram(
         order=all_orders,
         pole=all_poles,
@@ -144,14 +144,15 @@ def _chain(poles: list[NDArray[np.complex128]]) -> NDArray[np.int64]:
 
 
 def _clusters(
-    order: NDArray[np.int64], pole: NDArray[np.complex128], chain: NDArray[np.int64]
+    order: NDArray[np.int64], pole: NDArray[np.complex128], chain: NDArray[np.int64], highest: int
 ) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
     """Clusters are the long chains; one pole stands for each, the median over its upper half of orders."""
     cluster = np.full(pole.size, -1)
     members: list[NDArray[np.int64]] = []
     chosen: list[complex] = []
-    for number, count in enumerate(np.bincount(chain, minlength=0)):
-        if count >= MIN_CHAIN:
+    fewest = min(MIN_CHAIN, -(-highest // 3))
+    for number, count in enumerate(np.bincount(chain)):
+        if count >= fewest:
             member = np.flatnonzero(chain == number)
             upper = pole[member[order[member] >= np.median(order[member])]]
             members.append(member)

@@ -1,0 +1,164 @@
+"""Which poles are modes: from candidates to a fit of all modes of a band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.frf import Quantity
+from ema.refinement import Fit, linear_fit, refine
+from ema.roving import RunPoles, run_poles
+from ema.significance import is_confined, is_split, judge, likeliest_poles, significance_threshold
+from ema.stabilization import MAX_DAMPING
+
+MAX_MOVE = 5.0
+"""Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
+NEIGHBOUR_OFFSETS = (0.02, 0.1, 0.3)
+"""Distances from the ends of the band, over its width, at which a mode outside of it is first supposed."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Functions:
+    """Functions to fit as rows.
+
+    Attributes
+    ----------
+    frequency : (n_frequency,) float
+        Lines of the band above 0 Hz.
+    value : (n_function, n_frequency) complex
+    run : (n_function,) int
+        Roving run of each function.
+    quantity : {"receptance", "mobility", "accelerance"}
+    """
+
+    frequency: NDArray[np.float64]
+    value: NDArray[np.complex128]
+    run: NDArray[np.int64]
+    quantity: Quantity
+
+    def linear_fit(self, pole: NDArray[np.complex128]) -> Fit:
+        """Fit residues and residual terms at fixed poles."""
+        return linear_fit(self.frequency, self.value, pole, self.quantity)
+
+
+def select_modes(
+    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
+    """Refine what looks like a mode, then look for modes in what is left until none is found.
+
+    Parameters
+    ----------
+    data : Functions
+    candidates : (n_candidate,) complex
+        Poles that may be modes, rad/s.
+    band : (float, float)
+        Where modes are wanted, Hz. A pole just outside of it is kept where it is needed for the misfit that
+        the lower and upper residual terms leave at the ends of the band.
+
+    Returns
+    -------
+    fit : Fit
+        All modes together, ascending in frequency; those outside the band last.
+    runs : RunPoles
+        The same poles run by run.
+    """
+    fit = _refined(data, _screen(data, candidates), band)
+    fit = _with_neighbours(data, fit, band)
+    searching = True
+    while searching:
+        searching = False
+        for more in likeliest_poles(data.frequency, _run_by_run(data, fit)):
+            trial = np.append(fit.pole, more)
+            if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
+                continue
+            extended = _refined(data, trial, band)
+            if extended.pole.size > fit.pole.size and not is_split(extended, -1):
+                fit = extended
+                searching = True
+                break
+    rank = np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))
+    fit = data.linear_fit(fit.pole[rank])
+    return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+
+
+def _run_by_run(data: Functions, fit: Fit) -> Fit:
+    """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one."""
+    runs = run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+    if not runs.disagree():
+        return fit
+    residual, noise = np.empty_like(fit.residual), np.empty_like(fit.noise)
+    for number, pole in zip(runs.run, runs.pole, strict=True):
+        own = data.run == number
+        alone = linear_fit(data.frequency, data.value[own], pole, data.quantity)
+        residual[own], noise[own] = alone.residual, alone.noise
+    return replace(fit, residual=residual, noise=noise)
+
+
+def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:
+    """Refine, take away what is no mode, and refine again until every pole is one."""
+    while True:
+        fit = refine(data.frequency, data.value, pole, data.quantity)
+        verdicts = judge(data.frequency, fit, data.quantity)
+        modes = verdicts.accepted & _sound(fit, pole, band) & ~is_confined(fit, data.run)
+        neighbours = (
+            ~inside(fit.pole, band)
+            & ~inside(pole, band)
+            & inside(fit.pole, (band[0] - (band[1] - band[0]), 2.0 * band[1] - band[0]))
+            & (-fit.pole.real > 1e-6 * np.abs(fit.pole))
+            & (-fit.pole.real < MAX_DAMPING * np.abs(fit.pole))
+            & (verdicts.statistic > verdicts.threshold)
+        )
+        keep = modes | neighbours
+        if keep.all():
+            return fit
+        pole = pole[keep]
+
+
+def _screen(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
+    pole = candidates
+    while pole.size:
+        verdicts = judge(data.frequency, data.linear_fit(pole), data.quantity)
+        if verdicts.accepted.all():
+            break
+        score = np.where(verdicts.accepted, np.inf, verdicts.score)
+        pole = np.delete(pole, np.argmin(score))
+    return pole
+
+
+def _sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which refined poles are determined by the data and stayed where they started."""
+    half_bandwidth = -fit.pole.real
+    std = np.sqrt(np.diag(fit.pole_covariance)[1::2])
+    moved = np.abs(fit.pole - start) > MAX_MOVE * np.maximum(half_bandwidth, -start.real)
+    determined = (std < half_bandwidth) & (half_bandwidth <= MAX_DAMPING * np.abs(fit.pole))
+    return inside(fit.pole, band) & ~moved & determined
+
+
+def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell which poles the band (Hz) holds with at least one half bandwidth on each side."""
+    hertz, half_bandwidth = np.abs(pole) / (2.0 * np.pi), -pole.real / (2.0 * np.pi)
+    return (hertz - half_bandwidth >= band[0]) & (hertz + half_bandwidth <= band[1])
+
+
+def _with_neighbours(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit:
+    """Add one pole below and one above the band where the functions show the flank of a mode outside of it."""
+    width = band[1] - band[0]
+    threshold = significance_threshold(data.value.shape[0], data.frequency.size)
+    for end, side in ((band[0], -1.0), (band[1], 1.0)):
+        supposed = [end + side * offset * width for offset in NEIGHBOUR_OFFSETS]
+        trials = [
+            data.linear_fit(np.append(fit.pole, 2.0 * np.pi * (-0.25 * abs(hertz - end) + 1j * hertz)))
+            for hertz in supposed
+            if hertz > 0.0
+        ]
+        if not trials:
+            continue
+        best = min(trials, key=lambda trial: trial.objective)
+        if 2.0 * (fit.objective - best.objective) > threshold:
+            extended = _refined(data, best.pole, band)
+            if extended.pole.size > fit.pole.size and extended.objective < fit.objective:
+                fit = extended
+    return fit
