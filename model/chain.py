@@ -7,6 +7,7 @@ needed.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,31 +82,27 @@ class ChainFactor:
         return x
 
 
-def factorize(matrix: sp.csr_matrix, groups: list[NDArray[np.intp]]) -> ChainFactor:
-    """Factorise a symmetric positive definite matrix whose rows stand in the order of `groups`.
+def factorize(columns: Iterable[NDArray[np.float64]], groups: list[NDArray[np.intp]]) -> ChainFactor:
+    """Factorise a symmetric positive definite block tridiagonal matrix.
 
     Parameters
     ----------
-    matrix : sparse (n, n)
-        Block tridiagonal: the first ``groups[0].size`` rows are those of the first block, and so on.
+    columns : iterable of (n_i + n_i+1, n_i)
+        Each block's columns from the diagonal block down; the last one has its diagonal block only.
     groups : list of (n_i,) int
-        The unknowns that the rows stand for; `ChainFactor.solve` takes and returns them in their own order.
+        The unknowns of each block.
 
     Raises
     ------
     SolveError
         The matrix is not positive definite.
     """
-    stops = np.cumsum([group.size for group in groups])
     inverse: list[NDArray[np.float64]] = []
     below: list[NDArray[np.float64]] = []
-    start = 0
-    for i, stop in enumerate(stops):
-        following = stops[min(i + 1, len(stops) - 1)]
-        columns = matrix[start:following, start:stop].toarray()
-        block = columns[: stop - start]
-        if i:
-            block -= la.blas.dsyrk(1.0, below[-1], lower=1)  # fills the lower triangle, all that follows reads
+    for both, group in zip(columns, groups, strict=True):
+        block, coupling = both[: group.size], both[group.size :]
+        if below:
+            block = block - la.blas.dsyrk(1.0, below[-1], lower=1)  # its lower triangle, all that is read
         try:
             lower = la.cholesky(block, lower=True, check_finite=False)
         except la.LinAlgError as error:
@@ -114,8 +111,6 @@ def factorize(matrix: sp.csr_matrix, groups: list[NDArray[np.intp]]) -> ChainFac
             )
             raise SolveError(message) from error
         inverse.append(la.lapack.dtrtri(lower, lower=1)[0])
-        if i < len(stops) - 1:
-            coupling = columns[stop - start :]
+        if coupling.size:
             below.append(la.blas.dtrmm(1.0, inverse[-1], coupling, side=1, lower=1, trans_a=1))
-        start = stop
     return ChainFactor(groups=groups, inverse=inverse, below=below)

@@ -1,4 +1,9 @@
-"""Clamps: the masses that ride on the stack."""
+"""Clamps: the masses that ride on the stack.
+
+A clamp's effective mass moves with the mean displacement of the area that it presses, so it brings no rotary
+inertia of its own. A mass at a point of a thin lamina would swing on the contact around it instead: on the
+faces, such local modes crowd the band of the stack's own.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +18,17 @@ from model.system import Kron, Monomial, Term
 _POINTS_PER_SIDE = 8  # Gauss points over a footprint; it may span several elements
 
 
-def _footprint_points(clamp: Clamp) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points (n, 2) and their shares (n,) of the mass."""
+def _footprint_points(clamp: Clamp, stack: Stack) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points (n, 2) of the area that a clamp presses and their weights (n,), which sum to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS_PER_SIDE)
-    axes = [
-        (centre + side / 2.0 * nodes, weights / 2.0) if side > 0.0 else (np.array([centre]), np.ones(1))
-        for centre, side in zip((clamp.x, clamp.y), clamp.footprint, strict=True)
-    ]
-    x, y = np.meshgrid(axes[0][0], axes[1][0], indexing="ij")
-    return np.column_stack([x.ravel(), y.ravel()]), np.outer(axes[0][1], axes[1][1]).ravel()
+    axes = []
+    for centre, side, size in zip(
+        (clamp.x, clamp.y), clamp.footprint, (stack.length, stack.width), strict=True
+    ):
+        low, high = max(centre - side / 2.0, -size / 2.0), min(centre + side / 2.0, size / 2.0)
+        axes.append((low + high) / 2.0 + (high - low) / 2.0 * nodes)
+    x, y = np.meshgrid(*axes, indexing="ij")
+    return np.column_stack([x.ravel(), y.ravel()]), np.outer(weights, weights).ravel() / 4.0
 
 
 def _height_shares(clamp: Clamp, n_lamina: int) -> NDArray[np.float64]:
@@ -37,11 +44,13 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     """Return the mass of each clamp, moving with u, v and w of the laminas that carry it."""
     terms = []
     for i, clamp in enumerate(stack.clamps):
-        points, shares = _footprint_points(clamp)
+        points, weights = _footprint_points(clamp, stack)
         z = sp.diags_array(clamp.mass * _height_shares(clamp, stack.n_lamina)).tocsr()
-        krons = tuple(
-            Kron(row=field, column=field, z=z, planar=plan.point_form(field, points, shares))
-            for field in FIELDS
+        krons = []
+        for field in FIELDS:
+            mean = sp.csr_matrix(weights @ plan.point_rows(field, points))
+            krons.append(Kron(row=field, column=field, z=z, planar=(mean.T @ mean).tocsr()))
+        terms.append(
+            Term(name=f"clamp {i} mass", target="M", factor=Monomial(exponent={}), krons=tuple(krons))
         )
-        terms.append(Term(name=f"clamp {i} mass", target="M", factor=Monomial(exponent={}), krons=krons))
     return tuple(terms)

@@ -72,8 +72,9 @@ def lowest_modes(
     -------
     eigenvalue : (n_mode,)
         Ascending, (rad/s)**2.
-    vector : (n, n_mode)
-        Mass-normalised.
+    vector : (n, k)
+        Mass-normalised. Those beyond the first `n_mode` are further Ritz vectors, not converged, which the
+        iteration gives away free.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def lowest_modes(
         inverse, vectors = la.eigh((projected + projected.T) / 2.0)
         now = 1.0 / inverse[::-1][:n_mode]
         if now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now):
-            return now - shift, basis @ vectors[:, ::-1][:, :n_mode]
+            return now - shift, basis @ vectors[:, ::-1][:, : start.shape[1]]
         before = now
         block, mass_block = orthonormalize(image, mass, basis, mass_basis)
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])

@@ -137,13 +137,6 @@ class Plan:
             (values.ravel(), (rows.ravel(), basis.element_dofs[:, cells].ravel())), (x.shape[1], basis.N)
         ).tocsr()
 
-    def point_form(
-        self, field: Field, points: NDArray[np.float64], weights: NDArray[np.float64]
-    ) -> sp.csr_matrix:
-        """Return the sum over points of weight times the product of a field's values there."""
-        rows = self.point_rows(field, points)
-        return (rows.T @ sp.diags_array(weights) @ rows).tocsr()
-
 
 def rectangle(length: float, width: float, n_x: int, n_y: int) -> Plan:
     """Mesh a rectangle centred at the origin with `n_x` by `n_y` equal elements."""

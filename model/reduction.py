@@ -21,12 +21,12 @@ from model.assemble import assemble
 from model.chain import ChainFactor
 from model.eigen import orthonormalize
 from model.mesh import Field
-from model.solver import chain_over_plan, prepare, transfer
+from model.solver import solver_over_plan, transfer
 from model.stack import Stack
 from model.system import Assembly, Monomial, Target
 from model.z_basis import SPARE, shear_shift, z_basis
 
-_TOLERANCE = 1e-8  # relative, of the snapshots' eigenvalues
+_TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -161,10 +161,9 @@ def reduce(
     stack: Stack,
     *,
     G_f_range: tuple[float, float] | None = None,
-    n_mode: int = 22,
+    n_mode: int = 18,
     n_snapshot: int = 4,
-    n_membrane: int = 12,
-    n_bending: int = 10,
+    z_tolerance: float = 1e-5,
 ) -> ReducedSystem:
     """Reduce a stack to a small system that is affine in its parameters.
 
@@ -179,8 +178,8 @@ def reduce(
         Modes of each snapshot, the six rigid-body modes included.
     n_snapshot : int
         Number of snapshots, spaced evenly in log G_f.
-    n_membrane, n_bending : int
-        Number of functions of z for u and v, and for w.
+    z_tolerance : float
+        Relative error of frequencies that the functions of z may cause, checked on a coarse plan.
 
     Raises
     ------
@@ -189,9 +188,9 @@ def reduce(
     """
     low, high = G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0)
     samples = sorted(np.geomspace(low, high, n_snapshot), key=lambda g: -abs(np.log(g**2 / (low * high))))
-    over_z = z_basis(stack, samples[:2], n_mode, n_membrane, n_bending)
+    over_z = z_basis(stack, samples[:2], n_mode, z_tolerance)
     assembly = assemble(stack).project_z(over_z.phi)
-    solver = prepare(assembly, chain_over_plan(assembly))
+    solver = solver_over_plan(assembly)
     mass = assembly.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -234,8 +233,7 @@ def reduce(
 
 def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> ChainFactor:
     """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
-    solver = prepare(system.assembly, chain_over_plan(system.assembly))
-    return solver.factor(theta, shear_shift(system.stack, theta))
+    return solver_over_plan(system.assembly).factor(theta, shear_shift(system.stack, theta))
 
 
 def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

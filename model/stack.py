@@ -70,8 +70,8 @@ class Clamp:
     distribution : "height" or "faces"
         Spread evenly over all laminas, or half on the top and half on the bottom one.
     footprint : (float, float)
-        Lengths along x and y of the rectangle over which the mass is spread on the plan, m; (0, 0) is a
-        point mass.
+        Lengths along x and y of the rectangle that the clamp presses on the plan, m; the mass moves with the
+        mean displacement there. (0, 0) is a point mass; what overhangs the stack does not count.
     """
 
     mass: float
@@ -138,14 +138,11 @@ class Stack:
     def __post_init__(self) -> None:
         _require_positive("stack", self, "length", "width", "height", "n_lamina")
         for i, clamp in enumerate(self.clamps):
-            for axis, position, side, size in (
-                ("x", clamp.x, clamp.footprint[0], self.length),
-                ("y", clamp.y, clamp.footprint[1], self.width),
-            ):
-                if abs(position) + side / 2.0 > size / 2.0 * (1.0 + 1e-9):
+            for axis, position, size in (("x", clamp.x, self.length), ("y", clamp.y, self.width)):
+                if abs(position) > size / 2.0:
                     message = (
-                        f"clamps[{i}]: {axis} = {position:g} m with a footprint of {side:g} m lies outside "
-                        f"the stack, which reaches from {-size / 2:g} to {size / 2:g} m"
+                        f"clamps[{i}]: {axis} = {position:g} m lies outside the stack, which reaches from "
+                        f"{-size / 2:g} to {size / 2:g} m"
                     )
                     raise StackError(message)
 
