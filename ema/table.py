@@ -122,12 +122,15 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
     functions = []
     for group in columns:
         source = f"{path}: column {', '.join(map(str, group))}"
-        value = _complex(layout, [table[c] for c in group])
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # what is not finite is for the quality check to say
+            value = _complex(layout, [table[c] for c in group]) * (1.0 if unit is None else unit.factor)
         functions.append(
             MeasuredFunction(
                 kind="response" if layout.layout == "time" else "frf",
                 abscissa=axis,
-                value=value if unit is None else value * unit.factor,
+                value=value,
                 quantity=None if unit is None else unit.frf,
                 output=None,
                 input=None,

@@ -255,10 +255,12 @@ def _function(record: Record58, units: _FileUnits, unit: Unit | None, notes: lis
         elif motion is not None and motion.motion is not None:
             denominator = force.factor if force is not None and force.is_force else units.force
             factor, quantity = motion.factor / denominator, motion.motion
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
+        value = record.value.real if kind == "coherence" else record.value * factor
     return MeasuredFunction(
         kind=kind,
         abscissa=record.abscissa,
-        value=record.value.real if kind == "coherence" else record.value * factor,
+        value=value,
         quantity=quantity,
         output=_degree(header["response node"], header["response direction"]),
         input=_degree(header["reference node"], header["reference direction"]),
@@ -345,36 +347,54 @@ def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
     systems: dict[int, _System] = {}
     for where, content in parsed:
         if content["type"] == 2420:
-            labels, types = content["CS_sys_labels"], content["CS_types"]
+            keys = ("CS_sys_labels", "CS_types", "CS_sys_labels")
             matrices = [np.asarray(matrix, float) for matrix in content["CS_matrices"]]
-            axes, origins = [m[:3] for m in matrices], [m[3] for m in matrices]
+            frames = [(matrix[:3], matrix[3]) for matrix in matrices]
         elif content["type"] == 18:
-            labels, types = content["cs_num"], content["cs_type"]
-            origins = [np.asarray(o, float) for o in content["ref_o"]]
-            x = [np.asarray(p, float) - o for p, o in zip(content["x_point"], origins, strict=True)]
-            xz = [np.asarray(p, float) - o for p, o in zip(content["xz_point"], origins, strict=True)]
-            y = [np.cross(b, a) for a, b in zip(x, xz, strict=True)]
-            axes = [np.array([a, b, np.cross(a, b)]) for a, b in zip(x, y, strict=True)]
+            keys = ("cs_num", "cs_type", "ref_cs_num")
+            points = [np.asarray(content[key], float) for key in ("ref_o", "x_point", "xz_point")]
+            if not all(np.all(np.abs(p) < 1e30) for p in points):
+                message = f"{where}: the points of the coordinate systems are not finite"
+                raise MeasurementError(message)
+            frames = [(_axes(o, x, xz), o) for o, x, xz in zip(*points, strict=False)]
         else:
             continue
-        if not len(labels) == len(types) == len(axes):
-            message = f"{where}: the records of the coordinate systems are incomplete"
+        numbers = [np.asarray(content[key], float) for key in keys]
+        if {len(n) for n in numbers} != {len(frames)} or not np.all(np.abs(numbers) < 2**31):
+            message = f"{where}: the records of the coordinate systems are incomplete or not finite"
             raise MeasurementError(message)
-        for label, kind, rows, origin in zip(labels, types, axes, origins, strict=True):
+        for (label, kind, reference), (rows, origin) in zip(np.transpose(numbers), frames, strict=True):
             length = np.linalg.norm(rows, axis=1, keepdims=True)
-            if int(kind) != 0 or not (np.isfinite(rows).all() and np.all(length > 0)):
+            if kind != 0 or not (np.isfinite(rows).all() and np.all(length > 0)):
                 message = f"{where}: coordinate system {int(label)} is not Cartesian with three axes"
                 raise MeasurementError(message)
-            systems[int(label)] = _System(axes=rows / length, origin=origin)
+            base = systems.get(int(reference)) if content["type"] == 18 else None
+            axes, start = rows / length, origin
+            if base is not None:
+                axes, start = axes @ base.axes, origin @ base.axes + base.origin
+            systems[int(label)] = _System(axes=axes, origin=start)
     return systems
+
+
+def _axes(
+    origin: NDArray[np.float64], on_x: NDArray[np.float64], on_xz: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return axes (not of unit length) from the origin, a point on +x and one in the +xz plane."""
+    x = on_x - origin
+    y = np.cross(on_xz - origin, x)
+    return np.array([x, y, np.cross(x, y)])
 
 
 def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
     """Return the pairs of points joined by trace lines (82) and element edges (2412), once each."""
     pairs: list[tuple[int, int]] = []
-    for _, content in parsed:
+    for where, content in parsed:
         if content["type"] == 82:
-            nodes = np.asarray(content["nodes"]).astype(int).tolist()
+            values = np.asarray(content["nodes"], float)
+            if not np.all(np.abs(values) < 2**31):  # also where it is not a number
+                message = f"{where}: field 'nodes defining trace line' holds values that are no point numbers"
+                raise MeasurementError(message)
+            nodes = values.astype(int).tolist()
             pairs += [(a, b) for a, b in pairwise(nodes) if a > 0 and b > 0]
         elif content["type"] == 2412:
             for elements in (value for value in content.values() if isinstance(value, list)):

@@ -332,7 +332,8 @@ def _binary_numbers(
     surplus = len(body) - header["number of values"] * per_value * size
     if surplus:
         notes.append(f"{data_set.where}: the binary block is {surplus:+d} bytes off its announced size")
-    return np.frombuffer(body[: len(body) // size * size], dtype=f"{order}f{size}").astype(float)
+    with np.errstate(invalid="ignore"):  # a bit pattern may be no number; the quality check says so
+        return np.frombuffer(body[: len(body) // size * size], dtype=f"{order}f{size}").astype(float)
 
 
 def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool, expected: int) -> NDArray[np.float64]:
