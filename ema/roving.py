@@ -14,9 +14,12 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from ema.frf import Quantity
-from ema.refinement import Fit, refine
+from ema.lsfd import mode_basis
+from ema.refinement import Fit, linear_fit, refine
 from ema.significance import variance_inflation
 
+VISIBLE = 1e-6
+"""Chance that noise alone makes a mode visible in a run."""
 FALSE_ALARM = 0.05
 """Chance that runs of one and the same structure are said to differ."""
 
@@ -109,15 +112,22 @@ def run_poles(
             probability=np.ones((1, n_mode)),
         )
     for k, number in enumerate(numbers):
-        own = refine(frequency, value[run == number], fit.pole, quantity)
+        part = value[run == number]
+        at_all = linear_fit(frequency, part, fit.pole, quantity)
+        visible = _visible(at_all)
+        # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
+        hidden = mode_basis(frequency, fit.pole[~visible], quantity) @ _stacked(at_all.residue[:, ~visible])
+        part = part - (hidden[: frequency.size] + 1j * hidden[frequency.size :]).T
+        own = refine(frequency, part, fit.pole[visible], quantity)
         inflation = np.repeat(np.sqrt(variance_inflation(frequency, own)), 2)
         stds = frequency_damping_std(own.pole, own.pole_covariance * np.outer(inflation, inflation))
-        half_bandwidth = np.maximum(-own.pole.real, -fit.pole.real)
+        half_bandwidth = np.maximum(-own.pole.real, -fit.pole[visible].real)
         determined = 2.0 * np.pi * stds[0] < 0.5 * half_bandwidth
-        determined &= np.abs(own.pole - fit.pole) < 0.05 * np.abs(fit.pole)
-        pole[k, determined] = own.pole[determined]
-        frequency_std[k, determined] = stds[0][determined]
-        damping_std[k, determined] = stds[1][determined]
+        determined &= np.abs(own.pole - fit.pole[visible]) < 0.05 * np.abs(own.pole)
+        at = np.flatnonzero(visible)[determined]
+        pole[k, at] = own.pole[determined]
+        frequency_std[k, at] = stds[0][determined]
+        damping_std[k, at] = stds[1][determined]
     return RunPoles(
         run=numbers,
         pole=pole,
@@ -125,6 +135,22 @@ def run_poles(
         damping_std=damping_std,
         probability=_disagreement(np.abs(pole) / (2.0 * np.pi), frequency_std),
     )
+
+
+def _visible(fit: Fit) -> NDArray[np.bool_]:
+    """Whether the residues of each mode at its fixed pole stand out of the noise of a few functions."""
+    index = 2 * np.arange(fit.pole.size)
+    statistic = np.zeros(fit.pole.size)
+    for part in (fit.residue.real, fit.residue.imag):
+        statistic += np.sum((part / fit.noise[:, None]) ** 2, axis=0)
+    # Per unit noise the two parts of a residue have nearly equal variance and no correlation.
+    variance = 0.5 * (fit.linear_covariance[index, index] + fit.linear_covariance[index + 1, index + 1])
+    return statistic / variance > scipy.stats.chi2.isf(VISIBLE, 2 * fit.residue.shape[0])
+
+
+def _stacked(residue: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Residues ``(n_function, n_mode)`` as coefficients of `mode_basis`, ``(2 n_mode, n_function)``."""
+    return np.stack([residue.real.T, residue.imag.T], axis=1).reshape(-1, residue.shape[0])
 
 
 def _disagreement(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np.float64]:

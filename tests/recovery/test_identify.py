@@ -145,8 +145,8 @@ def test_bad_data_are_named() -> None:
         identify_frf(block(frf.frequency, value), geometry(44), name="bad")
     with pytest.raises(MeasurementError, match="even steps"):
         identify_frf(block(frf.frequency**1.1, frf.value), geometry(44), name="bad")
-    with pytest.raises(IdentificationError, match="too few for order 60"):
-        identify_frf(frf, geometry(44), name="bad", band=(100.0, 110.0))
+    with pytest.raises(IdentificationError, match="too few for order"):
+        identify_frf(frf, geometry(44), name="bad", band=(100.0, 103.0))
 
 
 def measured(folder: str) -> Path:
