@@ -4,11 +4,12 @@ from model.assemble import assemble
 from model.errors import ModelError, SolveError, StackError
 from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
-from model.observation import Observation, sample_points
+from model.observation import Observation, Observed, observe, sample_points
 from model.reduction import ReducedSystem, reduce
 from model.response import frf, frf_direct
 from model.stack import Clamp, Contact, Mesh, Stack
 from model.stack_file import read_stack
+from model.surface import Surface, mode_surface
 from model.system import Assembly, Kron, Monomial, Term
 
 __all__ = [
@@ -22,15 +23,19 @@ __all__ = [
     "Modes",
     "Monomial",
     "Observation",
+    "Observed",
     "ReducedSystem",
     "SolveError",
     "Stack",
     "StackError",
+    "Surface",
     "Term",
     "assemble",
     "complex_modes",
     "frf",
     "frf_direct",
+    "mode_surface",
+    "observe",
     "read_stack",
     "reduce",
     "sample_points",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.errors import SolveError
-from model.observation import Observation, observation_rows
+from model.observation import Observation, Observed, observe
 from model.reduction import ReducedSystem
 
 _RIGID = 1e-8  # of the highest eigenvalue asked for: below it a frequency is rounding around a rigid-body 0
@@ -97,7 +97,7 @@ def solve_modes(
     G_f: float,
     d_f: float,
     n_mode: int = 12,
-    observation: Observation,
+    observation: Observation | Observed,
     parameters: Mapping[str, float] | None = None,
 ) -> Modes:
     """Solve for the lowest modes at given contact parameters.
@@ -119,8 +119,8 @@ def solve_modes(
         Contact damping parameter, s/Pa.
     n_mode : int
         Number of modes, rigid-body modes included.
-    observation : Observation
-        Where shapes are wanted.
+    observation : Observation or Observed
+        Where shapes are wanted; `observe` it once where many solves follow.
     parameters : mapping of str to float, optional
         Values of further parameters that differ from `system.theta`.
 
@@ -149,7 +149,8 @@ def solve_modes(
     safe = np.where(omega > 0.0, omega, np.inf)
     damping_matrix = system.matrix("C", theta)
     modal_damping = np.einsum("ir,ij,jr->r", coordinate, damping_matrix, coordinate, optimize=True)
-    rows = observation_rows(system, observation) @ system.basis
+    observed = observe(system, observation)
+    rows = observed.reduced_rows
 
     names = tuple(theta)
     frequency_gradient = np.zeros((n_mode, len(names)))
@@ -170,8 +171,8 @@ def solve_modes(
         frequency=omega / (2.0 * np.pi),
         damping=modal_damping / (2.0 * safe),
         shape=rows @ coordinate,
-        node=observation.node,
-        direction=observation.direction,
+        node=observed.node,
+        direction=observed.direction,
         n_rigid=n_rigid,
         parameter=names,
         frequency_gradient=frequency_gradient,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.modes import full_parameters
-from model.observation import Observation, observation_rows
+from model.observation import Observation, observe
 from model.reduction import ReducedSystem, shifted_factor
 from model.system import Target
 
@@ -74,7 +74,7 @@ def frf(
         )
         raise SolveError(message)
     theta = full_parameters(system, G_f, d_f, parameters)
-    rows_out, rows_in = observation_rows(system, output), observation_rows(system, input)
+    rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
     assembly = system.assembly
     krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
 
@@ -129,7 +129,7 @@ def frf_direct(
     """
     theta = full_parameters(system, G_f, d_f, parameters)
     stiffness, damping, mass = (system.assembly.matrix(target, theta) for target in ("K", "C", "M"))
-    rows_out, rows_in = observation_rows(system, output), observation_rows(system, input)
+    rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
     load = rows_in.T.toarray().astype(complex)
     value = np.empty((rows_out.shape[0], rows_in.shape[0], np.size(frequency)), dtype=complex)
     for i, omega in enumerate(2.0 * np.pi * np.asarray(frequency, dtype=float)):
