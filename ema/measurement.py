@@ -100,6 +100,7 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     if not entries:
         message = f"{campaign.path}: configuration {name!r}: its files hold no usable FRF"
         raise MeasurementError(message)
+    entries = _with_axis(entries, notes)
     entries = _one_quantity(entries, notes)
     entries = _one_axis(entries, notes)
     pairs = _without_duplicates(entries, notes)
@@ -278,6 +279,21 @@ def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     return uniform if np.abs(frequency - uniform).max() <= tolerance else frequency
 
 
+def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
+    """Leave out functions without an ascending frequency axis, which nothing can be done with."""
+    good = []
+    for entry in entries:
+        step = np.diff(entry.frequency)
+        if step.size and np.all(step > 0) and np.isfinite(entry.frequency).all():
+            good.append(entry)
+        else:
+            notes.append(f"{entry.source}: left out, its frequency axis does not ascend")
+    if not good:
+        message = f"{entries[0].source}: no function has an ascending frequency axis"
+        raise MeasurementError(message)
+    return good
+
+
 def _one_quantity(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
     """Differentiate all functions to the highest quantity present; that needs no division at 0 Hz."""
     highest = max((e.quantity for e in entries), key=DERIVATIVE.__getitem__)
@@ -321,6 +337,9 @@ def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
                 f"{reference.size} from {reference[0]:g} to {reference[-1]:g} Hz"
             )
     common = reference[(reference >= lower - 0.1 * step) & (reference <= upper + 0.1 * step)]
+    if common.size < 2:
+        message = f"{fitting[0].source} and the other functions share fewer than two frequency lines"
+        raise MeasurementError(message)
     if common.size < reference.size:
         notes.append(f"all functions are cropped to their common lines, {common[0]:g} to {common[-1]:g} Hz")
     cropped = []

@@ -316,7 +316,7 @@ def _driving_points(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
             omega = 2 * np.pi * np.maximum(frf.frequency, 1e-12)
             mobility = frf.value[channel, j] * (1j * omega) ** (1 - DERIVATIVE[frf.quantity])
             real = np.sign(along) * mobility.real[frf.frequency > 0]
-            negative = float(-real[real < 0].sum() / np.abs(real).sum())
+            negative = float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
             if negative > 0.5:
                 message = "driving point of the wrong sign: turn the direction of the sensor or of the force"
                 yield _verdict(frf, "sign", "fail", int(channel), message)

@@ -240,6 +240,9 @@ def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> _
 def _function(record: Record58, units: _FileUnits, unit: Unit | None, notes: list[str]) -> MeasuredFunction:
     header = record.header
     kind = _KINDS.get(header["function type"], "other")
+    if any(abs(header[f"{end} direction"]) > 3 for end in ("response", "reference")):
+        notes.append(f"{record.where}: a rotation or an unknown direction; it is not used")
+        kind = "other"
     quantity: Quantity | None = None
     factor = 1.0
     if kind == "frf" and unit is not None:
