@@ -167,9 +167,7 @@ def read_58(data_set: DataSet) -> Record58:
     if data_set.kind == "58b":
         numbers = _binary_numbers(data_set, body, header, per_value, notes)
     else:
-        numbers = _text_numbers(
-            data_set.where, body, ordinate, uneven, header["number of values"] * per_value
-        )
+        numbers = _text_numbers(data_set.where, body, ordinate, uneven)
     count = numbers.size // per_value
     announced = header["number of values"]
     if count < announced or numbers.size - announced * per_value >= 6:
@@ -336,35 +334,29 @@ def _binary_numbers(
         return np.frombuffer(body[: len(body) // size * size], dtype=f"{order}f{size}").astype(float)
 
 
-def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool, expected: int) -> NDArray[np.float64]:
-    """Read the numbers between blanks or, where that fails, from the fixed columns of the standard.
-
-    Numbers may touch in fixed columns, and may be shifted against the columns between blanks.
-    """
+def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> NDArray[np.float64]:
+    """Read the numbers between blanks or, where numbers touch, from the fixed columns of the standard."""
     text = body.replace(b"D", b"E").replace(b"d", b"e")
-    words = text.split()
-    numbers = _converted(words)
-    if numbers is not None and numbers.size >= expected:
+    numbers = _converted(text.split())
+    if numbers is not None:
         return numbers
     widths: tuple[int, ...] = (13,) * 6
     if ordinate in (4, 6):
         widths = (20,) * 4 if not uneven else (13, 20, 13, 20) if ordinate == 4 else (13, 20, 20)
     edges = np.cumsum((0, *widths))
-    cells = [
-        line[start:end]
-        for line in text.splitlines()
-        for start, end in pairwise(edges)
-        if line[start:end].strip()
-    ]
-    columns = _converted(cells)
-    if numbers is None and columns is None:
-        for row, line in enumerate(body.splitlines(), start=1):
-            if _converted(line.split()) is None:
-                message = f"{where}: data line {row} does not hold numbers: {_decoded(line).rstrip()!r}"
-                raise MeasurementError(message)
-    if numbers is None or (columns is not None and columns.size == expected):
-        assert columns is not None
-        return columns
+    numbers = _converted(
+        [
+            line[start:end]
+            for line in text.splitlines()
+            for start, end in pairwise(edges)
+            if line[start:end].strip()
+        ]
+    )
+    if numbers is None:
+        rows = enumerate(text.splitlines(), start=1)
+        row, line = next((row, line) for row, line in rows if _converted(line.split()) is None)
+        message = f"{where}: data line {row} does not hold numbers: {_decoded(line).rstrip()!r}"
+        raise MeasurementError(message)
     return numbers
 
 

@@ -131,6 +131,20 @@ def test_sign_of_a_neighbour():
     assert channels(changed(bar(), 6, np.negative)) == {("sign", "fail", (6,))}
 
 
+def test_sensors_that_point_the_other_way_are_no_fault():
+    measurement = bar(inputs=(2,))
+    turn = np.where(np.arange(N) % 3 == 0, -1.0, 1.0)[:, None]
+    output = Dofs(node=measurement.frf.output.node, direction=turn * measurement.frf.output.direction)
+    value = turn[:, :, None] * measurement.frf.value
+    assert found(replace(measurement, frf=replace(measurement.frf, value=value, output=output))) == set()
+
+
+def test_the_factor_of_a_scale_fault_is_told():
+    (verdict,) = [v for v in check(changed(bar(), 6, lambda v: v / 9.80665)) if v.channel]
+    assert (verdict.check, verdict.level, verdict.channel) == ("scale", "fail", (6,))
+    assert float(verdict.message.split("multiplied by ")[1].split(";")[0]) == pytest.approx(9.80665, rel=0.05)
+
+
 def test_too_few_channels_are_said():
     few = bar().frf.outputs(np.arange(N) < 5)
     verdicts = check(replace(bar(), frf=few, overload=np.zeros(5)))

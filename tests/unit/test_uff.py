@@ -232,13 +232,14 @@ def test_a_coordinate_system_in_another_one(tmp_path):
     systems = f"    -1\n    18\n         1         0         0         8         1\nA\n{frame}"
     systems += f"         2         0         1         8         1\nB\n{frame}    -1\n"
     point = "    -1\n    15\n         7         2         2         8"
-    point += "  1.00000E+00  0.00000E+00  0.00000E+00\n    -1\n"
+    point += "  1.00000E+00  0.00000E+00  0.00000E+00\n"
+    point += "         8         1         0         8  1.00000E+00  2.00000E+00  0.00000E+00\n    -1\n"
     (tmp_path / "a.uff").write_text(systems + point)
     geometry, _ = read_uff_geometry(tmp_path / "a.uff")
     np.testing.assert_allclose(geometry.direction(7, 1), [-1, 0, 0], atol=1e-15)
     np.testing.assert_allclose(geometry.direction(7, 3), [0, 0, 1], atol=1e-15)
     # origin of 2 is one along the local x of 1, so (1, 1, 0); the point is one along its own x from there
-    np.testing.assert_allclose(geometry.coordinate, [[0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(geometry.coordinate, [[0, 1, 0], [-1, 1, 0]], atol=1e-15)
     (tmp_path / "a.uff").write_text(systems.replace("         2         0", "         2         1") + point)
     with pytest.raises(MeasurementError, match=r"data set 1 \(18\): coordinate system 2 is not Cartesian"):
         read_uff_geometry(tmp_path / "a.uff")
