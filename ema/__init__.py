@@ -9,6 +9,7 @@ from ema.identify import identify, identify_frf
 from ema.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.measurement import Measurement, read_measurement
 from ema.modes import ModalModel, synthesize
+from ema.picking import pick_poles, read_poles, write_poles
 from ema.quality import check, check_linearity, usable
 from ema.stabilization import StabilizationDiagram, stabilization
 from ema.uff import write_uff
@@ -44,11 +45,14 @@ __all__ = [
     "modal_scale_factor",
     "mpc",
     "mpd",
+    "pick_poles",
     "read_campaign",
     "read_measurement",
+    "read_poles",
     "real_shape",
     "stabilization",
     "synthesize",
     "usable",
+    "write_poles",
     "write_uff",
 ]

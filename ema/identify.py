@@ -20,7 +20,7 @@ from ema.measurement import read_measurement
 from ema.modes import ModalModel
 from ema.refinement import Fit
 from ema.roving import RunPoles, frequency_damping_std
-from ema.selection import Functions, inside, select_modes
+from ema.selection import Functions, fit_chosen, inside, select_modes
 from ema.shapes import shapes_from_residues
 from ema.significance import variance_inflation
 from ema.stabilization import stabilization
@@ -65,6 +65,7 @@ def identify_frf(
     name: str,
     band: tuple[float, float] | None = None,
     order: int | None = None,
+    pole: NDArray[np.complex128] | None = None,
 ) -> ModalModel:
     """Identify the modes of one configuration.
 
@@ -83,6 +84,8 @@ def identify_frf(
     order : int, optional
         Highest model order, to be well above the number of modes in the band. Where not given 60, less in
         bands of few lines.
+    pole : (n_mode,) complex, optional
+        Poles chosen by hand (`ema.picking`), rad/s. They are refined; none is added or taken away.
 
     Raises
     ------
@@ -104,14 +107,25 @@ def identify_frf(
             f"are too few for order {order}: widen the band"
         )
         raise IdentificationError(message)
-    candidates = stabilization(lines, order=order).chosen
     data = Functions(
         frequency=lines.frequency,
         value=lines.value.reshape(-1, lines.frequency.size),
         run=np.repeat(lines.run, lines.input.node.size),
         quantity=lines.quantity,
     )
-    fit, runs = select_modes(data, candidates, (lower, upper))
+    if pole is None:
+        candidates = stabilization(lines, order=order).chosen
+        fit, runs = select_modes(data, candidates, (lower, upper))
+    else:
+        candidates = pole
+        if not inside(pole, (lower, upper)).all():
+            outside = np.abs(pole[~inside(pole, (lower, upper))]) / (2.0 * np.pi)
+            message = (
+                f"{name}: chosen poles at {', '.join(f'{f:.6g}' for f in outside)} Hz are not within "
+                f"{lower:g}-{upper:g} Hz by a half bandwidth: widen the band or take them away"
+            )
+            raise IdentificationError(message)
+        fit, runs = fit_chosen(data, candidates, (lower, upper))
     if not inside(fit.pole, (lower, upper)).any():
         message = (
             f"{name}: none of {candidates.size} stable poles in {lower:g}-{upper:g} Hz stands out of "

@@ -65,11 +65,15 @@ def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Fig
     return figure
 
 
-def stabilization_figure(diagram: StabilizationDiagram) -> Figure:
-    """Draw the poles over the model orders, those of clusters filled, on the mode indicator function."""
+def stabilization_figure(diagram: StabilizationDiagram, figure: Figure | None = None) -> Figure:
+    """Draw the poles over the model orders, those of clusters filled, on the mode indicator function.
+
+    The chart is drawn on a figure of its own, or on `figure` where a window holds one.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+    if figure is None:
+        figure = Figure(figsize=(7.5, 4.5), layout="constrained")
     axes = figure.subplots()
     behind = axes.twinx()
     indicator = diagram.indicator[0]

@@ -83,6 +83,18 @@ def select_modes(
     return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
 
 
+def fit_chosen(
+    data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
+    """Refine poles that were chosen by hand, and judge, add and take away none.
+
+    The parameters and results are those of `select_modes`.
+    """
+    fit = refine(data.frequency, data.value, pole, data.quantity)
+    fit = data.linear_fit(fit.pole[np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))])
+    return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+
+
 def _run_by_run(data: Functions, fit: Fit) -> Fit:
     """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one."""
     runs = run_poles(data.frequency, data.value, data.run, fit, data.quantity)
