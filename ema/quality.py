@@ -175,6 +175,7 @@ def _passed(findings: list[Verdict]) -> Iterator[Verdict]:
         "sign": "no channel is turned",
         "scale": "no channel is out of scale",
         "swapped": "no channels are exchanged",
+        "neighbours": "neighbouring points agree",
         "reciprocity": "pairs measured both ways, if any, agree",
         "unit": "size and phase fit the units",
         "resolution": "resonances are resolved",
@@ -336,6 +337,13 @@ def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Ver
             yield Verdict(check="sign", level="warn", channel=(), band=None, message=text)
             continue
         for fault in contradictions(frf, measurement.geometry, direction, _BELIEVED):
+            if fault.kind == "unexplained":
+                text = (
+                    "the shapes are rougher than neighbouring points allow, and no single fault explains it: "
+                    "compare the resonances of the runs, which a roving sensor's mass shifts"
+                )
+                yield Verdict(check="neighbours", level="warn", channel=(), band=None, message=text)
+                continue
             names = " and ".join(_label(frf, c) for c in fault.channel)
             off = max(fault.factor, 1 / fault.factor) if fault.factor > 0 else np.inf
             if fault.kind == "scale" and off < _SCALE_WARN:

@@ -155,6 +155,25 @@ def test_two_faults_are_both_named():
     assert sorted(named(check(measurement))) == sorted([("sign", first), ("scale", second)])
 
 
+def shifted(measurement, rng, largest):
+    """Return the measurement with the resonances of each run shifted, as by a roving sensor's mass."""
+    value, frequency = np.array(measurement.frf.value[:, 0]), measurement.frf.frequency
+    for run in np.unique(measurement.frf.run):
+        stretched = frequency * (1 + largest * rng.random())
+        for channel in np.flatnonzero(measurement.frf.run == run):
+            parts = (np.interp(stretched, frequency, p) for p in (value[channel].real, value[channel].imag))
+            value[channel] = next(parts) + 1j * next(parts)
+    return replace(measurement, frf=replace(measurement.frf, value=value[:, None]))
+
+
+def test_shifted_runs_accuse_no_channel():
+    # set 4 was one of those in which the likeliest fault is a corner of the wrong scale
+    rng = np.random.default_rng([9, 4])
+    verdicts = check(shifted(plate(rng), rng, 0.003))
+    assert named(verdicts) == []
+    assert [v.check for v in verdicts if v.level == "warn" and v.check != "resolution"] == ["neighbours"]
+
+
 @pytest.mark.benchmark
 def test_study_of_injected_faults(capsys):
     n_set = 100
@@ -169,12 +188,17 @@ def test_study_of_injected_faults(capsys):
             others += any(c not in channels for _, group in found for c in group)
         lines.append((fault, right / n_set, others / n_set))
     alarms = sum(bool(named(check(plate(np.random.default_rng([2, seed]))))) for seed in range(n_set)) / n_set
+    rngs = [np.random.default_rng([3, seed]) for seed in range(n_set)]
+    on_shift = sum(bool(named(check(shifted(plate(rng), rng, 0.003)))) for rng in rngs) / n_set
     with capsys.disabled():
         print(f"\ninjected faults, {n_set} sets of 44 channels each")
         for fault, right, others in lines:
             print(
                 f"  {fault:8s} named with the right channel {100 * right:5.1f} %, another accused {100 * others:4.1f} %"
             )
-        print(f"  false alarms in sound sets {100 * alarms:.1f} %")
+        print(
+            f"  false alarms in sound sets {100 * alarms:.1f} %, with runs shifted by up to 0.3 % {100 * on_shift:.1f} %"
+        )
     assert all(right >= 0.95 for _, right, _ in lines)
     assert alarms <= 0.05
+    assert on_shift <= 0.05
