@@ -171,7 +171,7 @@ def test_shifted_runs_accuse_no_channel():
     rng = np.random.default_rng([9, 4])
     verdicts = check(shifted(plate(rng), rng, 0.003))
     assert named(verdicts) == []
-    assert [v.check for v in verdicts if v.level == "warn" and v.check != "resolution"] == ["neighbours"]
+    assert ("neighbours", "warn") in [(v.check, v.level) for v in verdicts]
 
 
 @pytest.mark.benchmark
@@ -196,9 +196,8 @@ def test_study_of_injected_faults(capsys):
             print(
                 f"  {fault:8s} named with the right channel {100 * right:5.1f} %, another accused {100 * others:4.1f} %"
             )
-        print(
-            f"  false alarms in sound sets {100 * alarms:.1f} %, with runs shifted by up to 0.3 % {100 * on_shift:.1f} %"
-        )
+        print(f"  false alarms in sound sets {100 * alarms:.1f} %")
+        print(f"  false alarms where runs are shifted by up to 0.3 % {100 * on_shift:.1f} %")
     assert all(right >= 0.95 for _, right, _ in lines)
     assert alarms <= 0.05
     assert on_shift <= 0.05
