@@ -39,6 +39,8 @@ def orthonormalize(
     scale = np.sqrt(np.einsum("ij,ij->j", x, mass_x))
     x, mass_x = x / scale, mass_x / scale
     for _ in range(2):  # the second pass removes what rounding left of the first
+        if x.shape[1] == 0:
+            break
         part = mass_against.T @ x
         x, mass_x = x - against @ part, mass_x - mass_against @ part
         values, vectors = la.eigh(x.T @ mass_x)
@@ -95,6 +97,8 @@ def lowest_modes(
             return now - shift, basis @ vectors[:, ::-1][:, : start.shape[1]]
         before = now
         block, mass_block = orthonormalize(image, mass, basis, mass_basis)
+        if block.shape[1] == 0 and now.size == n_mode:  # the space is invariant and its Ritz values exact
+            return now - shift, basis @ vectors[:, ::-1][:, : start.shape[1]]
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     message = f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps"
     raise SolveError(message)

@@ -27,8 +27,8 @@ _QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the re
 
 def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
     axes = ["xy".index(letter) for letter in derivative]
-    tensor = (field.value, field.grad, field.hess)[len(axes)]
-    return np.asarray(tensor[tuple(axes)] if axes else tensor)
+    tensor = (field, field.grad, field.hess)[len(axes)]
+    return np.asarray(tensor)[tuple(axes)] if axes else np.asarray(tensor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,7 +100,7 @@ class Plan:
         basis = self.basis(field)
         x, y = self.quadrature_points
         value = linear[0] + linear[1] * x + linear[2] * y
-        loads = np.array([(shape[0].value * value * basis.dx).sum(axis=1) for shape in basis.basis])
+        loads = np.array([(np.asarray(shape[0]) * value * basis.dx).sum(axis=1) for shape in basis.basis])
         load = np.bincount(basis.element_dofs.ravel(), loads.ravel(), minlength=basis.N)
         return np.asarray(splinalg.spsolve(self.form(field, field).tocsc(), load))
 

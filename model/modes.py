@@ -14,8 +14,9 @@ from model.arrays import readonly
 from model.errors import SolveError
 from model.observation import Observation, Observed, observe
 from model.reduction import ReducedSystem
+from model.z_basis import shear_shift
 
-_RIGID = 1e-8  # of the highest eigenvalue asked for: below it a frequency is rounding around a rigid-body 0
+_RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
 _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
 
 
@@ -139,8 +140,8 @@ def solve_modes(
         message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
         raise SolveError(message)
     eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
-    rigid_limit = _RIGID * abs(eigenvalues[n_mode - 1])
-    if eigenvalues[0] < -max(rigid_limit, _RIGID * eigenvalues[-1]):
+    rigid_limit = _RIGID * abs(shear_shift(system.stack, theta))
+    if eigenvalues[0] < -rigid_limit:
         message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
         raise SolveError(message)
     n_rigid = int(np.count_nonzero(eigenvalues[:n_mode] < rigid_limit))
@@ -243,7 +244,7 @@ def complex_modes(
     theta = full_parameters(system, G_f, d_f, parameters)
     eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
     n = system.size
-    n_rigid = int(np.count_nonzero(eigenvalues < _RIGID * abs(eigenvalues[n_mode - 1])))
+    n_rigid = int(np.count_nonzero(eigenvalues < _RIGID * shear_shift(system.stack, theta)))
     damping = vectors.T @ system.matrix("C", theta) @ vectors
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(eigenvalues), -damping]])
     poles = la.eigvals(state)

@@ -58,7 +58,7 @@ class ReducedSystem:
     theta : mapping of str to float
         Nominal parameters.
     G_f_range : (float, float)
-        Values of G_f between which the snapshots were taken.
+        Values of G_f for which the reduction was made.
     """
 
     stack: Stack
@@ -177,7 +177,7 @@ def reduce(
     n_mode : int
         Modes of each snapshot, the six rigid-body modes included.
     n_snapshot : int
-        Number of snapshots, spaced evenly in log G_f.
+        Number of snapshots, at the Chebyshev nodes of log G_f.
     z_tolerance : float
         Relative error of frequencies that the functions of z may cause, checked on a coarse plan.
 
@@ -187,7 +187,9 @@ def reduce(
         The equations are singular, or the modes do not converge.
     """
     low, high = G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0)
-    samples = sorted(np.geomspace(low, high, n_snapshot), key=lambda g: -abs(np.log(g**2 / (low * high))))
+    nodes = np.cos((np.arange(n_snapshot) + 0.5) * np.pi / n_snapshot)  # Chebyshev's, in log G_f
+    samples = [float(np.sqrt(low * high) * (high / low) ** (node / 2.0)) for node in nodes]
+    samples = samples[:: max(n_snapshot - 1, 1)] + samples[1:-1]  # the outer two first: they tell most
     over_z = z_basis(stack, samples[:2], n_mode, z_tolerance)
     assembly = assemble(stack).project_z(over_z.phi)
     solver = solver_over_plan(assembly)

@@ -258,7 +258,7 @@ def transfer(coarse: Assembly, fine: Assembly, x: Vector) -> Vector:
         basis = fine.plan.basis(field)
         n_z, n_planar = fine.n_z[field], fine.plan.size(field)
         at_points = coarse.plan.point_rows(field, points)
-        values = np.array([(shape[0].value * basis.dx).ravel() for shape in basis.basis])
+        values = np.array([(np.asarray(shape[0]) * basis.dx).ravel() for shape in basis.basis])
         rows = np.repeat(basis.element_dofs, basis.dx.shape[1], axis=1)
         columns = np.broadcast_to(np.arange(values.shape[1]), values.shape)
         load = sp.coo_matrix(

@@ -1,0 +1,147 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as splinalg
+
+import model
+
+STACK = model.Stack(
+    name="small",
+    length=0.3,
+    width=0.08,
+    height=0.065,
+    n_lamina=24,
+    material=model.Material(young=2e11, poisson=0.28, density=7650.0),
+    contact=model.Contact(G_f=825.0, d_f=2e-11, pressure=320e3, normal_modulus=5e9),
+    clamps=(model.Clamp(mass=1.0, x=0.08, y=0.01, distribution="faces", footprint=(0.04, 0.05)),),
+    mesh=model.Mesh(n_x=6, n_y=2),
+)
+CORNERS = model.Observation(
+    node=[1, 2, 3, 4],
+    location=[[0.15, 0.04, 0.04], [0.15, -0.04, 0.0], [-0.15, 0.04, 0.0], [0.03, 0.0, -0.04]],
+    direction=[[0.0, 0.0, 1.0], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]],
+)
+
+
+@pytest.fixture(scope="module")
+def system():
+    return model.reduce(STACK)
+
+
+def full(theta, n):
+    assembly = model.assemble(STACK)
+    stiffness, mass, damping = (
+        assembly.matrix(t, {**assembly.theta, **theta}).tocsc() for t in ("K", "M", "C")
+    )
+    values, vectors = splinalg.eigsh(stiffness, n, mass, sigma=-((2 * np.pi * 200) ** 2))
+    omega = np.sqrt(np.abs(values))
+    return omega / (2 * np.pi), np.einsum("ir,ir->r", vectors, damping @ vectors) / (2 * omega)
+
+
+@pytest.mark.parametrize("G_f", [300.0, 825.0, 2500.0])
+def test_reduced_modes_agree_with_the_full_matrices(system, G_f):
+    modes = model.solve_modes(system, G_f=G_f, d_f=3e-11, n_mode=16, observation=CORNERS)
+    frequency, damping = full({"G_f": G_f, "d_f": 3e-11}, 16)
+    assert modes.n_rigid == 6
+    assert np.all(modes.frequency[:6] == 0.0)
+    np.testing.assert_allclose(modes.elastic().frequency, frequency[6:], rtol=5e-5)
+    np.testing.assert_allclose(modes.elastic().damping, damping[6:], rtol=2e-3)
+
+
+def test_derivatives_agree_with_finite_differences(system):
+    step = {"G_f": 1e-2, "d_f": 1e-16, "young": 1e-5, "density": 1e-5, "normal_modulus": 1e-5}
+    observed = model.observe(system, CORNERS)
+
+    def solve(theta):
+        rest = {name: theta[name] for name in ("young", "density", "normal_modulus")}
+        return model.solve_modes(
+            system, G_f=theta["G_f"], d_f=theta["d_f"], observation=observed, parameters=rest
+        ).elastic()
+
+    base = solve(system.theta)
+    for j, name in enumerate(base.parameter):
+        plus, minus = (solve({**system.theta, name: system.theta[name] + s * step[name]}) for s in (1, -1))
+        for quantity in ("frequency", "damping"):
+            slope = (getattr(plus, quantity) - getattr(minus, quantity)) / (2 * step[name])
+            exact = getattr(base, f"{quantity}_gradient")[:, j]
+            np.testing.assert_allclose(exact, slope, atol=1e-5 * abs(slope).max() + 1e-9, rtol=1e-4)
+        sign = (
+            np.sign(np.sum(plus.shape * base.shape, axis=0)),
+            np.sign(np.sum(minus.shape * base.shape, axis=0)),
+        )
+        slope = (plus.shape * sign[0] - minus.shape * sign[1]) / (2 * step[name])
+        np.testing.assert_allclose(
+            base.shape_gradient[:, :, j], slope, atol=1e-4 * abs(slope).max() + 1e-7, rtol=1e-3
+        )
+
+
+def test_shapes_are_mass_normalised_rigid_translation_included(system):
+    modes = model.solve_modes(system, G_f=825.0, d_f=0.0, n_mode=6, observation=CORNERS)
+    # The sum of squares over all rigid-body modes at the centre of mass in one direction is 1 / mass.
+    stack_only = model.reduce(dataclasses.replace(STACK, clamps=()), n_snapshot=1)
+    centre = model.Observation(node=[1], location=[[0.0, 0.0, 0.0]], direction=[[0.0, 0.0, 1.0]])
+    free = model.solve_modes(stack_only, G_f=825.0, d_f=0.0, n_mode=6, observation=centre)
+    assert modes.n_rigid == free.n_rigid == 6
+    assert np.sum(free.shape**2) == pytest.approx(1.0 / stack_only.stack.mass, rel=1e-6)
+
+
+def test_modal_damping_stands_for_the_complex_eigenproblem(system):
+    modes = model.solve_modes(system, G_f=825.0, d_f=2e-11, n_mode=14, observation=CORNERS).elastic()
+    frequency, damping = model.complex_modes(system, G_f=825.0, d_f=2e-11, n_mode=14)
+    np.testing.assert_allclose(modes.frequency, frequency, rtol=2e-3)
+    np.testing.assert_allclose(modes.damping, damping, rtol=2e-3)
+    assert np.max(np.abs(modes.damping / damping - 1.0)) > 1e-8  # damping is not proportional
+
+
+def test_frf_agrees_with_the_direct_solution(system):
+    point = model.Observation(node=[1], location=[[0.15, 0.04, 0.0325]], direction=[[0.0, 0.0, 1.0]])
+    lines = np.array([20.0, 300.0, 460.0, 700.0, 1000.0])
+    arguments = {"G_f": 825.0, "d_f": 2e-11, "frequency": lines, "output": CORNERS, "input": point}
+    direct = model.frf_direct(system, **arguments)
+    receptance = model.frf(system, quantity="receptance", **arguments)
+    assert receptance.shape == (4, 1, 5)
+    np.testing.assert_allclose(receptance, direct, atol=3e-3 * np.abs(direct).max(axis=(0, 1)).min())
+    accelerance = model.frf(system, **arguments)
+    np.testing.assert_allclose(accelerance, -((2 * np.pi * lines) ** 2) * receptance)
+
+
+def test_what_cannot_be_asked_is_refused(system):
+    with pytest.raises(model.SolveError, match=r"n_mode = 0"):
+        model.solve_modes(system, G_f=825.0, d_f=0.0, n_mode=0, observation=CORNERS)
+    with pytest.raises(model.SolveError, match=r"yuong.*young"):
+        model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS, parameters={"yuong": 1.0})
+    with pytest.raises(model.SolveError, match="negative"):
+        model.solve_modes(system, G_f=-825.0, d_f=0.0, observation=CORNERS)
+    with pytest.raises(model.SolveError, match="accelerance"):
+        model.frf(
+            system, G_f=825.0, d_f=0.0, frequency=[1.0], output=CORNERS, input=CORNERS, quantity="compliance"
+        )
+    with pytest.raises(ValueError, match=r"expected unit vectors, got length 2 .*node 7"):
+        model.Observation(node=[7], location=[[0, 0, 0]], direction=[[2, 0, 0]])
+
+
+def test_samples_lie_on_the_nearest_lamina_inside_the_outline():
+    sampled, distance = model.sample_points(STACK, [[0.16, 0.0, 0.05], [0.0, 0.0, STACK.lamina_z[7]]])
+    np.testing.assert_allclose(sampled[0], [0.15, 0.0, STACK.lamina_z[-1]])
+    assert distance[0] == pytest.approx(np.hypot(0.01, 0.05 - STACK.lamina_z[-1]))
+    assert distance[1] == 0.0
+
+
+def test_surface_repeats_the_observed_shape(system):
+    modes = model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS)
+    surface = model.mode_surface(system, modes, 7, lamina=[0, -1], n_x=3, n_y=3)
+    assert surface.displacement.shape == (2, 3, 3, 3)
+    np.testing.assert_allclose(surface.location[1, -1, -1], [0.15, 0.04, STACK.lamina_z[-1]])
+    assert surface.displacement[1, -1, -1, 2] == pytest.approx(modes.shape[0, 7])
+    with pytest.raises(model.SolveError, match="0 to 11"):
+        model.mode_surface(system, modes, 12, lamina=[0])
+
+
+def test_picture_is_a_png(system):
+    from model.plot import mode_png
+
+    modes = model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS)
+    picture = mode_png(system, modes, 6, size=(300, 200))
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 2000

@@ -1,0 +1,110 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as splinalg
+
+import model
+from model.normal_contact import normal_krons
+from model.solver import solver_over_laminas, solver_over_plan
+from model.tangential_contact import tangential_krons
+
+MATERIAL = model.Material(young=2e11, poisson=0.28, density=7650.0)
+CONTACT = model.Contact(G_f=825.0, d_f=5e-11, pressure=320e3, normal_modulus=5e9)
+STACK = model.Stack(
+    name="small",
+    length=0.3,
+    width=0.08,
+    height=0.065,
+    n_lamina=8,
+    material=MATERIAL,
+    contact=CONTACT,
+    clamps=(model.Clamp(mass=2.0, x=0.05, y=0.0, distribution="faces", footprint=(0.04, 0.06)),),
+    mesh=model.Mesh(n_x=4, n_y=2),
+)
+
+
+def uneven(stack: model.Stack) -> model.Assembly:
+    """Return the stack with interfaces of random stiffness, one nearly loose, and pressure falling along x."""
+    assembly = model.assemble(stack)
+    rng = np.random.default_rng(1)
+    modulus = CONTACT.pressure * rng.uniform(0.5, 1.5, stack.n_lamina - 1)
+    modulus[2] *= 0.01
+    x = assembly.plan.quadrature_points[0]
+    weight = 1.0 + 2.0 * x / stack.length * 0.8
+    contact = {
+        "tangential contact": tangential_krons(assembly.plan, stack.pitch, modulus, weight),
+        "normal contact": normal_krons(assembly.plan, stack.pitch, 1e4 * modulus, weight),
+    }
+    terms = tuple(
+        dataclasses.replace(term, krons=contact.get(term.name, term.krons)) for term in assembly.terms
+    )
+    return dataclasses.replace(assembly, terms=terms)
+
+
+def full_frequencies(assembly: model.Assembly, n: int) -> np.ndarray:
+    stiffness = assembly.matrix("K", assembly.theta).tocsc()
+    mass = assembly.matrix("M", assembly.theta).tocsc()
+    values = splinalg.eigsh(stiffness, n, mass, sigma=-((2 * np.pi * 200) ** 2), return_eigenvectors=False)
+    return np.sqrt(np.abs(np.sort(values))) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("target", ["M", "C", "K"])
+def test_products_without_the_matrix_agree_with_the_matrix(target):
+    assembly = uneven(STACK)
+    x = np.random.default_rng(0).standard_normal((assembly.size, 3))
+    matrix = assembly.matrix(target, assembly.theta)
+    np.testing.assert_allclose(
+        assembly.apply(assembly.krons(target, assembly.theta), x), matrix @ x, atol=1e-12 * abs(matrix).max()
+    )
+    assert abs(matrix - matrix.T).max() <= 1e-12 * abs(matrix).max()
+
+
+@pytest.mark.parametrize("cut", [solver_over_plan, solver_over_laminas])
+def test_chain_solution_agrees_with_the_full_sparse_matrices(cut):
+    assembly = uneven(STACK)
+    start = np.random.default_rng(0).standard_normal((assembly.size, 18))
+    values, vectors = cut(assembly).modes(assembly.theta, (2 * np.pi * 200) ** 2, start, 14, 1e-10)
+    expected = full_frequencies(assembly, 14)
+    np.testing.assert_allclose(np.sqrt(values[6:]) / (2 * np.pi), expected[6:], rtol=1e-7)
+    mass = vectors.T @ (assembly.matrix("M", assembly.theta) @ vectors)
+    np.testing.assert_allclose(mass, np.eye(vectors.shape[1]), atol=1e-8)
+
+
+def test_rigid_body_motion_has_no_strain_energy():
+    stack = dataclasses.replace(STACK, clamps=())
+    assembly = uneven(stack)
+    values = full_frequencies(assembly, 8)
+    assert np.all(values[:6] < 0.01)
+    assert values[6] > 10.0
+
+
+def test_tangential_contact_resists_slip_of_the_facing_surfaces():
+    # u[k] = -z[k] dw/dx is a rotation of the whole stack without slip; u alone slides every interface.
+    assembly = model.assemble(STACK)
+    where, plan = assembly.slices(), assembly.plan
+    sliding, turning = np.zeros((2, assembly.size))
+    sliding[where["u"]] = np.outer(STACK.lamina_z, plan.interpolate("u", (1.0, 0.0, 0.0))).ravel()
+    turning[where["u"]] = -sliding[where["u"]]
+    turning[where["w"]] = np.outer(np.ones(8), plan.interpolate("w", (0.0, 1.0, 0.0))).ravel()
+    contact = next(t for t in assembly.terms if t.name == "tangential contact").krons
+    energy = [float(x @ assembly.apply(contact, x[:, None])[:, 0]) for x in (sliding, turning)]
+    volume = STACK.length * STACK.width * 7 * STACK.pitch
+    assert energy[0] == pytest.approx(CONTACT.pressure * volume, rel=1e-9)
+    assert abs(energy[1]) < 1e-9 * energy[0]
+
+
+def test_monomial_derivative():
+    factor = model.Monomial(exponent={"G_f": 1, "d_f": 2})
+    theta = {"G_f": 3.0, "d_f": 5.0, "other": 7.0}
+    assert factor(theta) == 75.0
+    assert [factor.derivative(theta, name) for name in theta] == [25.0, 30.0, 0.0]
+
+
+def test_clamp_mass_is_its_mass_in_every_direction():
+    assembly = model.assemble(STACK)
+    clamp = next(t for t in assembly.terms if t.name == "clamp 0 mass").krons
+    for field in ("u", "v", "w"):
+        x = np.zeros((assembly.size, 1))
+        x[assembly.slices()[field], 0] = np.tile(assembly.plan.interpolate(field, (1.0, 0.0, 0.0)), 8)
+        assert float(x[:, 0] @ assembly.apply(clamp, x)[:, 0]) == pytest.approx(2.0, rel=1e-9)
