@@ -181,7 +181,11 @@ def _model(
     variance = _variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))
     variance = variance[:, :n_mode].reshape(n_output, n_input, n_mode)
     pole = fit.pole[:n_mode]
-    shapes = shapes_from_residues(pole, residue[..., :n_mode], variance, frf.output, frf.input)
+    # Residues at a pole that a run does not have are too small; shapes then join the runs at their own poles.
+    constant = (runs.residue if runs.disagree() else fit.residue)[:, :n_mode]
+    shapes = shapes_from_residues(
+        pole, constant.reshape(n_output, n_input, n_mode), variance, frf.output, frf.input
+    )
     residual = fit.residual.reshape(frf.value.shape)
     power = np.sum(np.abs(frf.value) ** 2, axis=-1)
     return ModalModel(

@@ -42,6 +42,7 @@ class ModalModel:
         Their residues, m/(N s).
     shape : (n_dof, n_mode) complex
         Shapes at the outputs. Mass-normalised (1/sqrt(kg)) where `scaled`, else of unit largest component.
+        Where roving runs disagree they are drawn from each run at its own poles.
     shape_std : (n_dof, n_mode) float
         Standard deviation of each component's magnitude.
     scaled : bool

@@ -34,6 +34,8 @@ class RunPoles:
         Numbers of the runs.
     pole : (n_run, n_mode) complex
         Poles, rad/s; those of all runs together where a run does not determine a mode.
+    residue : (n_function, n_mode) complex
+        Residues of the receptance at the poles of each function's own run, m/(N s).
     frequency_std, damping_std : (n_run, n_mode) float
         Standard deviations, infinite where a run does not determine a mode.
     probability : (n_run, n_mode) float
@@ -43,6 +45,7 @@ class RunPoles:
 
     run: NDArray[np.int64]
     pole: NDArray[np.complex128]
+    residue: NDArray[np.complex128]
     frequency_std: NDArray[np.float64]
     damping_std: NDArray[np.float64]
     probability: NDArray[np.float64]
@@ -107,10 +110,12 @@ def run_poles(
         return RunPoles(
             run=numbers,
             pole=pole,
+            residue=fit.residue,
             frequency_std=stds[0][None],
             damping_std=stds[1][None],
             probability=np.ones((1, n_mode)),
         )
+    residue = fit.residue.copy()
     for k, number in enumerate(numbers):
         part = value[run == number]
         at_all = linear_fit(frequency, part, fit.pole, quantity)
@@ -128,9 +133,11 @@ def run_poles(
         pole[k, at] = own.pole[determined]
         frequency_std[k, at] = stds[0][determined]
         damping_std[k, at] = stds[1][determined]
+        residue[run == number] = linear_fit(frequency, value[run == number], pole[k], quantity).residue
     return RunPoles(
         run=numbers,
         pole=pole,
+        residue=residue,
         frequency_std=frequency_std,
         damping_std=damping_std,
         probability=_disagreement(np.abs(pole) / (2.0 * np.pi), frequency_std),

@@ -15,6 +15,8 @@ from ema.stabilization import MAX_DAMPING
 
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
+CLOSE = 3.0
+"""Poles of different runs nearer than this many sums of their half bandwidths may be one mode."""
 NEIGHBOUR_OFFSETS = (0.02, 0.1, 0.3)
 """Distances from the ends of the band, over its width, at which a mode outside of it is first supposed."""
 
@@ -64,11 +66,13 @@ def select_modes(
     runs : RunPoles
         The same poles run by run.
     """
-    fit = _refined(data, _screen(data, candidates), band)
+    fit = _without_images(data, _refined(data, _screen(data, candidates), band), band)
     fit = _with_neighbours(data, fit, band)
     searching = True
     while searching:
         searching = False
+        if likeliest_poles(data.frequency, fit).size == 0:
+            break
         for more in likeliest_poles(data.frequency, _run_by_run(data, fit)):
             trial = np.append(fit.pole, more)
             if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
@@ -93,6 +97,28 @@ def fit_chosen(
     fit = refine(data.frequency, data.value, pole, data.quantity)
     fit = data.linear_fit(fit.pole[np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))])
     return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+
+
+def _without_images(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit:
+    """Take away poles that stand for one mode at different places in different roving runs.
+
+    Of two close poles the weaker one goes if the runs, each with poles of its own, are likelier without it.
+    """
+    numbers = np.unique(data.run)
+    if numbers.size < 3:
+        return fit
+    rank = np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0))
+    for pole in fit.pole[rank]:
+        rest = fit.pole[fit.pole != pole]
+        if not np.any(np.abs(rest - pole) < CLOSE * -(rest.real + pole.real)):
+            continue
+        alone = sum(
+            refine(data.frequency, data.value[data.run == n], rest, data.quantity).objective for n in numbers
+        )
+        # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
+        if alone + 2 * rest.size * (numbers.size - 1) < fit.objective + 2:
+            fit = _refined(data, rest, band)
+    return fit
 
 
 def _run_by_run(data: Functions, fit: Fit) -> Fit:
