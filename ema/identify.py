@@ -26,7 +26,7 @@ from ema.significance import variance_inflation
 from ema.stabilization import stabilization
 
 DEFAULT_ORDER = 60
-MIN_LINES = 8
+MIN_LINES = 6
 """Fewest lines that a band may hold."""
 
 

@@ -158,13 +158,13 @@ def _project(
 ) -> _Projection:
     basis = np.concatenate([mode_basis(frequency, pole, quantity), fixed], axis=1)
     length = np.linalg.norm(basis, axis=0)
-    orthogonal, triangle = np.linalg.qr(basis / length)
+    orthogonal, triangle = _tall_qr(basis / length)
     part = orthogonal.T @ target
     remainder = target - orthogonal @ part
     coefficient = scipy.linalg.solve_triangular(triangle, part, check_finite=False) / length[:, None]
     n_row, n_function = target.shape
     # Each function spends its own linear unknowns and its share of the poles.
-    freedom = n_row - basis.shape[1] - 2.0 * pole.size / n_function
+    freedom = max(n_row - basis.shape[1] - 2.0 * pole.size / n_function, 1.0)
     floor = (1e-14 * np.linalg.norm(target, axis=0)) ** 2 + np.finfo(float).tiny
     square = np.sum(remainder**2, axis=0) + floor
     return _Projection(
@@ -175,6 +175,25 @@ def _project(
         variance=2.0 * square / freedom,
         objective=float(0.5 * n_row * np.sum(np.log(square))),
     )
+
+
+def _tall_qr(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """QR factors of a tall matrix by two rounds of Cholesky, several times faster than Householder's.
+
+    Two rounds are orthogonal to rounding up to a condition of about 1e7 (Yamamoto, Nakatsukasa, Yanagisawa and
+    Fukaya, ETNA 44, 2015); matrices that come near it are left to Householder.
+    """
+    try:
+        first = np.linalg.cholesky(matrix.T @ matrix).T
+    except np.linalg.LinAlgError:
+        return np.linalg.qr(matrix)
+    diagonal = np.diag(first)
+    if diagonal.min() < 1e-5 * diagonal.max():
+        return np.linalg.qr(matrix)
+    rough = matrix @ scipy.linalg.solve_triangular(first, np.eye(len(first)), check_finite=False)
+    second = np.linalg.cholesky(rough.T @ rough).T
+    orthogonal = rough @ scipy.linalg.solve_triangular(second, np.eye(len(second)), check_finite=False)
+    return orthogonal, second @ first
 
 
 def _normal_equations(
