@@ -19,12 +19,12 @@ app = typer.Typer(
     help=(
         "From the measured FRFs of a laminated steel stack to a validated model.\n\n"
         "A campaign file (TOML) says where the FRFs are, at which points they were measured and at which bolt torques; "
-        "a stack file says what the stack is made of. Start with [bold]lamella demo[/bold], or read the campaign file "
+        "a stack file says what the stack is made of. Start with **lamella demo**, or read the campaign file "
         "in data/demo_stack line by line."
     ),
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode="rich",
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 _OUT = Console()

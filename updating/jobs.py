@@ -10,26 +10,37 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import model
-from ema import Campaign, Configuration, identify_frf, read_campaign, read_measurement
-from ema.modes import ModalModel
+from ema import (
+    Campaign,
+    Configuration,
+    ModalModel,
+    identify_frf,
+    read_campaign,
+    read_measurement,
+    stabilization,
+)
+from ema.plot import frf_figure, shape_figure, stabilization_figure
 from model import Modes, Stack
+from model.plot import mode_png
 from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
 from updating.modal_table import TableFit, fit_row, read_modal_table
+from updating.plot import as_png
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
-from updating.store import folder_name, write_bytes, write_frf, write_result
+from updating.store import folder_name, read_frf, write_bytes, write_frf, write_result
 from updating.virtual_test import read_virtual_test, write_virtual_test
 
 
 def identify(campaign_file: Path, output: Path, console: Console) -> tuple[ModalModel, ...]:
     """Identify every configuration of a campaign and write each result as soon as it is there."""
     campaign = read_campaign(campaign_file)
+    results = []
     with _progress(console) as progress:
         task = progress.add_task("identify", total=len(campaign.configurations))
-        results = []
         for _, measured in _identified(campaign, output):
+            _draw_identification(measured, output / folder_name(measured.name))
             results.append(measured)
             progress.advance(task)
     return tuple(results)
@@ -50,7 +61,7 @@ def solve(
         write_result(output / "modes.json", modes, inputs=(stack_file,), options={"n_mode": n_mode})
         progress.advance(task)
         for r in range(n_mode):
-            picture = model.plot.mode_picture(stack, system, modes, r)
+            picture = mode_png(system, modes, r)
             write_bytes(output / f"mode_{r + 1:02d}.png", picture)
             progress.advance(task)
     return stack, modes, shape_classes(modes)
@@ -129,6 +140,16 @@ def _identified(campaign: Campaign, output: Path) -> Iterator[tuple[Configuratio
         write_result(folder / "modal_model.json", measured, inputs=(campaign.path, *files), options=used)
         write_frf(folder / "measurement.npz", measurement.frf)
         yield configuration, measured
+
+
+def _draw_identification(measured: ModalModel, folder: Path) -> None:
+    frf = read_frf(folder / "measurement.npz")
+    write_bytes(folder / "frf.png", as_png(frf_figure(frf, measured)))
+    write_bytes(
+        folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*measured.band))))
+    )
+    for r in range(measured.frequency.size):
+        write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(measured, r)))
 
 
 def _in_state(stack: Stack, configuration: Configuration) -> Stack:

@@ -52,7 +52,7 @@ def fit_table(measured: ModalModel, fit: Fit) -> Table:
         caption_justify="left",
     )
     for name in (
-        "mode", "f measured [Hz]", "f model [Hz]", "error [%]", "damping measured [%]", "damping model [%]", "MAC",
+        "mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "damping\nmeasured [%]", "damping\nmodel [%]", "MAC",
     ):  # fmt: skip
         table.add_column(name, justify="right")
     columns = (

@@ -1,0 +1,84 @@
+"""The command line as its user meets it: what it prints, what it writes, how it fails."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def lamella(*arguments, cwd=ROOT):
+    """Run the command line in a process of its own."""
+    code = "from updating.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_ema_prints_a_table_and_writes_results(tmp_path):
+    done = lamella("ema", "data/demo_stack/campaign.toml", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "M1" in done.stdout
+    assert "damping [%]" in done.stdout
+    for name in ("M1", "M2"):
+        written = json.loads((tmp_path / name / "modal_model.json").read_text(encoding="utf-8"))
+        assert written["kind"] == "ModalModel"
+        assert set(written["provenance"]) == {"versions", "inputs", "options"}
+        assert f"{written['result']['frequency'][0]:.3f}" in done.stdout
+        assert (tmp_path / name / "frf.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_model_prints_modes_and_draws_them(tmp_path):
+    done = lamella("model", "data/demo_stack/stack.toml", "-o", tmp_path, "-n", 3)
+    assert done.returncode == 0, done.stderr
+    assert "torsion 1" in done.stdout
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "mode_01.png", "mode_02.png", "mode_03.png", "modes.json",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("command", ["ema", "model", "fit", "report", "simulate", "demo"])
+def test_help_gives_an_example(command):
+    done = lamella(command, "--help")
+    assert done.returncode == 0
+    assert f"lamella {command}" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("ema", "nowhere.toml", "-o", "out"), "nowhere.toml"),
+        (("fit", "data/demo_stack/stack.toml", "-o", "out"), "stack.toml"),
+        (("model", "data/demo_stack/campaign.toml", "-o", "out"), "campaign.toml"),
+        (("report", "tests"), "campaign.json"),
+        (("simulate", "data/demo_stack/campaign.toml", "-o", "out"), "campaign.toml"),
+    ],
+)
+def test_a_wrong_file_is_one_message_and_exit_code_1(tmp_path, arguments, expected):
+    here = [tmp_path / a if a == "out" else a for a in arguments]
+    done = lamella(*here)
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error:")
+    assert expected in done.stderr.replace("\n", "")
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists() or not any((tmp_path / "out").iterdir())
+
+
+def test_a_misspelt_command_is_answered_with_the_nearest(tmp_path):
+    done = lamella("fitt", "x.toml", "-o", tmp_path)
+    assert done.returncode == 2
+    assert "Did you mean 'fit'" in done.stderr
+
+
+def test_an_unwritable_folder_is_said(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    done = lamella("ema", "data/demo_stack/campaign.toml", "-o", tmp_path / "file")
+    assert done.returncode == 1
+    assert "cannot write" in done.stderr
