@@ -93,6 +93,31 @@ def test_clean_data_give_the_exact_modes_and_functions() -> None:
     )
 
 
+def test_a_strong_mode_outside_the_band_does_not_pull_those_inside() -> None:
+    """The band begins between one and two half bandwidths (16 Hz) above the mode at 800 Hz."""
+    frf, _ = six_modes(4, 1e-4)
+    model = identify_frf(frf, geometry(44), name="flank", band=(825.0, 1900.0))
+    np.testing.assert_allclose(model.frequency, [1100.0, 1390.0], rtol=1e-5)
+    np.testing.assert_allclose(model.damping, [0.004, 0.04], rtol=1e-3)
+    assert model.outside_pole.size
+    np.testing.assert_allclose(model.correlation, 1.0, atol=1e-5)
+
+
+def test_close_pair_stays_a_pair() -> None:
+    """800 and 802.4 Hz damped by 1 %, so a third of a half bandwidth apart: half a percent noise."""
+    rng = np.random.default_rng(0)
+    f = np.arange(600.0, 1000.0, 0.5)
+    phi = rng.standard_normal((20, 2))
+    pole = 2 * np.pi * np.array([800.0, 802.4]) * (-0.01 + 1j * np.sqrt(1 - 1e-4))
+    residue = phi * phi[0] / (2j * pole.imag)
+    s = 2j * np.pi * f
+    value = s**2 * (residue @ (1 / (s - pole[:, None])) + residue.conj() @ (1 / (s - pole.conj()[:, None])))
+    scatter = rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)
+    value += 0.005 * np.sqrt(np.mean(np.abs(value) ** 2)) * scatter / np.sqrt(2)
+    model = identify_frf(block(f, value), geometry(20), name="pair")
+    expect(model, [800.0, 802.4], 2e-4)
+
+
 def test_intervals_cover_the_truth() -> None:
     """300 scaled errors of six modes in 25 sets: standard normal within the scatter of that many."""
     scaled = []
