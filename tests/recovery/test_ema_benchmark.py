@@ -147,7 +147,7 @@ def test_coverage_efficiency_and_bias() -> None:
     for noise in (0.01, 0.05):
         rows: list[NDArray] = []
         for seed in range(SETS):
-            frf, truth = noisy(np.random.default_rng([1, seed]), SIX_F, SIX_Z, noise)
+            frf, truth = noisy(np.random.default_rng([1, seed, round(1000 * noise)]), SIX_F, SIX_Z, noise)
             model = identified(frf)
             assert model.frequency.size == SIX_F.size, (noise, seed, model.frequency)
             bound_f, bound_z = cramer_rao(truth, "accelerance")

@@ -127,6 +127,10 @@ def test_a_shifted_run_is_named_and_its_poles_are_kept() -> None:
     model = identify_frf(frf, geometry, name="roving", order=20)
     np.testing.assert_array_equal(np.flatnonzero(model.disagreeing_runs().any(axis=1)), [1])
     np.testing.assert_allclose(model.run_frequency[1] / model.frequency, 0.997, atol=2e-4)
+    # The shape joins the shifted run at its own poles: in phase with the others.
+    expected = PHI[[0, 1, 2, 3, 0, 1] * 2]
+    scale = np.sum(model.shape * expected, axis=0) / np.sum(expected**2, axis=0)
+    np.testing.assert_allclose(model.shape / scale, expected, atol=5e-3)
     np.testing.assert_allclose(model.frequency, np.abs(POLE) / (2 * np.pi), rtol=1e-4)
 
 
