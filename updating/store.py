@@ -146,7 +146,7 @@ def read_frf(path: Path) -> FRF:
         The file is missing or is not such an archive.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             return FRF(
                 frequency=archive["frequency"],
                 value=archive["value"],

@@ -1,0 +1,142 @@
+"""Results to files and back: whole or not at all, with what made them."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ema import FRF, Dofs
+from updating.errors import StoreError
+from updating.store import (
+    folder_name,
+    read_document,
+    read_frf,
+    read_result,
+    write_bytes,
+    write_frf,
+    write_result,
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Inner:
+    name: str
+    where: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outer:
+    pole: NDArray[np.complex128]
+    std: NDArray[np.float64]
+    count: NDArray[np.int64]
+    value: float
+    parts: tuple[Inner, ...]
+
+
+@pytest.fixture
+def outer():
+    return Outer(
+        pole=np.array([-1 + 2j, 1e-300 - 1j / 3]),
+        std=np.array([[0.1, np.nan]]),
+        count=np.array([3, 4]),
+        value=float("nan"),
+        parts=(Inner(name="Čepon", where=(0.1, 1e22)),),
+    )
+
+
+def test_a_result_comes_back_to_the_last_bit(tmp_path, outer):
+    path = tmp_path / "deep/er/outer.json"
+    write_result(path, outer, inputs=(), options={})
+    again = read_result(path, Outer)
+    np.testing.assert_array_equal(again.pole, outer.pole)
+    np.testing.assert_array_equal(again.std, outer.std)
+    assert again.count.dtype.kind == "i"
+    assert np.isnan(again.value)
+    assert (again.parts[0].name, again.parts[0].where) == ("Čepon", (0.1, 1e22))
+
+
+def test_documents_say_what_made_them_and_are_strict_json(tmp_path, outer):
+    source = tmp_path / "input.txt"
+    source.write_bytes(b"abc")
+    write_result(tmp_path / "r.json", outer, inputs=(source,), options={"band_Hz": [1, 2]})
+    text = (tmp_path / "r.json").read_text(encoding="utf-8")
+    assert "NaN" not in text
+    made = json.loads(text)["provenance"]
+    assert made["inputs"]["input.txt"].startswith("ba7816bf8f01cfea")  # SHA-256 of "abc", FIPS 180-2
+    assert made["options"] == {"band_Hz": [1, 2]}
+    assert set(made["versions"]) == {"lamella", "numpy", "scipy"}
+
+
+def test_the_same_result_gives_the_same_bytes(tmp_path, outer):
+    for name in ("a.json", "b.json"):
+        write_result(tmp_path / name, outer, inputs=(), options={})
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path, monkeypatch):
+    path = tmp_path / "r.json"
+    write_bytes(path, b"old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.replace", full)
+    with pytest.raises(StoreError, match="No space left on device"):
+        write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["r.json"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "not a JSON file"),
+        ("[1, 2]", "not a result of Lamella"),
+        ('{"kind": "Fit", "result": {}}', "expected a Outer, found 'Fit'"),
+        ('{"kind": "Outer", "result": {"value": 1}}', "not a complete Outer"),
+    ],
+)
+def test_a_damaged_document_is_refused_by_name(tmp_path, content, message):
+    path = tmp_path / "r.json"
+    path.write_text(content)
+    with pytest.raises(StoreError, match=message) as caught:
+        read_result(path, Outer)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_document_is_refused_by_name(tmp_path):
+    with pytest.raises(StoreError, match="nothing.json"):
+        read_document(tmp_path / "nothing.json")
+
+
+def test_frfs_come_back_to_the_last_bit(tmp_path):
+    rng = np.random.default_rng(0)
+    frf = FRF(
+        frequency=np.arange(5.0),
+        value=rng.standard_normal((2, 1, 5)) + 1j * rng.standard_normal((2, 1, 5)),
+        quantity="mobility",
+        output=Dofs(node=[1, 2], direction=[[0, 0, 1], [0, 0, -1]]),
+        input=Dofs(node=[9], direction=[[1, 0, 0]]),
+        run=[0, 1],
+        source=("a.uff", "b.uff"),
+    )
+    write_frf(tmp_path / "m.npz", frf)
+    again = read_frf(tmp_path / "m.npz")
+    np.testing.assert_array_equal(again.value, frf.value)
+    np.testing.assert_array_equal(again.output.direction, frf.output.direction)
+    assert (again.quantity, again.source, again.coherence) == ("mobility", ("a.uff", "b.uff"), None)
+
+
+def test_a_damaged_archive_is_refused(tmp_path):
+    (tmp_path / "m.npz").write_bytes(b"PK\x03\x04 not really")
+    with pytest.raises(StoreError, match="m.npz"):
+        read_frf(tmp_path / "m.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"), [("M1", "M1"), ("stack 8, M1", "stack_8_M1"), ("../x", "x"), ("///", "configuration")]
+)
+def test_configuration_names_become_safe_folder_names(name, folder):
+    assert folder_name(name) == folder
