@@ -1,18 +1,18 @@
-"""Residues and residual terms of FRFs for given poles, by least squares in the frequency domain (LSFD).
+"""Linear equations for residues and residual terms at given poles (least squares in the frequency domain, LSFD).
 
 With ``s = i omega`` and ``p = 0, 1, 2`` for receptance, mobility and accelerance, every function is
 
     H(s) = s**p ( sum_r [ A_r / (s - pole_r) + conj(A_r) / (s - conj(pole_r)) ] + lower / s**2 + upper ),
 
 linear in the real and imaginary parts of ``A_r``, ``lower`` and ``upper`` (Ewins, Modal Testing, 2nd ed.,
-sec. 4.4; Heylen, Lammens and Sas, Modal Analysis Theory and Testing, part A). The equations are solved in the
-quantity that was measured, so that its noise is not reshaped by integration.
+sec. 4.4; Heylen, Lammens and Sas, Modal Analysis Theory and Testing, part A). The equations are written
+in the quantity that was measured, so that its noise is not reshaped by integration; `ema.refinement` solves
+them.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from ema.frf import DERIVATIVE, Quantity
@@ -64,50 +64,6 @@ def stack_functions(value: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 def _stack(value: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.concatenate([value.real, value.imag])
-
-
-def lsfd_residues(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    pole: NDArray[np.complex128],
-    quantity: Quantity,
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
-    """Fit residues, lower and upper residual terms to functions for fixed poles.
-
-    Parameters
-    ----------
-    frequency : (n_frequency,) float
-        Lines, Hz; a line at 0 Hz is left out, where the lower residual term is singular.
-    value : (..., n_frequency) complex
-        Functions of `quantity`.
-    pole : (n_mode,) complex
-        Upper half-plane poles, rad/s.
-    quantity : {"receptance", "mobility", "accelerance"}
-        What the functions are.
-
-    Returns
-    -------
-    residue : (..., n_mode) complex
-        Residues of the receptance, m/(N s).
-    lower, upper : (...) complex
-        Residual terms of the receptance, 1/kg and m/N.
-    """
-    keep = frequency > 0.0
-    flat = value.reshape(-1, value.shape[-1])[:, keep]
-    basis = np.concatenate(
-        [mode_basis(frequency[keep], pole, quantity), residual_basis(frequency[keep], quantity)], axis=1
-    )
-    coefficient = solve_scaled(basis, stack_functions(flat))
-    residue, lower, upper = split_coefficients(coefficient)
-    shape = value.shape[:-1]
-    return residue.reshape(*shape, pole.size), lower.reshape(shape), upper.reshape(shape)
-
-
-def solve_scaled(basis: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least-squares coefficients; columns are brought to unit length first, their units differ by decades."""
-    length = np.linalg.norm(basis, axis=0)
-    solution = scipy.linalg.lstsq(basis / length, target, lapack_driver="gelsy", check_finite=False)[0]
-    return solution / length[:, None]
 
 
 def split_coefficients(

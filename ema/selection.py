@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 from ema.frf import Quantity
 from ema.refinement import Fit, linear_fit, refine
 from ema.roving import RunPoles, run_poles
-from ema.significance import is_confined, is_split, judge, likeliest_poles, significance_threshold
+from ema.significance import is_confined, is_split, judge, likeliest_poles
 from ema.stabilization import MAX_DAMPING
 
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
 CLOSE = 3.0
 """Poles of different runs nearer than this many sums of their half bandwidths may be one mode."""
-NEIGHBOUR_OFFSETS = (0.02, 0.1, 0.3)
-"""Distances from the ends of the band, over its width, at which a mode outside of it is first supposed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,7 +65,6 @@ def select_modes(
         The same poles run by run.
     """
     fit = _without_images(data, _refined(data, _screen(data, candidates), band), band)
-    fit = _with_neighbours(data, fit, band)
     searching = True
     while searching:
         searching = False
@@ -179,24 +176,3 @@ def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[n
     """Tell which poles the band (Hz) holds with at least one half bandwidth on each side."""
     hertz, half_bandwidth = np.abs(pole) / (2.0 * np.pi), -pole.real / (2.0 * np.pi)
     return (hertz - half_bandwidth >= band[0]) & (hertz + half_bandwidth <= band[1])
-
-
-def _with_neighbours(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit:
-    """Add one pole below and one above the band where the functions show the flank of a mode outside of it."""
-    width = band[1] - band[0]
-    threshold = significance_threshold(data.value.shape[0], data.frequency.size)
-    for end, side in ((band[0], -1.0), (band[1], 1.0)):
-        supposed = [end + side * offset * width for offset in NEIGHBOUR_OFFSETS]
-        trials = [
-            data.linear_fit(np.append(fit.pole, 2.0 * np.pi * (-0.25 * abs(hertz - end) + 1j * hertz)))
-            for hertz in supposed
-            if hertz > 0.0
-        ]
-        if not trials:
-            continue
-        best = min(trials, key=lambda trial: trial.objective)
-        if 2.0 * (fit.objective - best.objective) > threshold:
-            extended = _refined(data, best.pole, band)
-            if extended.pole.size > fit.pole.size and extended.objective < fit.objective:
-                fit = extended
-    return fit
