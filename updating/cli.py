@@ -27,7 +27,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-_OUT = Console()
+_OUT = Console() if sys.stdout.isatty() else Console(width=100)  # a file or pipe has no width of its own
 _ERR = Console(stderr=True)
 
 Folder = Annotated[

@@ -82,23 +82,24 @@ def modal_table(fits: tuple[TableFit, ...]) -> Table:
     if np.any(known):
         caption += f"\nour G_f over the published: {ratio.min():.3f} to {ratio.max():.3f}"
     table = Table(
-        title="Natural frequencies [Hz]: measured | published model | ours", title_justify="left", caption=caption,
+        title="Natural frequencies [Hz]: measured, published model, ours",
+        title_justify="left",
+        caption=caption,
         caption_justify="left",
-    )  # fmt: skip
+    )
     table.add_column("stack", justify="right")
     for r in range(fits[0].row.frequency.size):
-        table.add_column(f"mode {r + 1}", justify="right")
-    for name in ("error published [%]", "error ours [%]", "G_f published", "G_f ours"):
-        table.add_column(name, justify="right")
+        table.add_column(f"mode {r + 1}", justify="right", no_wrap=True)
+    for name in ("error [%]\npubl. ours", "G_f\npubl. ours"):
+        table.add_column(name, justify="right", no_wrap=True)
     for fit in fits:
         columns = zip(fit.row.frequency, fit.row.published_frequency, fit.frequency, strict=True)
+        published_G_f = "" if np.isnan(fit.row.published_G_f) else f"{fit.row.published_G_f:.0f}"
         table.add_row(
             fit.row.name,
-            *(f"{a:.0f} | {b:.0f} | {c:.0f}" for a, b, c in columns),
-            f"{100 * fit.published_error:.1f}",
-            f"{100 * fit.error:.1f}",
-            "" if np.isnan(fit.row.published_G_f) else f"{fit.row.published_G_f:.0f}",
-            f"{fit.G_f.value:.0f}",
+            *(f"{a:.0f} {b:4.0f} {c:4.0f}" for a, b, c in columns),
+            f"{100 * fit.published_error:.1f} {100 * fit.error:.1f}",
+            f"{published_G_f} {fit.G_f.value:4.0f}",
         )
     return table
 
