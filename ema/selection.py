@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ema.frf import Quantity
 from ema.refinement import Fit, linear_fit, refine
 from ema.roving import RunPoles, run_poles
-from ema.significance import is_confined, is_split, judge, likeliest_poles
+from ema.significance import is_confined, is_split, judge, likeliest_poles, significance_threshold
 from ema.stabilization import MAX_DAMPING
 
 MAX_MOVE = 5.0
@@ -65,20 +65,22 @@ def select_modes(
         The same poles run by run.
     """
     fit = _without_images(data, _refined(data, _screen(data, candidates), band), band)
+    threshold = significance_threshold(*data.value.shape)
     searching = True
     while searching:
         searching = False
-        if likeliest_poles(data.frequency, fit).size == 0:
-            break
-        for more in likeliest_poles(data.frequency, _run_by_run(data, fit)):
+        for more in _proposals(data, fit, candidates):
             trial = np.append(fit.pole, more)
             if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
                 continue
-            extended = _refined(data, trial, band)
-            if extended.pole.size > fit.pole.size and not is_split(extended, -1):
+            extended = refine(data.frequency, data.value, trial, data.quantity)
+            gain = 2.0 * (fit.objective - extended.objective)
+            # The others are judged when the search is over: a mode still missing spoils their phases.
+            if gain > threshold and _keep(data, extended, trial, band)[-1] and not is_split(extended, -1):
                 fit = extended
                 searching = True
                 break
+    fit = _refined(data, fit.pole, band)
     rank = np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))
     fit = data.linear_fit(fit.pole[rank])
     return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
@@ -94,6 +96,15 @@ def fit_chosen(
     fit = refine(data.frequency, data.value, pole, data.quantity)
     fit = data.linear_fit(fit.pole[np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))])
     return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+
+
+def _proposals(data: Functions, fit: Fit, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Poles worth a trial: what stands out of the residuals, and candidates that no pole of the fit is near."""
+    if likeliest_poles(data.frequency, fit).size == 0:
+        return np.empty(0, dtype=complex)
+    distance = np.abs(candidates[:, None] - fit.pole)
+    unused = candidates[np.all(distance > -candidates.real[:, None], axis=1)]
+    return np.concatenate([likeliest_poles(data.frequency, _run_by_run(data, fit)), unused])
 
 
 def _without_images(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit:
@@ -135,20 +146,27 @@ def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, f
     """Refine, take away what is no mode, and refine again until every pole is one."""
     while True:
         fit = refine(data.frequency, data.value, pole, data.quantity)
-        verdicts = judge(data.frequency, fit, data.quantity)
-        modes = verdicts.accepted & _sound(fit, pole, band) & ~is_confined(fit, data.run)
-        neighbours = (
-            ~inside(fit.pole, band)
-            & ~inside(pole, band)
-            & inside(fit.pole, (band[0] - (band[1] - band[0]), 2.0 * band[1] - band[0]))
-            & (-fit.pole.real > 1e-6 * np.abs(fit.pole))
-            & (-fit.pole.real < MAX_DAMPING * np.abs(fit.pole))
-            & (verdicts.statistic > verdicts.threshold)
-        )
-        keep = modes | neighbours
+        keep = _keep(data, fit, pole, band)
         if keep.all():
             return fit
         pole = pole[keep]
+
+
+def _keep(
+    data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]
+) -> NDArray[np.bool_]:
+    """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
+    verdicts = judge(data.frequency, fit, data.quantity)
+    modes = verdicts.accepted & _sound(fit, start, band) & ~is_confined(fit, data.run)
+    neighbours = (
+        ~inside(fit.pole, band)
+        & ~inside(start, band)
+        & inside(fit.pole, (band[0] - (band[1] - band[0]), 2.0 * band[1] - band[0]))
+        & (-fit.pole.real > 1e-6 * np.abs(fit.pole))
+        & (-fit.pole.real < MAX_DAMPING * np.abs(fit.pole))
+        & (verdicts.statistic > verdicts.threshold)
+    )
+    return modes | neighbours
 
 
 def _screen(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
