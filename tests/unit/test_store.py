@@ -107,7 +107,7 @@ def test_a_damaged_document_is_refused_by_name(tmp_path, content, message):
 
 
 def test_a_missing_document_is_refused_by_name(tmp_path):
-    with pytest.raises(StoreError, match="nothing.json"):
+    with pytest.raises(StoreError, match=r"nothing\.json"):
         read_document(tmp_path / "nothing.json")
 
 
@@ -131,7 +131,7 @@ def test_frfs_come_back_to_the_last_bit(tmp_path):
 
 def test_a_damaged_archive_is_refused(tmp_path):
     (tmp_path / "m.npz").write_bytes(b"PK\x03\x04 not really")
-    with pytest.raises(StoreError, match="m.npz"):
+    with pytest.raises(StoreError, match=r"m\.npz"):
         read_frf(tmp_path / "m.npz")
 
 
