@@ -5,7 +5,7 @@ from ema.errors import CampaignError, EmaError, IdentificationError, Measurement
 from ema.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.frf import FRF
 from ema.geometry import Dof, Dofs, Geometry
-from ema.identify import identify, identify_frf
+from ema.identify import Identification, identify, identify_frf
 from ema.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.measurement import Measurement, read_measurement
 from ema.modes import ModalModel, synthesize
@@ -26,6 +26,7 @@ __all__ = [
     "EmaError",
     "FRFEstimate",
     "Geometry",
+    "Identification",
     "IdentificationError",
     "Measurement",
     "MeasurementError",

@@ -7,6 +7,7 @@ modes taken away (`significance`), all modes refined together (`refinement`), sh
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,46 +17,67 @@ from ema.errors import IdentificationError, MeasurementError
 from ema.frf import FRF
 from ema.geometry import Geometry
 from ema.mac import frac
-from ema.measurement import read_measurement
+from ema.measurement import Measurement, read_measurement
 from ema.modes import ModalModel
+from ema.quality import check, usable
 from ema.refinement import Fit
 from ema.roving import RunPoles, frequency_damping_std
 from ema.selection import Functions, fit_chosen, inside, select_modes
 from ema.shapes import shapes_from_residues
 from ema.significance import variance_inflation
 from ema.stabilization import stabilization
+from ema.verdict import Verdict
 
 DEFAULT_ORDER = 60
 MIN_LINES = 6
 """Fewest lines that a band may hold."""
 
 
-def identify(campaign: Campaign) -> Iterator[tuple[str, ModalModel]]:
-    """Identify every configuration of a campaign, one after the other.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Identification:
+    """One configuration from its files to its modes.
+
+    Attributes
+    ----------
+    measurement : Measurement
+        What was identified, without the channels that failed a check; its notes say which.
+    verdicts : tuple of Verdict
+        What the checks found before the identification.
+    modal_model : ModalModel
+        The modes.
+    """
+
+    measurement: Measurement
+    verdicts: tuple[Verdict, ...]
+    modal_model: ModalModel
+
+
+def identify(campaign: Campaign) -> Iterator[Identification]:
+    """Read, check and identify every configuration of a campaign, one after the other.
 
     Yields
     ------
-    (name, ModalModel)
+    Identification
         In the order of the campaign file, each as soon as it is done.
 
     Raises
     ------
     MeasurementError, IdentificationError
-        See `identify_frf` and the reading of measurements.
+        See `read_measurement`, `usable` and `identify_frf`.
     """
     options = campaign.identification
     for configuration in campaign.configurations:
         measurement = read_measurement(campaign, configuration.name)
-        yield (
-            configuration.name,
-            identify_frf(
-                measurement.frf,
-                measurement.geometry,
-                name=configuration.name,
-                band=options.band,
-                order=options.order,
-            ),
+        verdicts = check(measurement, options.band)
+        measurement = usable(measurement, verdicts)
+        modal_model = identify_frf(
+            measurement.frf,
+            measurement.geometry,
+            name=configuration.name,
+            band=options.band,
+            order=options.order,
         )
+        yield Identification(measurement=measurement, verdicts=verdicts, modal_model=modal_model)
 
 
 def identify_frf(
