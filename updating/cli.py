@@ -10,9 +10,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from ema import Identification
 from updating import jobs, tables
 from updating.errors import LAMELLA_ERRORS
 from updating.modal_table import is_modal_table
+from updating.quality import Quality
 
 app = typer.Typer(
     name="lamella",
@@ -46,8 +48,9 @@ def ema(campaign: CampaignFile, output: Folder) -> None:
     Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
     modal_model.json, the FRFs as measurement.npz and pictures of the fit; prints one table each.
     """
-    for result in jobs.identify(campaign, output, _OUT):
-        _OUT.print(tables.modes_table(result))
+    for found in jobs.identify(campaign, output, _OUT):
+        _OUT.print(tables.modes_table(found.modal_model))
+        _print_findings(found)
     _OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
 
 
@@ -84,8 +87,9 @@ def fit(
         _OUT.print(tables.modal_table(jobs.fit_modal_table(campaign, output, _OUT)))
         _OUT.print(f"Results in [bold]{output}[/bold]")
         return
-    for measured, fitted in jobs.fit(campaign, output, threshold, _OUT):
-        _OUT.print(tables.fit_table(measured, fitted))
+    for found, fitted in jobs.fit(campaign, output, threshold, _OUT):
+        _OUT.print(tables.fit_table(found.modal_model, fitted))
+        _print_findings(found)
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
 
 
@@ -119,6 +123,11 @@ def demo(output: Folder = Path("out/demo")) -> None:
     Run it in the folder of the source checkout, where data/ is.
     """
     fit(Path("data/demo_stack/campaign.toml"), output)
+
+
+def _print_findings(found: Identification) -> None:
+    for line in Quality(verdicts=found.verdicts, notes=found.measurement.notes).findings:
+        _OUT.print(f"  {line}", markup=False, highlight=False)
 
 
 def _version(wanted: bool) -> None:

@@ -10,15 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import model
-from ema import (
-    Campaign,
-    Configuration,
-    ModalModel,
-    identify_frf,
-    read_campaign,
-    read_measurement,
-    stabilization,
-)
+from ema import Campaign, Configuration, Identification, read_campaign, stabilization
+from ema import identify as identify_campaign
 from ema.plot import frf_figure, shape_figure, stabilization_figure
 from model import Modes, Stack
 from model.plot import mode_png
@@ -27,21 +20,22 @@ from updating.fit import Fit
 from updating.fit import fit as fit_configuration
 from updating.modal_table import TableFit, fit_row, read_modal_table
 from updating.plot import as_png
+from updating.quality import Quality
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
-from updating.store import folder_name, read_frf, write_bytes, write_frf, write_result
+from updating.store import folder_name, write_bytes, write_frf, write_result
 from updating.virtual_test import read_virtual_test, write_virtual_test
 
 
-def identify(campaign_file: Path, output: Path, console: Console) -> tuple[ModalModel, ...]:
+def identify(campaign_file: Path, output: Path, console: Console) -> tuple[Identification, ...]:
     """Identify every configuration of a campaign and write each result as soon as it is there."""
     campaign = read_campaign(campaign_file)
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify", total=len(campaign.configurations))
-        for _, measured in _identified(campaign, output):
-            _draw_identification(measured, output / folder_name(measured.name))
-            results.append(measured)
+        for configuration, found in _identified(campaign, output):
+            _draw_identification(found, output / folder_name(configuration.name))
+            results.append(found)
             progress.advance(task)
     return tuple(results)
 
@@ -69,7 +63,7 @@ def solve(
 
 def fit(
     campaign_file: Path, output: Path, threshold: float, console: Console
-) -> tuple[tuple[ModalModel, Fit], ...]:
+) -> tuple[tuple[Identification, Fit], ...]:
     """Identify and fit every configuration of a campaign and write each result as soon as it is there."""
     campaign = read_campaign(campaign_file)
     if campaign.stack is None:
@@ -81,13 +75,15 @@ def fit(
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify and fit", total=len(campaign.configurations))
-        for configuration, measured in _identified(campaign, output):
-            fitted = fit_configuration(_in_state(stack, configuration), measured, threshold=threshold)
-            folder = output / folder_name(measured.name)
+        for configuration, found in _identified(campaign, output):
+            fitted = fit_configuration(
+                _in_state(stack, configuration), found.modal_model, threshold=threshold
+            )
+            folder = output / folder_name(configuration.name)
             inputs = (campaign_file, campaign.stack)
             write_result(folder / "modes.json", fitted.modes, inputs=inputs, options={"threshold": threshold})
             write_result(folder / "fit.json", fitted, inputs=inputs, options={"threshold": threshold})
-            results.append((measured, fitted))
+            results.append((found, fitted))
             progress.advance(task)
     return tuple(results)
 
@@ -121,35 +117,29 @@ def simulate(specification: Path, output: Path) -> None:
     write_virtual_test(read_virtual_test(specification), output)
 
 
-def _identified(campaign: Campaign, output: Path) -> Iterator[tuple[Configuration, ModalModel]]:
+def _identified(campaign: Campaign, output: Path) -> Iterator[tuple[Configuration, Identification]]:
     """Identify configuration by configuration, writing each before it is handed on."""
     write_result(output / "campaign.json", campaign, inputs=(campaign.path,), options={})
-    for configuration in campaign.configurations:
-        measurement = read_measurement(campaign, configuration.name)
-        options = campaign.identification
-        measured = identify_frf(
-            measurement.frf,
-            measurement.geometry,
-            name=configuration.name,
-            band=options.band,
-            order=options.order,
-        )
+    for configuration, found in zip(campaign.configurations, identify_campaign(campaign), strict=True):
         folder = output / folder_name(configuration.name)
         files = tuple(file for group in configuration.files for file in group.files)
-        used = {"band_Hz": list(measured.band), "order": options.order}
-        write_result(folder / "modal_model.json", measured, inputs=(campaign.path, *files), options=used)
-        write_frf(folder / "measurement.npz", measurement.frf)
-        yield configuration, measured
+        inputs = (campaign.path, *files)
+        used = {"band_Hz": list(found.modal_model.band), "order": campaign.identification.order}
+        quality = Quality(verdicts=found.verdicts, notes=found.measurement.notes)
+        write_result(folder / "quality.json", quality, inputs=inputs, options=used)
+        write_result(folder / "modal_model.json", found.modal_model, inputs=inputs, options=used)
+        write_frf(folder / "measurement.npz", found.measurement.frf)
+        yield configuration, found
 
 
-def _draw_identification(measured: ModalModel, folder: Path) -> None:
-    frf = read_frf(folder / "measurement.npz")
-    write_bytes(folder / "frf.png", as_png(frf_figure(frf, measured)))
+def _draw_identification(found: Identification, folder: Path) -> None:
+    frf, modes = found.measurement.frf, found.modal_model
+    write_bytes(folder / "frf.png", as_png(frf_figure(frf, modes)))
     write_bytes(
-        folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*measured.band))))
+        folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band))))
     )
-    for r in range(measured.frequency.size):
-        write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(measured, r)))
+    for r in range(modes.frequency.size):
+        write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
 
 
 def _in_state(stack: Stack, configuration: Configuration) -> Stack:

@@ -10,9 +10,11 @@ import re
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar, get_origin
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 import cattrs
 import numpy as np
@@ -189,10 +191,32 @@ def _is_array(kind: Any) -> bool:
     return kind is np.ndarray or get_origin(kind) is np.ndarray
 
 
+def _members(union: Any) -> list[type]:
+    """Return the data types of a union; a protocol among its members stands for types that are not stored."""
+    return [m for m in get_args(union) if isinstance(m, type) and is_dataclass(m)]
+
+
+def _is_union_of_types(kind: Any) -> bool:
+    others = [m for m in get_args(kind) if m is not type(None)]
+    return get_origin(kind) in (Union, UnionType) and len(others) > 1 and len(_members(kind)) > 0
+
+
+def _by_fields(value: Any, kind: Any) -> Any:
+    """Structure a union as the member that has the fields which were written."""
+    if value is None:
+        return None
+    for member in _members(kind):
+        if {f.name for f in fields(member)} == set(value):
+            return _CONVERTER.structure(value, member)
+    message = f"no type of {kind} has the fields {', '.join(value)}"
+    raise ValueError(message)
+
+
 def _make_converter() -> cattrs.Converter:
     converter = cattrs.Converter(detailed_validation=False)
     converter.register_unstructure_hook_func(_is_array, _plain)
     converter.register_structure_hook_func(_is_array, _array)
+    converter.register_structure_hook_func(_is_union_of_types, _by_fields)
     unstructure_float: Callable[[float], float | None] = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
     converter.register_unstructure_hook(float, unstructure_float)
     converter.register_structure_hook(float, lambda x, _: np.nan if x is None else float(x))

@@ -23,7 +23,7 @@ def truth():
 
 def test_every_true_mode_of_the_band_is_identified_and_no_other(demo, truth):
     played, band = truth
-    for measured, _ in demo[1]:
+    for measured in (found.modal_model for found, _ in demo[1]):
         frequency = np.array(played[measured.name][1]["frequency"])
         # In-plane modes move the 44 points along x and y only, which uniaxial accelerometers do not see.
         seen = np.max(np.abs(played[measured.name][1]["shape"]), axis=0) > 1e-3
@@ -32,7 +32,7 @@ def test_every_true_mode_of_the_band_is_identified_and_no_other(demo, truth):
 
 
 def test_damping_and_shapes_are_those_of_the_truth(demo, truth):
-    for measured, _ in demo[1]:
+    for measured in (found.modal_model for found, _ in demo[1]):
         modes = truth[0][measured.name][1]
         nearest = [int(np.argmin(np.abs(np.array(modes["frequency"]) - f))) for f in measured.frequency]
         np.testing.assert_allclose(measured.damping, np.array(modes["damping"])[nearest], rtol=0.03)
@@ -50,7 +50,8 @@ def test_the_fit_finds_the_contact_parameters(demo, truth):
 
 def test_results_on_disk_are_those_that_were_returned(demo):
     folder, results = demo
-    for measured, fitted in results:
+    for found, fitted in results:
+        measured = found.modal_model
         again = read_result(folder / measured.name / "modal_model.json", ModalModel)
         np.testing.assert_array_equal(again.pole, measured.pole)
         np.testing.assert_array_equal(again.shape, measured.shape)
@@ -78,6 +79,7 @@ def test_the_report_holds_everything_that_it_shows(demo):
     assert len(links.found) > 10
     assert all(link.startswith(("data:image/", "#")) for link in links.found)
     assert "@import" not in text
-    for measured, fitted in demo[1]:
+    for found, fitted in demo[1]:
+        measured = found.modal_model
         assert f"{measured.frequency[0]:.3f}" in text
         assert f"{fitted.modes.frequency[fitted.pairing.model[0]]:.3f}" in text

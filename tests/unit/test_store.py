@@ -27,12 +27,18 @@ class Inner:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Other:
+    force: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Outer:
     pole: NDArray[np.complex128]
     std: NDArray[np.float64]
     count: NDArray[np.int64]
     value: float
     parts: tuple[Inner, ...]
+    either: Inner | Other | None
 
 
 @pytest.fixture
@@ -43,6 +49,7 @@ def outer():
         count=np.array([3, 4]),
         value=float("nan"),
         parts=(Inner(name="Čepon", where=(0.1, 1e22)),),
+        either=Other(force=2.5),
     )
 
 
@@ -54,6 +61,8 @@ def test_a_result_comes_back_to_the_last_bit(tmp_path, outer):
     np.testing.assert_array_equal(again.std, outer.std)
     assert again.count.dtype.kind == "i"
     assert np.isnan(again.value)
+    assert isinstance(again.either, Other)
+    assert again.either.force == 2.5
     assert (again.parts[0].name, again.parts[0].where) == ("Čepon", (0.1, 1e22))
 
 

@@ -13,6 +13,7 @@ from jinja2 import Environment, StrictUndefined
 from ema.modes import ModalModel
 from updating.errors import StoreError
 from updating.fit import Fit
+from updating.quality import Quality
 from updating.report.section import ReportTable, Section, fit_section, identification_section
 from updating.store import folder_name, read_document, read_frf, read_result, write_bytes
 from updating.tables import estimate_text
@@ -74,9 +75,10 @@ def render(
 def _section(folder: Path) -> Section:
     measured = read_result(folder / "modal_model.json", ModalModel)
     frf = read_frf(folder / "measurement.npz")
+    quality = read_result(folder / "quality.json", Quality)
     if (folder / "fit.json").exists():
-        return fit_section(frf, measured, read_result(folder / "fit.json", Fit))
-    return identification_section(frf, measured)
+        return fit_section(frf, measured, quality, read_result(folder / "fit.json", Fit))
+    return identification_section(frf, measured, quality)
 
 
 def _fits(done: list[Path]) -> dict[Path, Fit]:

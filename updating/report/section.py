@@ -14,6 +14,7 @@ from ema.plot import frf_figure, mac_figure
 from updating.correlation import correlate
 from updating.fit import Fit
 from updating.plot import as_png, objective_figure, shape_picture
+from updating.quality import Quality
 from updating.tables import parameter_text
 
 if TYPE_CHECKING:
@@ -55,8 +56,8 @@ class Section:
         return re.sub(r"[^a-z0-9]+", "-", self.name.lower()).strip("-")
 
 
-def identification_section(frf: FRF, measured: ModalModel) -> Section:
-    """Show what was identified: the table of modes and the FRFs with the synthesised ones."""
+def identification_section(frf: FRF, measured: ModalModel, quality: Quality) -> Section:
+    """Show what was identified: the table of modes, the FRFs with the synthesised ones, the checks."""
     rows = zip(
         measured.frequency, measured.frequency_std, measured.damping, measured.damping_std, strict=True
     )
@@ -75,7 +76,7 @@ def identification_section(frf: FRF, measured: ModalModel) -> Section:
             f"{measured.frequency.size} modes between {measured.band[0]:g} and {measured.band[1]:g} Hz from "
             f"{frf.output.node.size * frf.input.node.size} FRFs."
         ),
-        tables=(modes,),
+        tables=(modes, quality_table(quality)),
         figures=(
             raster(
                 as_png(
@@ -89,9 +90,20 @@ def identification_section(frf: FRF, measured: ModalModel) -> Section:
     )
 
 
-def fit_section(frf: FRF, measured: ModalModel, fit: Fit) -> Section:
+def quality_table(quality: Quality) -> ReportTable:
+    """List what the checks and the reading found, or say that all is in order."""
+    passed = [v.check for v in quality.verdicts if v.level == "pass"]
+    return ReportTable(
+        title="Quality of the measurement",
+        header=("finding",),
+        rows=tuple((line,) for line in quality.findings) or (("nothing suspicious",),),
+        note=f"Passed: {', '.join(passed)}.",
+    )
+
+
+def fit_section(frf: FRF, measured: ModalModel, quality: Quality, fit: Fit) -> Section:
     """Show the fitted model beside the measurement: modes, MAC, shapes and the objectives."""
-    identified = identification_section(frf, measured)
+    identified = identification_section(frf, measured, quality)
     pairs = correlate(measured, fit.modes, fit.pairing)
     columns = zip(
         fit.pairing.measured, pairs.measured_frequency, measured.frequency_std[fit.pairing.measured],
@@ -161,7 +173,7 @@ def fit_section(frf: FRF, measured: ModalModel, fit: Fit) -> Section:
             f"are off by {100 * fit.error:.2f} % on average. {parameter_text(fit.G_f)}; {parameter_text(fit.d_f)}. "
             f"Measured points lie at most {1e3 * fit.distance.max():.2f} mm from where the model is sampled."
         ),
-        tables=(modes, parameters),
+        tables=(modes, parameters, quality_table(quality)),
         figures=(mac, *identified.figures, *shapes, history),
     )
 
