@@ -1,6 +1,7 @@
 """Measured functions to a modal model."""
 
 from ema.campaign import Campaign, Configuration, read_campaign
+from ema.comparison import Comparison, compare
 from ema.errors import CampaignError, EmaError, IdentificationError, MeasurementError
 from ema.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.frf import FRF
@@ -20,6 +21,7 @@ __all__ = [
     "Averaging",
     "Campaign",
     "CampaignError",
+    "Comparison",
     "Configuration",
     "Dof",
     "Dofs",
@@ -37,6 +39,7 @@ __all__ = [
     "check_linearity",
     "cmif",
     "comac",
+    "compare",
     "estimate_frf",
     "frac",
     "identify",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.comparison import Comparison
 from ema.frf import FRF
 from ema.mac import real_shape
 from ema.modes import ModalModel, synthesize
@@ -185,3 +187,37 @@ def _thinned(magnitude: NDArray[np.float64]) -> NDArray[np.intp]:
     bins = np.array_split(np.arange(n), MAX_POINTS // 2)
     extremes = [(b[magnitude[b].argmin()], b[magnitude[b].argmax()]) for b in bins]
     return np.unique(np.array(extremes).ravel())
+
+
+def comparison_figure(comparison: Comparison, at: NDArray[np.float64], label: str) -> Figure:
+    """Draw frequency and damping of every mode over a property of the configurations.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    at : (n_configuration,)
+        The property: bolt torque, pressure or simply the number of the configuration.
+    label : str
+        Its name with its unit, for the axis.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    order = np.argsort(at)
+    for r, marker in zip(range(comparison.frequency.shape[1]), cycle("osD^vPX<>"), strict=False):
+        name = f"{np.nanmean(comparison.frequency[:, r]):.0f} Hz"
+        style: dict[str, Any] = {"marker": marker, "markersize": 4, "linewidth": 1.0, "capsize": 2}
+        for axes, value, std, factor in (
+            (left, comparison.frequency, comparison.frequency_std, 1.0),
+            (right, comparison.damping, comparison.damping_std, 100.0),
+        ):
+            axes.errorbar(
+                at[order], factor * value[order, r], 2.0 * factor * std[order, r], label=name, **style
+            )
+    left.set(xlabel=label, ylabel="natural frequency [Hz]")
+    right.set(xlabel=label, ylabel="damping ratio [%]")
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside right center", title="mode (mean)", frameon=False
+    )
+    return figure

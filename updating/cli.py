@@ -48,9 +48,12 @@ def ema(campaign: CampaignFile, output: Folder) -> None:
     Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
     modal_model.json, the FRFs as measurement.npz and pictures of the fit; prints one table each.
     """
-    for found in jobs.identify(campaign, output, _OUT):
+    identified, comparison = jobs.identify(campaign, output, _OUT)
+    for found in identified:
         _OUT.print(tables.modes_table(found.modal_model))
         _print_findings(found)
+    if len(identified) > 1:
+        _OUT.print(tables.comparison_table(comparison))
     _OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
 
 

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import model
-from ema import Campaign, Configuration, Identification, read_campaign, stabilization
+from ema import Campaign, Comparison, Configuration, Identification, compare, read_campaign, stabilization
 from ema import identify as identify_campaign
-from ema.plot import frf_figure, shape_figure, stabilization_figure
+from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from model import Modes, Stack
 from model.plot import mode_png
 from updating.errors import FitError
@@ -27,8 +29,10 @@ from updating.store import folder_name, write_bytes, write_frf, write_result
 from updating.virtual_test import read_virtual_test, write_virtual_test
 
 
-def identify(campaign_file: Path, output: Path, console: Console) -> tuple[Identification, ...]:
-    """Identify every configuration of a campaign and write each result as soon as it is there."""
+def identify(
+    campaign_file: Path, output: Path, console: Console
+) -> tuple[tuple[Identification, ...], Comparison]:
+    """Identify every configuration of a campaign, write each result as soon as it is there, and compare them."""
     campaign = read_campaign(campaign_file)
     results = []
     with _progress(console) as progress:
@@ -37,7 +41,10 @@ def identify(campaign_file: Path, output: Path, console: Console) -> tuple[Ident
             _draw_identification(found, output / folder_name(configuration.name))
             results.append(found)
             progress.advance(task)
-    return tuple(results)
+    comparison = compare([found.modal_model for found in results])
+    write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
+    write_bytes(output / "comparison.png", as_png(comparison_figure(comparison, *_abscissa(campaign))))
+    return tuple(results), comparison
 
 
 def solve(
@@ -130,6 +137,15 @@ def _identified(campaign: Campaign, output: Path) -> Iterator[tuple[Configuratio
         write_result(folder / "modal_model.json", found.modal_model, inputs=inputs, options=used)
         write_frf(folder / "measurement.npz", found.measurement.frf)
         yield configuration, found
+
+
+def _abscissa(campaign: Campaign) -> tuple[NDArray[np.float64], str]:
+    """Return what to compare over: torque or pressure where all state it and it varies, else the number."""
+    for name, unit, factor in (("torque", "N m", 1.0), ("pressure", "kPa", 1e-3)):
+        stated = [getattr(c, name) for c in campaign.configurations]
+        if None not in stated and len(set(stated)) > 1:
+            return factor * np.array(stated), f"{name} [{unit}]"
+    return np.arange(1.0, len(campaign.configurations) + 1.0), "configuration [number in the campaign file]"
 
 
 def _draw_identification(found: Identification, folder: Path) -> None:

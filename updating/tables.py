@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rich.table import Table
 
-from ema.modes import ModalModel
+from ema import Comparison, ModalModel
 from model import Modes, Stack
 from updating.correlation import correlate
 from updating.fit import Estimate, Fit
@@ -22,6 +22,24 @@ def modes_table(measured: ModalModel) -> Table:
     columns = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
     for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True), start=1):
         table.add_row(str(r), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}")
+    return table
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """List every mode, followed by its shape, over the configurations: frequency and damping."""
+    table = Table(
+        title="The same modes in all configurations: frequency [Hz], damping [%]", title_justify="left"
+    )
+    table.add_column("")
+    for f in np.nanmean(comparison.frequency, axis=0):
+        table.add_column(f"{f:.0f} Hz", justify="right", no_wrap=True)
+    for name, frequency, damping in zip(
+        comparison.name, comparison.frequency, comparison.damping, strict=True
+    ):
+        cells = (
+            "-" if np.isnan(f) else f"{f:.1f}  {100 * x:.2f}" for f, x in zip(frequency, damping, strict=True)
+        )
+        table.add_row(name, *cells)
     return table
 
 
