@@ -88,7 +88,7 @@ def fit(
     """
     if is_modal_table(campaign):
         _OUT.print(tables.modal_table(jobs.fit_modal_table(campaign, output, _OUT)))
-        _OUT.print(f"Results in [bold]{output}[/bold]")
+        _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
         return
     for found, fitted in jobs.fit(campaign, output, threshold, _OUT):
         _OUT.print(tables.fit_table(found.modal_model, fitted))

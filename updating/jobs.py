@@ -98,6 +98,7 @@ def fit(
 def fit_modal_table(campaign_file: Path, output: Path, console: Console) -> tuple[TableFit, ...]:
     """Fit every row of a modal table and write each result as soon as it is there."""
     table = read_modal_table(campaign_file)
+    write_result(output / "modal_table.json", table, inputs=table.inputs, options={})
     results = []
     with _progress(console) as progress:
         task = progress.add_task("fit", total=len(table.rows))

@@ -15,6 +15,7 @@ from updating.errors import StoreError
 from updating.fit import Fit
 from updating.quality import Quality
 from updating.report.section import ReportTable, Section, fit_section, identification_section
+from updating.report.table_page import read_table_fits, table_section, table_summary
 from updating.store import folder_name, read_document, read_frf, read_result, write_bytes
 from updating.tables import estimate_text
 
@@ -27,6 +28,8 @@ def write_report(folder: Path) -> Path:
     StoreError
         The folder holds no result, or one that cannot be read.
     """
+    if (folder / "modal_table.json").exists():
+        return _write_table_report(folder)
     if not (folder / "campaign.json").exists():
         message = (
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
@@ -45,8 +48,28 @@ def write_report(folder: Path) -> Path:
         _summary(done),
         _overview(campaign["configurations"], done),
         tuple(_section(configuration) for configuration in done),
-        _provenance(done),
+        _provenance(done, "modal_model.json"),
     )
+    return _write(folder, page)
+
+
+def _write_table_report(folder: Path) -> Path:
+    table = read_document(folder / "modal_table.json")["result"]
+    fits = read_table_fits(folder)
+    if not fits:
+        message = (
+            f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}"
+        )
+        raise StoreError(message)
+    section = table_section(fits, tuple(table["shape_class"]))
+    done = [folder / f"stack_{folder_name(f.row.name)}" for f in fits]
+    page = render(
+        table["name"], table_summary(fits), section.tables[0], (section,), _provenance(done, "fit.json")
+    )
+    return _write(folder, page)
+
+
+def _write(folder: Path, page: str) -> Path:
     path = folder / "report.html"
     write_bytes(path, page.encode())
     return path
@@ -133,14 +156,16 @@ def _overview(configurations: list[dict[str, Any]], done: list[Path]) -> ReportT
     )  # fmt: skip
 
 
-def _provenance(done: list[Path]) -> ReportTable:
+def _provenance(done: list[Path], result: str) -> ReportTable:
     rows: list[tuple[str, ...]] = []
     for folder in done:
-        made: dict[str, Any] = read_document(folder / "modal_model.json")["provenance"]
+        made: dict[str, Any] = read_document(folder / result)["provenance"]
         versions = ", ".join(f"{name} {number}" for name, number in made["versions"].items())
         options = ", ".join(f"{name} = {value}" for name, value in made["options"].items())
         inputs = f"{len(made['inputs'])} files, all: {_digest(made['inputs'])}"
         rows.append((folder.name, versions, options, inputs))
+    if len(rows) > 1 and len({row[1:] for row in rows}) == 1:
+        rows = [(f"all {len(rows)}", *rows[0][1:])]
     return ReportTable(
         title="Provenance",
         header=("configuration", "versions", "options", "inputs (SHA-256)"),
