@@ -4,6 +4,7 @@ from ema.campaign import Campaign, Configuration, read_campaign
 from ema.comparison import Comparison, compare
 from ema.errors import CampaignError, EmaError, IdentificationError, MeasurementError
 from ema.estimate import Averaging, FRFEstimate, estimate_frf
+from ema.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.frf import FRF
 from ema.geometry import Dof, Dofs, Geometry
 from ema.identify import Identification, identify, identify_frf
@@ -56,7 +57,11 @@ __all__ = [
     "real_shape",
     "stabilization",
     "synthesize",
+    "synthesized_frf",
     "usable",
+    "write_modes_csv",
+    "write_modes_uff",
     "write_poles",
+    "write_shapes_csv",
     "write_uff",
 ]

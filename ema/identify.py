@@ -6,7 +6,7 @@ modes taken away (`significance`), all modes refined together (`refinement`), sh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,8 +52,16 @@ class Identification:
     modal_model: ModalModel
 
 
-def identify(campaign: Campaign) -> Iterator[Identification]:
+def identify(
+    campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | None = None
+) -> Iterator[Identification]:
     """Read, check and identify every configuration of a campaign, one after the other.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    poles : mapping of str to (n_mode,) complex, optional
+        Poles chosen by hand, rad/s, by the name of the configuration; the others are found.
 
     Yields
     ------
@@ -65,7 +73,7 @@ def identify(campaign: Campaign) -> Iterator[Identification]:
     MeasurementError, IdentificationError
         See `read_measurement`, `usable` and `identify_frf`.
     """
-    options = campaign.identification
+    options, chosen = campaign.identification, poles or {}
     for configuration in campaign.configurations:
         measurement = read_measurement(campaign, configuration.name)
         verdicts = check(measurement, options.band)
@@ -76,6 +84,7 @@ def identify(campaign: Campaign) -> Iterator[Identification]:
             name=configuration.name,
             band=options.band,
             order=options.order,
+            pole=chosen.get(configuration.name),
         )
         yield Identification(measurement=measurement, verdicts=verdicts, modal_model=modal_model)
 

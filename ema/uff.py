@@ -22,13 +22,13 @@ from ema.errors import MeasurementError
 from ema.frf import FRF, Quantity
 from ema.function import Kind, MeasuredFunction
 from ema.geometry import Geometry
-from ema.uff58 import DataSet, Record58, cut, encode_58b, read_58
+from ema.modes import ModalModel
+from ema.uff58 import DataSet, Record58, cut, read_58
+from ema.uff_sets import encoded_frfs, geometry_sets, mode_sets
 from ema.units import Unit, parse_unit
 
 _GEOMETRY_SETS = ("15", "18", "82", "164", "2411", "2412", "2420")
 _MOTION_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
-_TYPE_OF_MOTION = {quantity: code for code, quantity in _MOTION_TYPES.items()}
-_LABEL_OF_MOTION: dict[Quantity, str] = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
 _FORCE_TYPES = (9, 13)
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 
@@ -131,11 +131,14 @@ def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geom
     return replace(geometry, line=line[known]), tuple(notes)
 
 
-def write_uff(path: Path, geometry: Geometry, frf: FRF | None = None) -> None:
-    """Write points, trace lines and, if given, FRFs with their coherence to a universal file, in SI units.
+def write_uff(
+    path: Path, geometry: Geometry, frf: FRF | None = None, modal_model: ModalModel | None = None
+) -> None:
+    """Write points, trace lines and, if given, modes and FRFs to a universal file, in SI units.
 
-    Sets 164, 2420 (where points have local axes), 2411 and 82 through pyuff, then a dataset 58b of single
-    precision for each function. The file is written beside its place and then put there.
+    Sets 164, 2420 (where points have local axes), 2411, 82 and for each mode 55 through pyuff, then a dataset
+    58b of single precision for each function and its coherence. The file is written beside its place and then
+    put there.
 
     Raises
     ------
@@ -145,8 +148,9 @@ def write_uff(path: Path, geometry: Geometry, frf: FRF | None = None) -> None:
     """
     path = Path(path)
     part = path.with_name(path.name + ".part")
-    blocks = b"" if frf is None else b"".join(_encoded(frf, geometry))
-    pyuff.UFF(str(part)).write_sets(_geometry_sets(geometry), mode="overwrite")
+    blocks = b"" if frf is None else b"".join(encoded_frfs(frf, geometry))
+    sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model))
+    pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
     with part.open("ab") as file:
         file.write(blocks)
     part.replace(path)
@@ -406,74 +410,3 @@ def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
                     pairs += zip(nodes, nodes[1:] + nodes[:1] if len(nodes) > 2 else nodes[1:], strict=False)
     once = dict.fromkeys((min(pair), max(pair)) for pair in pairs if pair[0] != pair[1])
     return np.array(list(once), dtype=np.int64).reshape(-1, 2)
-
-
-def _geometry_sets(geometry: Geometry) -> list[dict[str, Any]]:
-    zero = np.zeros(geometry.node.size, dtype=int)
-    local = np.flatnonzero(np.abs(geometry.axes - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0)
-    system = zero.copy()
-    system[local] = 1 + np.arange(local.size)
-    x, y, z = geometry.coordinate.T
-    sets: list[dict[str, Any]] = [
-        {"type": 164, "units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 1,
-         "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15},
-    ]  # fmt: skip
-    if local.size:
-        matrices = [np.vstack([geometry.axes[i], np.zeros(3)]) for i in local]
-        names = [f"point {geometry.node[i]}" for i in local]
-        sets.append(
-            {"type": 2420, "CS_sys_labels": system[local], "CS_types": zero[local], "CS_colors": zero[local],
-             "CS_names": names, "CS_matrices": matrices}
-        )  # fmt: skip
-    sets.append(
-        {"type": 2411, "node_nums": geometry.node, "def_cs": zero, "disp_cs": system, "color": zero,
-         "x": x, "y": y, "z": z}
-    )  # fmt: skip
-    if geometry.line.size:
-        nodes = np.column_stack([geometry.line, np.zeros(len(geometry.line), dtype=int)]).ravel()[:-1]
-        sets.append(
-            {"type": 82, "trace_num": 1, "n_nodes": nodes.size, "color": 0, "id": "lines", "nodes": nodes}
-        )
-    return sets
-
-
-def _encoded(frf: FRF, geometry: Geometry) -> list[bytes]:
-    step = np.diff(frf.frequency)
-    if step.size == 0 or np.ptp(step) > 1e-6 * step.mean():
-        message = "a universal file is written for a uniform frequency axis only; this one is not"
-        raise MeasurementError(message)
-    blocks = []
-    for i, source in enumerate(frf.source):
-        for j in range(frf.input.node.size):
-            header = {
-                "id": (f"run {frf.run[i]}", Path(source).name),
-                "response node": int(frf.output.node[i]),
-                "response direction": _code(geometry, int(frf.output.node[i]), frf.output.direction[i]),
-                "reference node": int(frf.input.node[j]),
-                "reference direction": _code(geometry, int(frf.input.node[j]), frf.input.direction[j]),
-                "abscissa specific data type": 18,
-                "abscissa axis label": "Frequency",
-                "abscissa units label": "Hz",
-            }
-            ordinate = {
-                "function type": 4,
-                "ordinate numerator specific data type": _TYPE_OF_MOTION[frf.quantity],
-                "ordinate numerator units label": _LABEL_OF_MOTION[frf.quantity],
-                "ordinate denominator specific data type": 13,
-                "ordinate denominator units label": "N",
-            }
-            start, spacing = float(frf.frequency[0]), float(step.mean())
-            blocks.append(encode_58b(header | ordinate, start, spacing, frf.value[i, j]))
-            if frf.coherence is not None:
-                blocks.append(encode_58b(header | {"function type": 6}, start, spacing, frf.coherence[i, j]))
-    return blocks
-
-
-def _code(geometry: Geometry, node: int, direction: NDArray[np.float64]) -> int:
-    for code in (1, 2, 3, -1, -2, -3):
-        if np.allclose(geometry.direction(node, code), direction, atol=1e-6):
-            return code
-    message = (
-        f"point {node}: direction {direction.tolist()} is not along an axis of the point; give it local axes"
-    )
-    raise MeasurementError(message)

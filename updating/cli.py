@@ -42,13 +42,21 @@ CampaignFile = Annotated[
 
 
 @app.command(epilog="Example: lamella ema data/demo_stack/campaign.toml -o out/demo")
-def ema(campaign: CampaignFile, output: Folder) -> None:
+def ema(
+    campaign: CampaignFile,
+    output: Folder,
+    poles: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of earlier results whose edited poles.txt files are used."),
+    ] = None,
+) -> None:
     """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
 
     Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
-    modal_model.json, the FRFs as measurement.npz and pictures of the fit; prints one table each.
+    modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, and a
+    comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
     """
-    identified, comparison = jobs.identify(campaign, output, _OUT)
+    identified, comparison = jobs.identify(campaign, output, poles, _OUT)
     for found in identified:
         _OUT.print(tables.modes_table(found.modal_model))
         _print_findings(found)

@@ -14,10 +14,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import model
 from ema import Campaign, Comparison, Configuration, Identification, compare, read_campaign, stabilization
 from ema import identify as identify_campaign
+from ema.export import write_modes_csv, write_modes_uff, write_shapes_csv
+from ema.picking import read_poles, write_poles
 from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from model import Modes, Stack
 from model.plot import mode_png
-from updating.errors import FitError
+from updating.errors import FitError, StoreError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
 from updating.modal_table import TableFit, fit_row, read_modal_table
@@ -30,14 +32,17 @@ from updating.virtual_test import read_virtual_test, write_virtual_test
 
 
 def identify(
-    campaign_file: Path, output: Path, console: Console
+    campaign_file: Path, output: Path, poles: Path | None, console: Console
 ) -> tuple[tuple[Identification, ...], Comparison]:
-    """Identify every configuration of a campaign, write each result as soon as it is there, and compare them."""
+    """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
+
+    With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice.
+    """
     campaign = read_campaign(campaign_file)
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify", total=len(campaign.configurations))
-        for configuration, found in _identified(campaign, output):
+        for configuration, found in _identified(campaign, output, _chosen_poles(campaign, poles)):
             _draw_identification(found, output / folder_name(configuration.name))
             results.append(found)
             progress.advance(task)
@@ -82,7 +87,7 @@ def fit(
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify and fit", total=len(campaign.configurations))
-        for configuration, found in _identified(campaign, output):
+        for configuration, found in _identified(campaign, output, {}):
             fitted = fit_configuration(
                 _in_state(stack, configuration), found.modal_model, threshold=threshold
             )
@@ -125,10 +130,24 @@ def simulate(specification: Path, output: Path) -> None:
     write_virtual_test(read_virtual_test(specification), output)
 
 
-def _identified(campaign: Campaign, output: Path) -> Iterator[tuple[Configuration, Identification]]:
+def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, NDArray[np.complex128]]:
+    """Read poles.txt of every configuration that has one in a results folder."""
+    if folder is None:
+        return {}
+    files = {c.name: folder / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
+    found = {name: read_poles(file) for name, file in files.items() if file.exists()}
+    if not found:
+        message = f"{folder}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
+        raise StoreError(message)
+    return found
+
+
+def _identified(
+    campaign: Campaign, output: Path, poles: dict[str, NDArray[np.complex128]]
+) -> Iterator[tuple[Configuration, Identification]]:
     """Identify configuration by configuration, writing each before it is handed on."""
     write_result(output / "campaign.json", campaign, inputs=(campaign.path,), options={})
-    for configuration, found in zip(campaign.configurations, identify_campaign(campaign), strict=True):
+    for configuration, found in zip(campaign.configurations, identify_campaign(campaign, poles), strict=True):
         folder = output / folder_name(configuration.name)
         files = tuple(file for group in configuration.files for file in group.files)
         inputs = (campaign.path, *files)
@@ -155,6 +174,10 @@ def _draw_identification(found: Identification, folder: Path) -> None:
     write_bytes(
         folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band))))
     )
+    write_modes_uff(folder / "modes.uff", modes, step=float(frf.frequency[1] - frf.frequency[0]))
+    write_modes_csv(folder / "modes.csv", modes)
+    write_shapes_csv(folder / "shapes.csv", modes)
+    write_poles(folder / "poles.txt", modes.pole)
     for r in range(modes.frequency.size):
         write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
 
