@@ -59,8 +59,9 @@ class ChainFactor:
     inverse : list of (n_i, n_i)
         Inverses of the lower Cholesky factors of the diagonal blocks; a product with one is several times
         faster than a triangular solution for the few dozen right-hand sides of a block iteration.
-    below : list of (n_i+1, n_i)
-        Blocks of the factor below the diagonal.
+    below : list of (m_i, n_i)
+        Blocks of the factor below the diagonal: m_i is n_i+1, or 0 where a block and the next are not
+        coupled.
     """
 
     groups: list[NDArray[np.intp]]
@@ -72,12 +73,16 @@ class ChainFactor:
         parts = [b[group] for group in self.groups]
         parts[0] = self.inverse[0] @ parts[0]
         for i in range(1, len(parts)):
-            parts[i] = self.inverse[i] @ (parts[i] - self.below[i - 1] @ parts[i - 1])
+            if self.below[i - 1].size:
+                parts[i] -= self.below[i - 1] @ parts[i - 1]
+            parts[i] = self.inverse[i] @ parts[i]
         x = np.empty_like(b)
         parts[-1] = self.inverse[-1].T @ parts[-1]
         x[self.groups[-1]] = parts[-1]
         for i in range(len(parts) - 2, -1, -1):
-            parts[i] = self.inverse[i].T @ (parts[i] - self.below[i].T @ parts[i + 1])
+            if self.below[i].size:
+                parts[i] -= self.below[i].T @ parts[i + 1]
+            parts[i] = self.inverse[i].T @ parts[i]
             x[self.groups[i]] = parts[i]
         return x
 
@@ -87,8 +92,8 @@ def factorize(columns: Iterable[NDArray[np.float64]], groups: list[NDArray[np.in
 
     Parameters
     ----------
-    columns : iterable of (n_i + n_i+1, n_i)
-        Each block's columns from the diagonal block down; the last one has its diagonal block only.
+    columns : iterable of (n_i + m_i, n_i)
+        Each block's columns from the diagonal block down, m_i as in `ChainFactor`.
     groups : list of (n_i,) int
         The unknowns of each block.
 
@@ -101,7 +106,7 @@ def factorize(columns: Iterable[NDArray[np.float64]], groups: list[NDArray[np.in
     below: list[NDArray[np.float64]] = []
     for both, group in zip(columns, groups, strict=True):
         block, coupling = both[: group.size], both[group.size :]
-        if below:
+        if below and below[-1].size:
             block = block - la.blas.dsyrk(1.0, below[-1], lower=1)  # its lower triangle, all that is read
         try:
             lower = la.cholesky(block, lower=True, check_finite=False)
@@ -112,5 +117,6 @@ def factorize(columns: Iterable[NDArray[np.float64]], groups: list[NDArray[np.in
             raise SolveError(message) from error
         inverse.append(la.lapack.dtrtri(lower, lower=1)[0])
         if coupling.size:
-            below.append(la.blas.dtrmm(1.0, inverse[-1], coupling, side=1, lower=1, trans_a=1))
+            coupling = la.blas.dtrmm(1.0, inverse[-1], coupling, side=1, lower=1, trans_a=1)
+        below.append(coupling)
     return ChainFactor(groups=groups, inverse=inverse, below=below)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.linalg as la
@@ -12,13 +12,12 @@ from model.errors import SolveError
 
 Vectors = NDArray[np.float64]
 Product = Callable[[Vectors], Vectors]
+Block = tuple[Vectors, Vectors]  # mass-orthonormal vectors and their product with the mass matrix
 
 _MAX_STEPS = 40
 
 
-def orthonormalize(
-    x: Vectors, mass: Product, against: Vectors, mass_against: Vectors
-) -> tuple[Vectors, Vectors]:
+def orthonormalize(x: Vectors, mass: Product, against: Sequence[Block] = ()) -> Block:
     """Return a mass-orthonormal basis of what `x` adds to `against`, and its product with the mass.
 
     Parameters
@@ -27,8 +26,8 @@ def orthonormalize(
         Vectors.
     mass : callable
         Product with the mass matrix.
-    against, mass_against : (n, m)
-        Mass-orthonormal vectors and their product with the mass matrix.
+    against : sequence of ((n, m), (n, m))
+        Vectors that are mass-orthonormal, all blocks together, and their products with the mass matrix.
 
     Returns
     -------
@@ -41,8 +40,10 @@ def orthonormalize(
     for _ in range(2):  # the second pass removes what rounding left of the first
         if x.shape[1] == 0:
             break
-        part = mass_against.T @ x
-        x, mass_x = x - against @ part, mass_x - mass_against @ part
+        for basis, mass_basis in against:
+            part = mass_basis.T @ x
+            x -= basis @ part
+            mass_x -= mass_basis @ part
         values, vectors = la.eigh(x.T @ mass_x)
         keep = values > 1e-14 * max(values[-1], 1.0)
         turn = vectors[:, keep] / np.sqrt(values[keep])
@@ -51,7 +52,13 @@ def orthonormalize(
 
 
 def lowest_modes(
-    solve: Product, mass: Product, shift: float, start: Vectors, n_mode: int, tolerance: float
+    solve: Product,
+    mass: Product,
+    shift: float,
+    start: Vectors,
+    n_mode: int,
+    tolerance: float,
+    known: Sequence[Block] = (),
 ) -> tuple[NDArray[np.float64], Vectors]:
     """Return the lowest eigenpairs of K x = lambda M x.
 
@@ -69,6 +76,9 @@ def lowest_modes(
         Number of modes.
     tolerance : float
         Relative change of ``lambda + shift`` from one step to the next at which the iteration ends.
+    known : sequence of ((n, m), (n, m))
+        Modes known beforehand, such as rigid-body motion: mass-orthonormal, with their products with the
+        mass matrix. The modes sought are those besides them.
 
     Returns
     -------
@@ -83,22 +93,29 @@ def lowest_modes(
     SolveError
         No convergence within 40 steps.
     """
-    nothing = np.empty((start.shape[0], 0))
-    block, mass_block = orthonormalize(start, mass, nothing, nothing)
-    basis, mass_basis, images = block, mass_block, nothing
+    blocks = [orthonormalize(start, mass, known)]
+    projected = np.zeros((0, 0))
     before = np.zeros(0)
     for _ in range(_MAX_STEPS):
-        image = solve(mass_block)
-        images = np.hstack([images, image])
-        projected = mass_basis.T @ images
-        inverse, vectors = la.eigh((projected + projected.T) / 2.0)
+        image = solve(blocks[-1][1])
+        coupling = np.vstack([mass_basis.T @ image for _, mass_basis in blocks])
+        size = coupling.shape[0]
+        grown = np.zeros((size, size))
+        grown[: projected.shape[0], : projected.shape[0]] = projected
+        grown[:, projected.shape[0] :] = coupling
+        grown[projected.shape[0] :] = coupling.T
+        projected = (grown + grown.T) / 2.0
+        inverse, vectors = la.eigh(projected)
         now = 1.0 / inverse[::-1][:n_mode]
-        if now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now):
-            return now - shift, basis @ vectors[:, ::-1][:, : start.shape[1]]
+        added = orthonormalize(image, mass, [*known, *blocks])
+        steady = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
+        if steady or (added[0].shape[1] == 0 and now.size == n_mode):  # or the space is invariant
+            lowest = vectors[:, ::-1][:, : start.shape[1]]
+            ends = np.cumsum([basis.shape[1] for basis, _ in blocks])[:-1]
+            parts = np.split(lowest, ends)
+            x = sum(basis @ part for (basis, _), part in zip(blocks, parts, strict=True))
+            return now - shift, np.asarray(x)
         before = now
-        block, mass_block = orthonormalize(image, mass, basis, mass_basis)
-        if block.shape[1] == 0 and now.size == n_mode:  # the space is invariant and its Ritz values exact
-            return now - shift, basis @ vectors[:, ::-1][:, : start.shape[1]]
-        basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+        blocks.append(added)
     message = f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps"
     raise SolveError(message)

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.assemble import assemble
-from model.chain import ChainFactor
 from model.eigen import orthonormalize
+from model.low_rank import Factor
 from model.mesh import Field
 from model.solver import solver_over_plan, transfer
 from model.stack import Stack
-from model.system import Assembly, Monomial, Target
+from model.system import Assembly, ParameterFactor, Target
 from model.z_basis import SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
@@ -35,7 +35,7 @@ class ReducedTerm:
 
     name: str
     target: Target
-    factor: Monomial
+    factor: ParameterFactor
     matrix: NDArray[np.float64]
 
 
@@ -91,7 +91,7 @@ class ReducedSystem:
         """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""
         total = np.zeros((self.size, self.size))
         for term in self.terms:
-            if term.target == target and name in term.factor.exponent:
+            if term.target == target:
                 total += term.factor.derivative(theta, name) * term.matrix
         return total
 
@@ -198,9 +198,8 @@ def reduce(
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
         return assembly.apply(mass, x)
 
-    nothing = np.empty((assembly.size, 0))
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
-    basis, mass_basis = orthonormalize(rigid, product, nothing, nothing)
+    basis, mass_basis = orthonormalize(rigid, product)
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE))  # for what the start lacks
     for i, value in enumerate(samples):
         theta = {**assembly.theta, "G_f": float(value)}
@@ -211,7 +210,7 @@ def reduce(
             start = basis @ la.eigh(_symmetric(stiffness))[1][:, :n_mode]
         start = np.hstack([start, fresh])
         _, vectors = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE)
-        block, mass_block = orthonormalize(vectors, product, basis, mass_basis)
+        block, mass_block = orthonormalize(vectors, product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     terms = tuple(
         ReducedTerm(
@@ -233,7 +232,7 @@ def reduce(
     )
 
 
-def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> ChainFactor:
+def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> Factor:
     """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
     return solver_over_plan(system.assembly).factor(theta, shear_shift(system.stack, theta))
 

@@ -82,8 +82,7 @@ def frf(
     attachment, _ = orthonormalize(
         factor.solve(rows_in.T.toarray()),
         lambda x: assembly.apply(krons["M"], x),
-        system.basis,
-        assembly.apply(krons["M"], system.basis),
+        [(system.basis, assembly.apply(krons["M"], system.basis))],
     )
     basis = np.hstack([system.basis, attachment])
     reduced: dict[Target, NDArray[np.float64]] = {}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,6 +20,16 @@ from model.mesh import FIELDS, Field, Plan
 
 Target = Literal["M", "C", "K"]
 Matrix = Any  # scipy sparse or numpy dense; scipy has no common type for the two
+
+
+class ParameterFactor(Protocol):
+    """The scalar by which a term is multiplied, as a function of the parameters `theta`."""
+
+    def __call__(self, theta: Mapping[str, float]) -> float:
+        """Return the value at the parameters `theta`."""
+
+    def derivative(self, theta: Mapping[str, float], name: str) -> float:
+        """Return the derivative by the parameter `name` at `theta`."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,7 +83,7 @@ class Term:
 
     name: str
     target: Target
-    factor: Monomial
+    factor: ParameterFactor
     krons: tuple[Kron, ...]
 
 

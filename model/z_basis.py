@@ -21,6 +21,7 @@ from model.mesh import FIELDS, Field
 from model.solver import solver_over_laminas, solver_over_plan
 from model.stack import Mesh, Stack
 from model.system import Assembly
+from model.tangential_contact import jump, mean
 
 Vector = NDArray[np.float64]
 Phi = Mapping[Field, Vector]
@@ -28,8 +29,11 @@ Phi = Mapping[Field, Vector]
 N_RIGID = 6
 COARSE = Mesh(n_x=4, n_y=2)
 SPARE = 8  # vectors iterated beyond the modes asked for, so that the last ones converge as fast as the first
-_TOLERANCE = 1e-7  # relative, of the coarse eigenvalues
-_FEWEST = 8  # functions to begin with
+_TOLERANCE = 1e-6  # relative change of the coarse eigenvalues in the last step; their error is far smaller
+_FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
+_POLYNOMIALS = 6
+_MIRRORED = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
+_REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth over the laminas
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,42 +62,95 @@ def shear_shift(stack: Stack, theta: Mapping[str, float]) -> float:
     return float(shear / (theta["density"] * stack.material.density) * (np.pi / stack.length) ** 2)
 
 
+def _is_symmetric(assembly: Assembly) -> bool:
+    """Return whether the stack is its own mirror image about mid-height."""
+    sign = {"u": 1.0, "v": 1.0, "w": -1.0}
+    for term in assembly.terms:
+        for kron in term.krons:
+            z = sp.csr_matrix(kron.z)
+            turned = sign[kron.row] * sign[kron.column] * z[::-1, ::-1]
+            if abs(z - turned).max() > _MIRRORED * abs(z).max():
+                return False
+    return True
+
+
 def _principal_functions(
-    values: Sequence[NDArray[np.float64]],
-    weights: Sequence[sp.csr_matrix],
+    values: NDArray[np.float64],
+    weight: sp.csr_matrix,
+    norm: NDArray[np.float64],
     first: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return orthonormal functions of z: `first`, then the others by how much of `values` they carry.
+    *,
+    symmetric: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return functions of z: `first`, then the others by the energy that leaving them out would cost.
 
     Parameters
     ----------
-    values : sequence of (n_lamina, n_planar, n_mode)
+    values : (n_lamina, n_planar, n_sample)
         Fields to represent.
-    weights : sequence of (n_planar, n_planar)
-        Planar form of each, in which its size is measured.
+    weight : (n_planar, n_planar)
+        Planar form in which their size is measured.
+    norm : (n_lamina, n_lamina)
+        Symmetric positive definite matrix in which a function's size is measured.
     first : (n_lamina, m)
         Functions that must be in the span.
+    symmetric : bool
+        Whether to give every function a parity about mid-height.
 
     Returns
     -------
-    (n_lamina, n_lamina)
+    functions : (n_lamina, n_lamina)
+    energy : (n_lamina,)
+        Of all samples together in each function, without `first`'s, which is infinite.
     """
-    basis = la.qr(first, mode="economic")[0]
-    gram = np.zeros((first.shape[0], first.shape[0]))
-    for value, weight in zip(values, weights, strict=True):
-        plain = value.transpose(1, 0, 2)
-        weighted = (weight @ plain.reshape(plain.shape[0], -1)).reshape(plain.shape)
-        gram += np.tensordot(plain, weighted, axes=([0, 2], [0, 2]))
+    plain = values.transpose(1, 0, 2)
+    weighted = (weight @ plain.reshape(plain.shape[0], -1)).reshape(plain.shape)
+    gram = np.tensordot(plain, weighted, axes=([0, 2], [0, 2]))
+    gram = (gram + gram.T) / 2.0
+    if symmetric:
+        gram = (gram + gram[::-1, ::-1]) / 2.0
+    root = la.cholesky(norm, lower=True)
+    gram = root.T @ gram @ root
+    basis = la.qr(root.T @ first, mode="economic")[0]
     gram -= basis @ (basis.T @ gram)
     gram -= (gram @ basis) @ basis.T
-    vectors = la.eigh((gram + gram.T) / 2.0)[1][:, : basis.shape[1] - 1 : -1]
-    return np.asarray(la.qr(np.hstack([basis, vectors]), mode="economic")[0])
+    energy, vectors = la.eigh((gram + gram.T) / 2.0)
+    n_rest = first.shape[0] - first.shape[1]
+    energy, vectors = energy[::-1][:n_rest], vectors[:, ::-1][:, :n_rest]
+    functions = la.solve_triangular(root.T, vectors)
+    if symmetric:
+        functions = _with_parity(functions)
+    return np.hstack([first, functions]), np.concatenate([np.full(first.shape[1], np.inf), energy])
+
+
+def _with_parity(functions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the even or the odd part of each function, whichever is larger."""
+    even, odd = functions + functions[::-1], functions - functions[::-1]
+    return np.where((even**2).sum(axis=0) > (odd**2).sum(axis=0), even, odd)
+
+
+def _from_phi(reduced: Assembly, phi: Phi, x: Vector) -> Vector:
+    """Return displacements in coordinates of the functions of z on all laminas, (n, k)."""
+    where, k = reduced.slices(), x.shape[1]
+    return np.vstack([(phi[f] @ x[where[f]].reshape(reduced.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
 
 
 def _over_phi(full: Assembly, phi: Phi, x: Vector) -> Vector:
     """Return displacements of all laminas, (full.size, k), in coordinates of the functions of z."""
     where, k = full.slices(), x.shape[1]
     return np.vstack([(phi[f].T @ x[where[f]].reshape(full.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
+
+
+def _coarse_start(full: Assembly, stack: Stack, theta: Mapping[str, float], n_vector: int) -> Vector:
+    """Return the lowest modes with polynomials over z, (full.size, n_vector): a start for all laminas."""
+    z = np.linspace(-1.0, 1.0, stack.n_lamina)
+    polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
+    phi: Phi = dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
+    reduced = full.project_z(phi)
+    start = np.random.default_rng(0).standard_normal((reduced.size, n_vector))
+    n_mode = min(n_vector, reduced.size) - SPARE
+    _, found = solver_over_plan(reduced).modes(theta, shear_shift(stack, theta), start, n_mode, 1e-2)
+    return _from_phi(reduced, phi, found)
 
 
 def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -> ZBasis:
@@ -105,7 +162,7 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
     Parameters
     ----------
     stack : Stack
-        The stack; its mesh is replaced by 4 x 2 elements.
+        The stack; its mesh is replaced by a coarse one.
     G_f : sequence of float
         Contact stiffness parameters at which the modes are taken.
     n_mode : int
@@ -115,32 +172,22 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
     """
     full = assemble(dataclasses.replace(stack, mesh=COARSE))
     solver = solver_over_laminas(full)
-    start = np.random.default_rng(0).standard_normal((full.size, n_mode + SPARE))
     thetas = [{**full.theta, "G_f": value} for value in G_f]
+    start = _coarse_start(full, stack, thetas[0], n_mode + SPARE)
     eigenvalues, snapshots = [], []
     for theta in thetas:
         found, start = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE)
         eigenvalues.append(found)
         snapshots.append(start[:, :n_mode])
 
-    where, n = full.slices(), stack.n_lamina
-    fields: dict[Field, list[Vector]] = {field: [] for field in FIELDS}
-    for values, modes in zip(eigenvalues, snapshots, strict=True):
-        elastic = modes[:, N_RIGID:] / np.sqrt(values[N_RIGID:])  # unit energy: every mode counts alike
-        for field in FIELDS:
-            fields[field].append(elastic[where[field]].reshape(n, -1, elastic.shape[1]))
-    form = full.plan.form
-    stretch = [form("u", "u", ("x", "x")), form("v", "v", ("y", "y"))]
-    slope = form("w", "w", ("x", "x")) + form("w", "w", ("y", "y"))
-    rigid = np.column_stack([np.ones(n), stack.lamina_z])
-    membrane = _principal_functions(
-        fields["u"] + fields["v"], [w for w in stretch for _ in snapshots], rigid[:, :n]
+    elastic = np.hstack(  # of unit energy, so that every mode counts alike
+        [modes[:, N_RIGID:] / np.sqrt(v[N_RIGID:]) for v, modes in zip(eigenvalues, snapshots, strict=True)]
     )
-    bending = _principal_functions(fields["w"], [slope for _ in snapshots], rigid[:, :1])
-
-    for n_membrane in range(min(_FEWEST, n), n + 1, 2):
-        u = membrane[:, :n_membrane]
-        phi: Phi = {"u": u, "v": u, "w": bending[:, : max(n_membrane - 2, 1)]}
+    functions, energy = _functions_and_energies(full, stack, thetas, elastic)
+    allowed = 2.0 * tolerance  # an energy error of 2 e is a frequency error of e
+    while True:
+        keep = {f: max(int(np.count_nonzero(_tail(energy[f]) > allowed)), _FEWEST[f]) for f in FIELDS}
+        phi: Phi = {f: la.qr(functions[f][:, : keep[f]], mode="economic")[0] for f in FIELDS}
         coarse = full.project_z(phi)
         reduced_solver = solver_over_plan(coarse)
         errors = []
@@ -148,6 +195,45 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
             shift = shear_shift(stack, theta)
             found, _ = reduced_solver.modes(theta, shift, _over_phi(full, phi, modes), n_mode, _TOLERANCE)
             errors.append(np.max(np.sqrt(found[N_RIGID:] / exact[N_RIGID:]) - 1.0))
-        if max(errors) < tolerance:
+        if max(errors) < tolerance or min(keep.values()) == stack.n_lamina:
             break
+        allowed *= min(0.5, 0.7 * tolerance / max(errors))
     return ZBasis(phi=phi, coarse=coarse, snapshots=tuple(_over_phi(full, phi, s) for s in snapshots))
+
+
+def _functions_and_energies(
+    full: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], samples: Vector
+) -> tuple[dict[Field, Vector], dict[Field, Vector]]:
+    """Return principal functions of z of each field and the energy that each carries in `samples`.
+
+    An error e(z) of a field costs energy in the laminas and in the interfaces; with the mean energy of the
+    samples' planar shapes both become one norm over z.
+    """
+    where, n, t = full.slices(), stack.n_lamina, stack.pitch
+    fields = {f: samples[where[f]].reshape(n, -1, samples.shape[1]) for f in FIELDS}
+    form = full.plan.form
+    q11, _, q22, _ = stack.material.plane_stress()
+    shear = stack.contact.pressure * float(np.exp(np.mean([np.log(theta["G_f"]) for theta in thetas])))
+    d, a = jump(n).toarray(), mean(n).toarray()
+    symmetric = _is_symmetric(full)
+    rigid = np.column_stack([np.ones(n), stack.lamina_z])[:, :n]
+
+    def size(weight: sp.csr_matrix, field: Field) -> float:
+        flat = fields[field].transpose(1, 0, 2).reshape(weight.shape[0], -1)
+        return float(np.vdot(flat, weight @ flat))
+
+    planar_mass, plate_mass = form("u", "u"), form("w", "w")
+    stretch = q11 * size(form("u", "u", ("x", "x")), "u") + q22 * size(form("v", "v", ("y", "y")), "v")
+    stretch /= size(planar_mass, "u") + size(planar_mass, "v")
+    slope = size(form("w", "w", ("x", "x")) + form("w", "w", ("y", "y")), "w") / size(plate_mass, "w")
+    over_u = t * stretch * np.eye(n) + shear / t * d.T @ d
+    over_w = shear * t * slope * (a.T @ a + _REGULAR * np.eye(n)) + stack.contact.normal_modulus / t * d.T @ d
+    membrane = np.concatenate([fields["u"], fields["v"]], axis=2)
+    u, u_energy = _principal_functions(membrane, planar_mass, over_u, rigid, symmetric=symmetric)
+    w, w_energy = _principal_functions(fields["w"], plate_mass, over_w, rigid[:, :1], symmetric=symmetric)
+    return {"u": u, "v": u, "w": w}, {"u": u_energy, "v": u_energy, "w": w_energy}
+
+
+def _tail(energy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return for each function the energy that it and all after it carry."""
+    return np.cumsum(np.maximum(energy, 0.0)[::-1])[::-1]

@@ -1,0 +1,125 @@
+"""Terms that couple places far apart, as a change of low rank to a matrix that is easy to factorise.
+
+A clamp moves with the mean displacement of its footprint, so its mass couples all the elements under it.
+Left in the matrix, it would weld their blocks of the chain into one large block. It is of low rank, though,
+so the Sherman-Morrison-Woodbury formula adds it after the factorisation (Golub and Van Loan, Matrix
+Computations, 4th ed., section 2.1.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.chain import ChainFactor
+from model.mesh import FIELDS, Field
+from model.system import Assembly, Kron
+
+Vector = NDArray[np.float64]
+
+_RANK = 1e-11  # singular values below this share of the largest are rounding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LowRank:
+    """Spaces in which all of some Kronecker products act: for each field, (range over z) x (range over plan).
+
+    Attributes
+    ----------
+    assembly : Assembly
+        The equations that the products are part of.
+    z : mapping of field to (n_z, q)
+        Orthonormal range over z.
+    planar : mapping of field to (n_planar, r)
+        Orthonormal range over the plan.
+    """
+
+    assembly: Assembly
+    z: Mapping[Field, Vector]
+    planar: Mapping[Field, Vector]
+
+    def vectors(self) -> Vector:
+        """Return the basis U of the space, (assembly.size, rank), field after field."""
+        return np.asarray(la.block_diag(*(np.kron(self.z[f], self.planar[f]) for f in FIELDS)))
+
+    def core(self, krons: tuple[Kron, ...]) -> Vector:
+        """Return the matrix C, (rank, rank), with which the sum of products is U C U'."""
+        ends = np.cumsum([0, *(self.z[f].shape[1] * self.planar[f].shape[1] for f in FIELDS)])
+        core = np.zeros((ends[-1], ends[-1]))
+        for kron in krons:
+            r, c = FIELDS.index(kron.row), FIELDS.index(kron.column)
+            block = np.kron(
+                self.z[kron.row].T @ (kron.z @ self.z[kron.column]),
+                self.planar[kron.row].T @ (kron.planar @ self.planar[kron.column]),
+            )
+            core[ends[r] : ends[r + 1], ends[c] : ends[c + 1]] += block
+            if r != c:
+                core[ends[c] : ends[c + 1], ends[r] : ends[r + 1]] += block.T
+        return core
+
+
+def low_rank(assembly: Assembly, krons: tuple[Kron, ...]) -> LowRank:
+    """Find the spaces in which Kronecker products act."""
+    z, planar = {}, {}
+    for field in FIELDS:
+        own = [(k.z, k.planar) for k in krons if k.row == field]
+        own += [(k.z.T, k.planar.T) for k in krons if k.column == field]
+        z[field] = _range([sp.csc_matrix(a) for a, _ in own], assembly.n_z[field])
+        planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))
+    return LowRank(assembly=assembly, z=z, planar=planar)
+
+
+def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
+    """Return an orthonormal basis of the columns of all matrices together, (n, rank)."""
+    if not matrices:
+        return np.zeros((n, 0))
+    every = sp.hstack([m / max(abs(m).max(), np.finfo(float).tiny) for m in matrices], format="csc")
+    rows = np.unique(every.indices)
+    columns = np.flatnonzero(np.diff(every.indptr))
+    left, values, _ = la.svd(every[rows][:, columns].toarray(), full_matrices=False)
+    left = left[:, values > _RANK * values.max(initial=0.0)]
+    basis = np.zeros((n, left.shape[1]))
+    basis[rows] = left
+    return basis
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Factor:
+    """A factorised matrix A with a change of low rank: A + U C U'.
+
+    Attributes
+    ----------
+    chain : ChainFactor
+        Factor of A.
+    vectors : (n, rank)
+        U.
+    correction : (n, rank)
+        A^-1 U (I + C U' A^-1 U)^-1 C.
+    """
+
+    chain: ChainFactor
+    vectors: Vector
+    correction: Vector
+
+    def solve(self, b: Vector) -> Vector:
+        """Return the solution for right-hand sides (n, k)."""
+        x = self.chain.solve(b)
+        if self.vectors.shape[1]:
+            x -= self.correction @ (self.vectors.T @ x)
+        return x
+
+
+def with_change(chain: ChainFactor, change: LowRank, core: Vector) -> Factor:
+    """Return the factor of A + U C U' from that of A."""
+    vectors = change.vectors()
+    if not vectors.shape[1]:
+        return Factor(chain=chain, vectors=vectors, correction=vectors)
+    images = chain.solve(vectors)
+    inner = np.eye(core.shape[0]) + core @ (vectors.T @ images)
+    correction = la.solve(inner.T, images.T).T @ core
+    return Factor(chain=chain, vectors=vectors, correction=correction)
