@@ -14,7 +14,7 @@ from ema import Identification
 from updating import jobs, tables
 from updating.errors import LAMELLA_ERRORS
 from updating.modal_table import is_modal_table
-from updating.quality import Quality
+from updating.quality import quality
 
 app = typer.Typer(
     name="lamella",
@@ -137,7 +137,7 @@ def demo(output: Folder = Path("out/demo")) -> None:
 
 
 def _print_findings(found: Identification) -> None:
-    for line in Quality(verdicts=found.verdicts, notes=found.measurement.notes).findings:
+    for line in quality(found).findings:
         _OUT.print(f"  {line}", markup=False, highlight=False)
 
 

@@ -24,7 +24,7 @@ from updating.fit import Fit
 from updating.fit import fit as fit_configuration
 from updating.modal_table import TableFit, fit_row, read_modal_table
 from updating.plot import as_png
-from updating.quality import Quality
+from updating.quality import quality
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.store import folder_name, write_bytes, write_frf, write_result
@@ -152,8 +152,7 @@ def _identified(
         files = tuple(file for group in configuration.files for file in group.files)
         inputs = (campaign.path, *files)
         used = {"band_Hz": list(found.modal_model.band), "order": campaign.identification.order}
-        quality = Quality(verdicts=found.verdicts, notes=found.measurement.notes)
-        write_result(folder / "quality.json", quality, inputs=inputs, options=used)
+        write_result(folder / "quality.json", quality(found), inputs=inputs, options=used)
         write_result(folder / "modal_model.json", found.modal_model, inputs=inputs, options=used)
         write_frf(folder / "measurement.npz", found.measurement.frf)
         yield configuration, found

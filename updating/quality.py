@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ema import Verdict
+import numpy as np
+
+from ema import Identification, ModalModel, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +18,7 @@ class Quality:
     verdicts : tuple of Verdict
         Every check, passed ones too.
     notes : tuple of str
-        What was odd in the files and how it was resolved.
+        What was odd in the files and how it was resolved, and which roving runs disagree with the others.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -27,3 +29,27 @@ class Quality:
         """What a user should read: warnings and failures of the checks, then the notes."""
         found = (f"{v.level}: {v.check}: {v.message}" for v in self.verdicts if v.level != "pass")
         return (*found, *self.notes)
+
+
+def quality(found: Identification) -> Quality:
+    """Collect what reading, checks and the comparison of roving runs found."""
+    return Quality(
+        verdicts=found.verdicts, notes=(*found.measurement.notes, *_disagreeing_runs(found.modal_model))
+    )
+
+
+def _disagreeing_runs(modal_model: ModalModel) -> tuple[str, ...]:
+    """Say of each roving run that differs from the others in which modes it does and by how much."""
+    lines = []
+    differs = modal_model.disagreeing_runs()
+    for i in np.flatnonzero(differs.any(axis=1)):
+        others = np.delete(modal_model.run_frequency, i, axis=0)
+        shift = modal_model.run_frequency[i] / np.median(others, axis=0) - 1.0
+        modes = ", ".join(
+            f"{modal_model.frequency[r]:.1f} Hz by {100 * shift[r]:+.3f} %"
+            for r in np.flatnonzero(differs[i])
+        )
+        lines.append(
+            f"run {modal_model.run[i] + 1} disagrees with the others: {modes}; a sensor's mass does this"
+        )
+    return tuple(lines)

@@ -1,0 +1,38 @@
+"""What a user is told about a measurement."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from ema import Verdict
+from updating.quality import quality
+
+
+def found(probability, frequency):
+    model = SimpleNamespace(
+        run=np.array([0, 1, 2]),
+        frequency=np.array([100.0, 200.0]),
+        run_frequency=np.array(frequency),
+        disagreeing_runs=lambda: np.array(probability) < 0.05,
+    )
+    verdicts = (
+        Verdict(check="dead", level="pass", channel=(), band=None, message="every channel responds"),
+        Verdict(check="sign", level="warn", channel=(3,), band=None, message="12+z looks turned"),
+    )
+    return SimpleNamespace(
+        verdicts=verdicts, measurement=SimpleNamespace(notes=("12+z measured twice",)), modal_model=model
+    )
+
+
+def test_a_shifted_run_is_named_with_its_modes_and_shifts():
+    agree = np.ones((3, 2))
+    probability = agree.copy()
+    probability[1, 1] = 0.001
+    frequency = [[100.0, 200.0], [100.0, 199.8], [100.0, 200.0]]
+    findings = quality(found(probability, frequency)).findings
+    assert findings == (
+        "warn: sign: 12+z looks turned",
+        "12+z measured twice",
+        "run 2 disagrees with the others: 200.0 Hz by -0.100 %; a sensor's mass does this",
+    )
+    assert len(quality(found(agree, frequency)).findings) == 2
