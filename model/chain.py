@@ -21,6 +21,8 @@ from model.errors import SolveError
 def levels(pattern: sp.csr_matrix, start: NDArray[np.intp]) -> list[NDArray[np.intp]]:
     """Group the unknowns by their graph distance from `start`, which makes the matrix block tridiagonal.
 
+    In each group those that are coupled to the next one come last.
+
     Parameters
     ----------
     pattern : sparse (n, n)
@@ -45,7 +47,11 @@ def levels(pattern: sp.csr_matrix, start: NDArray[np.intp]) -> list[NDArray[np.i
             f"the plan falls into parts: {np.count_nonzero(~seen)} unknowns are not connected to the rest"
         )
         raise SolveError(message)
-    return groups[:-1]
+    result = [groups[-2]]
+    for group in groups[-3::-1]:
+        coupled = np.isin(group, pattern[result[-1]].indices)
+        result.append(np.concatenate([group[~coupled], group[coupled]]))
+    return result[::-1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,48 +60,41 @@ class ChainFactor:
 
     Attributes
     ----------
-    groups : list of (n_i,) int
-        Unknowns of each block.
     inverse : list of (n_i, n_i)
         Inverses of the lower Cholesky factors of the diagonal blocks; a product with one is several times
         faster than a triangular solution for the few dozen right-hand sides of a block iteration.
-    below : list of (m_i, n_i)
-        Blocks of the factor below the diagonal: m_i is n_i+1, or 0 where a block and the next are not
-        coupled.
+    below : list of (n_i+1, m_i)
+        Blocks of the factor below the diagonal, one fewer; their last m_i columns, the others are zero.
     """
 
-    groups: list[NDArray[np.intp]]
     inverse: list[NDArray[np.float64]]
     below: list[NDArray[np.float64]]
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the solution for right-hand sides (n, k)."""
-        parts = [b[group] for group in self.groups]
-        parts[0] = self.inverse[0] @ parts[0]
-        for i in range(1, len(parts)):
-            if self.below[i - 1].size:
-                parts[i] -= self.below[i - 1] @ parts[i - 1]
-            parts[i] = self.inverse[i] @ parts[i]
-        x = np.empty_like(b)
-        parts[-1] = self.inverse[-1].T @ parts[-1]
-        x[self.groups[-1]] = parts[-1]
-        for i in range(len(parts) - 2, -1, -1):
-            if self.below[i].size:
-                parts[i] -= self.below[i].T @ parts[i + 1]
-            parts[i] = self.inverse[i].T @ parts[i]
-            x[self.groups[i]] = parts[i]
-        return x
+        """Return the solution for right-hand sides (n, k), the unknowns in the order of the blocks."""
+        ends = np.cumsum([block.shape[0] for block in self.inverse])
+        parts = [np.asfortranarray(part) for part in np.split(b, ends[:-1])]
+        for i, inverse in enumerate(self.inverse):
+            if i:
+                coupled = parts[i - 1][parts[i - 1].shape[0] - self.below[i - 1].shape[1] :]
+                parts[i] = parts[i] - la.blas.dgemm(1.0, self.below[i - 1], np.asfortranarray(coupled))
+            parts[i] = la.blas.dtrmm(1.0, inverse, parts[i], lower=1)
+        for i in range(len(parts) - 1, -1, -1):
+            if i + 1 < len(parts):
+                coupled = parts[i][parts[i].shape[0] - self.below[i].shape[1] :]
+                coupled -= la.blas.dgemm(1.0, self.below[i], parts[i + 1], trans_a=1)
+            parts[i] = la.blas.dtrmm(1.0, self.inverse[i], parts[i], lower=1, trans_a=1)
+        return np.vstack(parts)
 
 
-def factorize(columns: Iterable[NDArray[np.float64]], groups: list[NDArray[np.intp]]) -> ChainFactor:
+def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> ChainFactor:
     """Factorise a symmetric positive definite block tridiagonal matrix.
 
     Parameters
     ----------
-    columns : iterable of (n_i + m_i, n_i)
-        Each block's columns from the diagonal block down, m_i as in `ChainFactor`.
-    groups : list of (n_i,) int
-        The unknowns of each block.
+    columns : iterable of ((n_i, n_i), (m_i, n_i+1))
+        Each diagonal block, and the transpose of the block below it without the columns that are zero; only
+        the last m_i unknowns of a block may be coupled to the next.
 
     Raises
     ------
@@ -104,19 +103,19 @@ def factorize(columns: Iterable[NDArray[np.float64]], groups: list[NDArray[np.in
     """
     inverse: list[NDArray[np.float64]] = []
     below: list[NDArray[np.float64]] = []
-    for both, group in zip(columns, groups, strict=True):
-        block, coupling = both[: group.size], both[group.size :]
-        if below and below[-1].size:
-            block = block - la.blas.dsyrk(1.0, below[-1], lower=1)  # its lower triangle, all that is read
-        try:
-            lower = la.cholesky(block, lower=True, check_finite=False)
-        except la.LinAlgError as error:
+    for block, coupling in columns:
+        symmetric = np.asfortranarray(block.T)  # the same matrix, in LAPACK's order without a copy
+        if inverse:
+            symmetric = la.blas.dsyrk(-1.0, below[-1], beta=1.0, c=symmetric, lower=1, overwrite_c=1)
+        lower, failed = la.lapack.dpotrf(symmetric, lower=1, overwrite_a=1)
+        if failed:
             message = (
                 "the shifted stiffness matrix is not positive definite; check for negative stiffness or mass"
             )
-            raise SolveError(message) from error
-        inverse.append(la.lapack.dtrtri(lower, lower=1)[0])
+            raise SolveError(message)
+        inverse.append(la.lapack.dtrtri(lower, lower=1, overwrite_c=1)[0])
+        n_free = block.shape[0] - coupling.shape[0]
         if coupling.size:
-            coupling = la.blas.dtrmm(1.0, inverse[-1], coupling, side=1, lower=1, trans_a=1)
-        below.append(coupling)
-    return ChainFactor(groups=groups, inverse=inverse, below=below)
+            corner = np.asfortranarray(inverse[-1][n_free:, n_free:])
+            below.append(la.blas.dtrmm(1.0, corner, coupling.T, side=1, lower=1, trans_a=1, overwrite_b=1))
+    return ChainFactor(inverse=inverse, below=below)

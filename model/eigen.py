@@ -107,15 +107,16 @@ def lowest_modes(
         projected = (grown + grown.T) / 2.0
         inverse, vectors = la.eigh(projected)
         now = 1.0 / inverse[::-1][:n_mode]
-        added = orthonormalize(image, mass, [*known, *blocks])
-        steady = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
-        if steady or (added[0].shape[1] == 0 and now.size == n_mode):  # or the space is invariant
+        done = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
+        if not done:
+            blocks.append(orthonormalize(image, mass, [*known, *blocks]))
+            done = blocks[-1][0].shape[1] == 0 and now.size == n_mode  # the space is invariant
+        if done:
             lowest = vectors[:, ::-1][:, : start.shape[1]]
-            ends = np.cumsum([basis.shape[1] for basis, _ in blocks])[:-1]
-            parts = np.split(lowest, ends)
+            ends = np.cumsum([basis.shape[1] for basis, _ in blocks])
+            parts = np.split(lowest, ends[:-1])
             x = sum(basis @ part for (basis, _), part in zip(blocks, parts, strict=True))
             return now - shift, np.asarray(x)
         before = now
-        blocks.append(added)
     message = f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps"
     raise SolveError(message)

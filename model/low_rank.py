@@ -31,20 +31,17 @@ class LowRank:
 
     Attributes
     ----------
-    assembly : Assembly
-        The equations that the products are part of.
     z : mapping of field to (n_z, q)
         Orthonormal range over z.
     planar : mapping of field to (n_planar, r)
         Orthonormal range over the plan.
     """
 
-    assembly: Assembly
     z: Mapping[Field, Vector]
     planar: Mapping[Field, Vector]
 
     def vectors(self) -> Vector:
-        """Return the basis U of the space, (assembly.size, rank), field after field."""
+        """Return the basis U of the space, (size, rank), field after field."""
         return np.asarray(la.block_diag(*(np.kron(self.z[f], self.planar[f]) for f in FIELDS)))
 
     def core(self, krons: tuple[Kron, ...]) -> Vector:
@@ -63,19 +60,23 @@ class LowRank:
         return core
 
 
-def low_rank(assembly: Assembly, krons: tuple[Kron, ...]) -> LowRank:
-    """Find the spaces in which Kronecker products act."""
+def low_rank(
+    assembly: Assembly, krons: tuple[Kron, ...], members: Mapping[Field, NDArray[np.intp]]
+) -> LowRank:
+    """Find the spaces in which Kronecker products act on the given indices over z."""
     z, planar = {}, {}
     for field in FIELDS:
         own = [(k.z, k.planar) for k in krons if k.row == field]
         own += [(k.z.T, k.planar.T) for k in krons if k.column == field]
-        z[field] = _range([sp.csc_matrix(a) for a, _ in own], assembly.n_z[field])
+        here = sp.diags_array(np.isin(np.arange(assembly.n_z[field]), members[field]).astype(float))
+        z[field] = _range([sp.csc_matrix(here @ a) for a, _ in own], assembly.n_z[field])
         planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))
-    return LowRank(assembly=assembly, z=z, planar=planar)
+    return LowRank(z=z, planar=planar)
 
 
 def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
     """Return an orthonormal basis of the columns of all matrices together, (n, rank)."""
+    matrices = [m for m in matrices if m.nnz]
     if not matrices:
         return np.zeros((n, 0))
     every = sp.hstack([m / max(abs(m).max(), np.finfo(float).tiny) for m in matrices], format="csc")
@@ -89,11 +90,13 @@ def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Factor:
-    """A factorised matrix A with a change of low rank: A + U C U'.
+class PartFactor:
+    """A factorised part A of a matrix with a change of low rank: A + U C U'.
 
     Attributes
     ----------
+    rows : (n,) int
+        Unknowns of the part, in the order of the chain's blocks.
     chain : ChainFactor
         Factor of A.
     vectors : (n, rank)
@@ -102,24 +105,39 @@ class Factor:
         A^-1 U (I + C U' A^-1 U)^-1 C.
     """
 
+    rows: NDArray[np.intp]
     chain: ChainFactor
     vectors: Vector
     correction: Vector
 
     def solve(self, b: Vector) -> Vector:
-        """Return the solution for right-hand sides (n, k)."""
+        """Return the solution for right-hand sides (n, k) of the part."""
         x = self.chain.solve(b)
         if self.vectors.shape[1]:
             x -= self.correction @ (self.vectors.T @ x)
         return x
 
 
-def with_change(chain: ChainFactor, change: LowRank, core: Vector) -> Factor:
-    """Return the factor of A + U C U' from that of A."""
-    vectors = change.vectors()
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Factor:
+    """A factorised matrix, in parts that are not coupled."""
+
+    parts: tuple[PartFactor, ...]
+
+    def solve(self, b: Vector) -> Vector:
+        """Return the solution for right-hand sides (n, k)."""
+        x = np.empty_like(b)
+        for part in self.parts:
+            x[part.rows] = part.solve(b[part.rows])
+        return x
+
+
+def with_change(chain: ChainFactor, rows: NDArray[np.intp], change: LowRank, core: Vector) -> PartFactor:
+    """Return the factor of A + U C U' from that of A, whose unknowns are `rows` of the equations."""
+    vectors = change.vectors()[rows]
     if not vectors.shape[1]:
-        return Factor(chain=chain, vectors=vectors, correction=vectors)
+        return PartFactor(rows=rows, chain=chain, vectors=vectors, correction=vectors)
     images = chain.solve(vectors)
     inner = np.eye(core.shape[0]) + core @ (vectors.T @ images)
-    correction = la.solve(inner.T, images.T).T @ core
-    return Factor(chain=chain, vectors=vectors, correction=correction)
+    correction = images @ la.solve(inner, core)
+    return PartFactor(rows=rows, chain=chain, vectors=vectors, correction=correction)

@@ -21,6 +21,7 @@ from model.assemble import assemble
 from model.eigen import orthonormalize
 from model.low_rank import Factor
 from model.mesh import Field
+from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan, transfer
 from model.stack import Stack
 from model.system import Assembly, ParameterFactor, Target
@@ -128,35 +129,6 @@ class ReducedSystem:
         ).tocsr()
 
 
-def rigid_body_modes(
-    assembly: Assembly, stack: Stack, phi: Mapping[Field, NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """Return three translations and three rotations in the z-reduced coordinates, (assembly.size, 6)."""
-    plan, where = assembly.plan, assembly.slices()
-    one = np.ones(stack.n_lamina)
-
-    def planar(field: Field, function: str) -> NDArray[np.float64]:
-        return plan.interpolate(
-            field, {"1": (1.0, 0.0, 0.0), "x": (0.0, 1.0, 0.0), "y": (0.0, 0.0, 1.0)}[function]
-        )
-
-    modes = np.zeros((assembly.size, 6))
-
-    def add(mode: int, field: Field, over_z: NDArray[np.float64], function: str, sign: float = 1.0) -> None:
-        modes[where[field], mode] = sign * np.outer(phi[field].T @ over_z, planar(field, function)).ravel()
-
-    add(0, "u", one, "1")
-    add(1, "v", one, "1")
-    add(2, "w", one, "1")
-    add(3, "v", stack.lamina_z, "1", -1.0)
-    add(3, "w", one, "y")
-    add(4, "u", stack.lamina_z, "1")
-    add(4, "w", one, "x", -1.0)
-    add(5, "u", one, "y", -1.0)
-    add(5, "v", one, "x")
-    return modes
-
-
 def reduce(
     stack: Stack,
     *,
@@ -200,7 +172,7 @@ def reduce(
 
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
     basis, mass_basis = orthonormalize(rigid, product)
-    fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE))  # for what the start lacks
+    fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
     for i, value in enumerate(samples):
         theta = {**assembly.theta, "G_f": float(value)}
         if i < len(over_z.snapshots):
@@ -209,7 +181,7 @@ def reduce(
             stiffness = basis.T @ assembly.apply(assembly.krons("K", theta), basis)
             start = basis @ la.eigh(_symmetric(stiffness))[1][:, :n_mode]
         start = np.hstack([start, fresh])
-        _, vectors = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE)
+        _, vectors = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE, rigid)
         block, mass_block = orthonormalize(vectors, product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     terms = tuple(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
 from model.chain import factorize, levels
-from model.eigen import Block, lowest_modes
+from model.eigen import Block, lowest_modes, orthonormalize
 from model.low_rank import Factor, LowRank, low_rank, with_change
 from model.mesh import FIELDS, Field
 from model.system import Assembly, Kron, ParameterFactor, Target, Term
@@ -19,6 +19,7 @@ from model.system import Assembly, Kron, ParameterFactor, Target, Term
 Vector = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_FREE = 1e-8  # of the shift: energy of rigid-body motion below it is rounding
 _UNCOUPLED = 1e-12  # of a matrix's largest entry over z: below it, a coupling of two functions is rounding
 
 
@@ -34,28 +35,44 @@ class Group:
         Indices over the plan.
     level : int
         Which of the planar groups it is; `Coupling.entries` are sorted by them.
-    linked : bool
-        Whether the next group of the chain is coupled to this one.
+    n_coupled : mapping of field to int
+        How many of the planar indices are coupled to the next group: the last ones.
     """
 
     z: Mapping[Field, Index]
     planar: Mapping[Field, Index]
     level: int
-    linked: bool
+    n_coupled: Mapping[Field, int]
 
-    def size(self, field: Field) -> int:
-        """Return the number of unknowns of a field."""
-        return self.z[field].size * self.planar[field].size
+    @property
+    def n_free(self) -> int:
+        """Number of unknowns that are not coupled to the next group; they come first."""
+        return sum(self.z[f].size * (self.planar[f].size - self.n_coupled[f]) for f in FIELDS)
+
+    @property
+    def total(self) -> int:
+        """Number of unknowns."""
+        return sum(self.z[f].size * self.planar[f].size for f in FIELDS)
+
+    def places(self) -> dict[Field, Index]:
+        """Return where in the block the unknowns of each planar index begin, one for each index over z."""
+        free, coupled, found = 0, self.n_free, {}
+        for f in FIELDS:
+            n_z, n_coupled = self.z[f].size, self.n_coupled[f]
+            n_free = self.planar[f].size - n_coupled
+            found[f] = np.concatenate(
+                [free + n_z * np.arange(n_free), coupled + n_z * np.arange(n_coupled)]
+            ).astype(np.intp)
+            free, coupled = free + n_z * n_free, coupled + n_z * n_coupled
+        return found
 
     def unknowns(self, assembly: Assembly) -> Index:
-        """Return the places of the block's unknowns in a displacement vector, planar index outside."""
-        where = assembly.slices()
-        return np.concatenate(
-            [
-                (where[f].start + self.planar[f][:, None] + self.z[f] * assembly.plan.size(f)).ravel()
-                for f in FIELDS
-            ]
-        )
+        """Return the places of the block's unknowns in a displacement vector."""
+        where, result = assembly.slices(), np.empty(self.total, dtype=np.intp)
+        for f, places in self.places().items():
+            in_vector = where[f].start + self.planar[f][:, None] + self.z[f] * assembly.plan.size(f)
+            result[places[:, None] + np.arange(self.z[f].size)] = in_vector
+        return result
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,58 +157,65 @@ def _couplings(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Chain:
+    """Some of the functions of z, which no term couples to others, with all of the plan.
+
+    Attributes
+    ----------
+    groups : tuple of Group
+        The blocks.
+    change : LowRank
+        The space in which the products act that couple blocks that are not neighbours.
+    """
+
+    groups: tuple[Group, ...]
+    change: LowRank
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Solver:
-    """The mass and stiffness matrices of an assembly, cut into a chain of blocks.
+    """The mass and stiffness matrices of an assembly, cut into chains of blocks.
 
     Attributes
     ----------
     assembly : Assembly
         The equations of motion.
-    groups : tuple of Group
-        The blocks.
+    chains : tuple of Chain
+        Independent parts of the equations.
     couplings : tuple of Coupling
         The matrices, without what couples blocks that are not neighbours.
     far : tuple of (Term, Kron)
         The products that do so.
-    change : LowRank
-        The space in which they act.
     """
 
     assembly: Assembly
-    groups: tuple[Group, ...]
+    chains: tuple[Chain, ...]
     couplings: tuple[Coupling, ...]
     far: tuple[tuple[Term, Kron], ...]
-    change: LowRank
 
-    def columns(self, theta: Mapping[str, float], shift: float) -> Iterator[Vector]:
-        """Yield, block by block, the columns of K + shift M from the diagonal block down."""
-        weighted = [c.weighted_z(theta, shift) for c in self.couplings]
-        for i, group in enumerate(self.groups):
-            parts = [self._block(group, group, weighted)]
-            if group.linked:
-                parts.append(self._block(self.groups[i + 1], group, weighted))
-            yield np.vstack(parts)
-
-    def _block(self, below: Group, group: Group, weighted: list[Vector]) -> Vector:
-        row_ends = np.cumsum([0, *(below.size(f) for f in FIELDS)])
-        column_ends = np.cumsum([0, *(group.size(f) for f in FIELDS)])
-        block = np.zeros((row_ends[-1], column_ends[-1]))
-        for coupling, z in zip(self.couplings, weighted, strict=True):
-            if (below.level, group.level) not in coupling.entries:
-                continue
-            i, j, values = coupling.entries[below.level, group.level]
-            r, c = FIELDS.index(coupling.row), FIELDS.index(coupling.column)
-            z_rows, z_columns = below.z[coupling.row], group.z[coupling.column]
-            if not z_rows.size * z_columns.size:
-                continue
-            z_part = z[:, z_rows[:, None], z_columns]
-            size = (below.planar[coupling.row].size, group.planar[coupling.column].size)
-            part = np.zeros((size[0], z_rows.size, size[1], z_columns.size))
-            entries = values @ z_part.reshape(z_part.shape[0], -1)
-            part[i, :, j, :] = entries.reshape(-1, z_rows.size, z_columns.size)
-            block[row_ends[r] : row_ends[r + 1], column_ends[c] : column_ends[c + 1]] = part.reshape(
-                below.size(coupling.row), group.size(coupling.column)
+    def _columns(self, groups: tuple[Group, ...], weighted: list[Vector]) -> Iterator[tuple[Vector, Vector]]:
+        """Yield each diagonal block and its coupling to the next block as `factorize` wants them."""
+        for i, group in enumerate(groups):
+            last = i + 1 == len(groups)
+            yield (
+                self._block(group, group, weighted),
+                np.zeros((0, 0)) if last else self._block(group, groups[i + 1], weighted)[group.n_free :],
             )
+
+    def _block(self, group: Group, right: Group, weighted: list[Vector]) -> Vector:
+        """Return rows of one group, columns of another."""
+        block = np.zeros((group.total, right.total))
+        row_places, column_places = group.places(), right.places()
+        for coupling, z in zip(self.couplings, weighted, strict=True):
+            rows, columns = group.z[coupling.row], right.z[coupling.column]
+            if (group.level, right.level) not in coupling.entries or not rows.size * columns.size:
+                continue
+            i, j, values = coupling.entries[group.level, right.level]
+            z_part = z[:, rows[:, None], columns]
+            entries = (values @ z_part.reshape(z_part.shape[0], -1)).reshape(-1, rows.size, columns.size)
+            at = row_places[coupling.row][i][:, None, None] + np.arange(rows.size)[:, None]
+            to = column_places[coupling.column][j][:, None, None] + np.arange(columns.size)
+            block[at, to] = entries
         return block
 
     def factor(self, theta: Mapping[str, float], shift: float) -> Factor:
@@ -202,13 +226,18 @@ class Solver:
         SolveError
             The matrix is not positive definite.
         """
-        chain = factorize(self.columns(theta, shift), [g.unknowns(self.assembly) for g in self.groups])
+        weighted = [c.weighted_z(theta, shift) for c in self.couplings]
         shares = [term.factor(theta) * (shift if term.target == "M" else 1.0) for term, _ in self.far]
-        krons = tuple(
+        far = tuple(
             Kron(row=kron.row, column=kron.column, z=share * kron.z, planar=kron.planar)
             for share, (_, kron) in zip(shares, self.far, strict=True)
         )
-        return with_change(chain, self.change, self.change.core(krons))
+        parts = []
+        for chain in self.chains:
+            rows = np.concatenate([group.unknowns(self.assembly) for group in chain.groups])
+            factor = factorize(self._columns(chain.groups, weighted))
+            parts.append(with_change(factor, rows, chain.change, chain.change.core(far)))
+        return Factor(parts=tuple(parts))
 
     def modes(
         self,
@@ -217,33 +246,70 @@ class Solver:
         start: Vector,
         n_mode: int,
         tolerance: float,
-        known: Sequence[Block] = (),
+        rigid: Vector | None = None,
     ) -> tuple[Vector, Vector]:
-        """Return the lowest eigenvalues, (n_mode,), and vectors, (size, k); see `eigen.lowest_modes`."""
-        mass = self.assembly.krons("M", theta)
+        """Return the lowest eigenvalues and vectors of the equations of motion.
+
+        Parameters
+        ----------
+        theta : mapping of str to float
+            Parameters.
+        shift, start, n_mode, tolerance
+            As in `eigen.lowest_modes`.
+        rigid : (size, m), optional
+            Rigid-body motion. Where it costs no energy it is taken as m modes found, of eigenvalue 0, and the
+            iteration spares them.
+
+        Returns
+        -------
+        eigenvalue : (n_mode,)
+            Ascending, (rad/s)**2.
+        vector : (size, k)
+            Mass-normalised; k is at least `n_mode`.
+        """
+        mass, stiffness = (self.assembly.krons(target, theta) for target in ("M", "K"))
+
+        def product(x: Vector) -> Vector:
+            return self.assembly.apply(mass, x)
+
+        known: list[Block] = []
+        if rigid is not None:
+            block = orthonormalize(rigid, product)
+            energy = np.einsum("ij,ij->j", block[0], self.assembly.apply(stiffness, block[0]))
+            known = [block] if np.all(np.abs(energy) < _FREE * shift) else []
+            start = start if known else np.hstack([rigid, start])
+        n_known = sum(basis.shape[1] for basis, _ in known)
         solve = self.factor(theta, shift).solve
-        return lowest_modes(
-            solve, lambda x: self.assembly.apply(mass, x), shift, start, n_mode, tolerance, known
+        values, vectors = lowest_modes(solve, product, shift, start, n_mode - n_known, tolerance, known)
+        return np.concatenate([np.zeros(n_known), values]), np.hstack(
+            [*(basis for basis, _ in known), vectors]
         )
 
 
 def _solver(
     assembly: Assembly,
-    groups: tuple[Group, ...],
+    chains: list[tuple[Group, ...]],
     planar_groups: list[Mapping[Field, Index]],
     is_near: Callable[[Kron], bool],
 ) -> Solver:
     products = [(term, kron) for term in assembly.terms if term.target != "C" for kron in term.krons]
     near = [is_near(kron) for _, kron in products]
     far = tuple(product for product, ok in zip(products, near, strict=True) if not ok)
+    far_krons = tuple(kron for _, kron in far)
+    members = [
+        {field: np.unique(np.concatenate([group.z[field] for group in groups])) for field in FIELDS}
+        for groups in chains
+    ]
     return Solver(
         assembly=assembly,
-        groups=groups,
+        chains=tuple(
+            Chain(groups=groups, change=low_rank(assembly, far_krons, z))
+            for groups, z in zip(chains, members, strict=True)
+        ),
         couplings=_couplings(
             assembly, [p for p, ok in zip(products, near, strict=True) if ok], planar_groups
         ),
         far=far,
-        change=low_rank(assembly, tuple(kron for _, kron in far)),
     )
 
 
@@ -263,17 +329,30 @@ def solver_over_plan(assembly: Assembly) -> Solver:
         {field: level[(level >= ends[i]) & (level < ends[i + 1])] - ends[i] for i, field in enumerate(FIELDS)}
         for level in levels(pattern, start)
     ]
-    groups = tuple(
-        Group(z=z, planar=planar, level=i, linked=i + 1 < len(planar_groups))
+    level = {f: np.zeros(plan.size(f), dtype=np.intp) for f in FIELDS}
+    for i, group in enumerate(planar_groups):
+        for f in FIELDS:
+            level[f][group[f]] = i
+    n_coupled: list[Mapping[Field, int]] = [
+        {
+            f: int(np.count_nonzero(sum(shares[f, g][group[f]] @ (level[g] == i + 1) for g in FIELDS)))
+            for f in FIELDS
+        }
+        for i, group in enumerate(planar_groups)
+    ]
+    chains = [
+        tuple(
+            Group(z=z, planar=planar, level=i, n_coupled=n_coupled[i])
+            for i, planar in enumerate(planar_groups)
+        )
         for z in _uncoupled_functions(assembly)
-        for i, planar in enumerate(planar_groups)
-    )
+    ]
 
     def is_near(kron: Kron) -> bool:
         there = kron.planar.astype(bool)
         return bool((there > there.multiply(shares[kron.row, kron.column].astype(bool))).nnz == 0)
 
-    return _solver(assembly, groups, planar_groups, is_near)
+    return _solver(assembly, chains, planar_groups, is_near)
 
 
 def _elements(basis: object) -> sp.csr_matrix:
@@ -306,8 +385,15 @@ def solver_over_laminas(assembly: Assembly) -> Solver:
     """Cut the equations of all laminas into blocks of one lamina each."""
     planar: Mapping[Field, Index] = {field: np.arange(assembly.plan.size(field)) for field in FIELDS}
     n_lamina = assembly.n_z["w"]
+    every = {field: assembly.plan.size(field) for field in FIELDS}
+    none = dict.fromkeys(FIELDS, 0)
     groups = tuple(
-        Group(z=dict.fromkeys(FIELDS, np.array([k])), planar=planar, level=0, linked=k + 1 < n_lamina)
+        Group(
+            z=dict.fromkeys(FIELDS, np.array([k])),
+            planar=planar,
+            level=0,
+            n_coupled=every if k + 1 < n_lamina else none,
+        )
         for k in range(n_lamina)
     )
 
@@ -315,7 +401,7 @@ def solver_over_laminas(assembly: Assembly) -> Solver:
         z = sp.coo_matrix(kron.z)
         return bool(np.all(np.abs(z.row - z.col)[z.data != 0.0] <= 1))
 
-    return _solver(assembly, groups, [planar], is_near)
+    return _solver(assembly, [groups], [planar], is_near)
 
 
 def transfer(coarse: Assembly, fine: Assembly, x: Vector) -> Vector:

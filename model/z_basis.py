@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from model.assemble import assemble
 from model.mesh import FIELDS, Field
+from model.rigid import rigid_body_modes
 from model.solver import solver_over_laminas, solver_over_plan
 from model.stack import Mesh, Stack
 from model.system import Assembly
@@ -141,16 +142,19 @@ def _over_phi(full: Assembly, phi: Phi, x: Vector) -> Vector:
     return np.vstack([(phi[f].T @ x[where[f]].reshape(full.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
 
 
-def _coarse_start(full: Assembly, stack: Stack, theta: Mapping[str, float], n_vector: int) -> Vector:
+def _coarse_start(
+    full: Assembly, stack: Stack, theta: Mapping[str, float], n_vector: int, rigid: Vector
+) -> Vector:
     """Return the lowest modes with polynomials over z, (full.size, n_vector): a start for all laminas."""
     z = np.linspace(-1.0, 1.0, stack.n_lamina)
     polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
     phi: Phi = dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
     reduced = full.project_z(phi)
     start = np.random.default_rng(0).standard_normal((reduced.size, n_vector))
-    n_mode = min(n_vector, reduced.size) - SPARE
-    _, found = solver_over_plan(reduced).modes(theta, shear_shift(stack, theta), start, n_mode, 1e-2)
-    return _from_phi(reduced, phi, found)
+    _, found = solver_over_plan(reduced).modes(
+        theta, shear_shift(stack, theta), start, n_vector - SPARE + N_RIGID, 1e-2, _over_phi(full, phi, rigid)
+    )
+    return _from_phi(reduced, phi, found[:, N_RIGID:])
 
 
 def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -> ZBasis:
@@ -173,12 +177,15 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
     full = assemble(dataclasses.replace(stack, mesh=COARSE))
     solver = solver_over_laminas(full)
     thetas = [{**full.theta, "G_f": value} for value in G_f]
-    start = _coarse_start(full, stack, thetas[0], n_mode + SPARE)
+    every = np.eye(stack.n_lamina)
+    rigid = rigid_body_modes(full, stack, dict.fromkeys(FIELDS, every))
+    start = _coarse_start(full, stack, thetas[0], n_mode - N_RIGID + SPARE, rigid)
     eigenvalues, snapshots = [], []
     for theta in thetas:
-        found, start = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE)
+        found, vectors = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE, rigid)
         eigenvalues.append(found)
-        snapshots.append(start[:, :n_mode])
+        snapshots.append(vectors[:, :n_mode])
+        start = vectors[:, N_RIGID:]
 
     elastic = np.hstack(  # of unit energy, so that every mode counts alike
         [modes[:, N_RIGID:] / np.sqrt(v[N_RIGID:]) for v, modes in zip(eigenvalues, snapshots, strict=True)]
@@ -193,7 +200,14 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
         errors = []
         for theta, exact, modes in zip(thetas, eigenvalues, snapshots, strict=True):
             shift = shear_shift(stack, theta)
-            found, _ = reduced_solver.modes(theta, shift, _over_phi(full, phi, modes), n_mode, _TOLERANCE)
+            found, _ = reduced_solver.modes(
+                theta,
+                shift,
+                _over_phi(full, phi, modes[:, N_RIGID:]),
+                n_mode,
+                _TOLERANCE,
+                _over_phi(full, phi, rigid),
+            )
             errors.append(np.max(np.sqrt(found[N_RIGID:] / exact[N_RIGID:]) - 1.0))
         if max(errors) < tolerance or min(keep.values()) == stack.n_lamina:
             break
