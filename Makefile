@@ -18,6 +18,7 @@ lint: $(READY)
 	$(BIN)/mypy
 
 benchmark: $(READY)
+	$(BIN)/python -m pip install --quiet --editable ".[dev,peers]"
 	$(BIN)/python -m pytest -m benchmark -s
 
 blind: $(READY)

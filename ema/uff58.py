@@ -218,7 +218,7 @@ def encode_58b(header: dict[str, Any], start: float, step: float, value: NDArray
         _record(form, _FORM, ""),
         *(_record(header, _AXIS, f"{name} ") for name in _AXES),
     ]
-    return ("\n".join(lines) + "\n").encode() + block + f"\n{-1:6d}\n".encode()
+    return ("\n".join(lines) + "\n").encode() + block + f"{-1:6d}\n".encode()
 
 
 def _record(values: dict[str, Any], fields: _Fields, prefix: str) -> str:

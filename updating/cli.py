@@ -65,6 +65,23 @@ def ema(
     _OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
 
 
+@app.command(epilog="Example: lamella pick data/demo_stack/campaign.toml M1 -o out/demo")
+def pick(
+    campaign: CampaignFile,
+    configuration: Annotated[
+        str,
+        typer.Argument(metavar="CONFIGURATION", help="Its name in the campaign file.", show_default=False),
+    ],
+    output: Folder,
+) -> None:
+    """Choose the poles of one configuration by clicks in its stabilisation chart.
+
+    A left click adds the nearest pole, a right click takes one away; closing the window writes poles.txt, which
+    **lamella ema ... --poles DIR** uses. Needs a display; without one, edit poles.txt with any editor.
+    """
+    _OUT.print(f"Poles: [bold]{jobs.pick(campaign, configuration, output)}[/bold]")
+
+
 @app.command(epilog="Example: lamella model data/demo_stack/stack.toml -o out/stack")
 def model(
     stack: Annotated[Path, typer.Argument(metavar="STACK", help="Stack file (TOML).", show_default=False)],

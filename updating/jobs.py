@@ -12,7 +12,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import model
-from ema import Campaign, Comparison, Configuration, Identification, compare, read_campaign, stabilization
+from ema import (
+    Campaign,
+    Comparison,
+    Configuration,
+    Identification,
+    compare,
+    read_campaign,
+    stabilization,
+)
 from ema import identify as identify_campaign
 from ema.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.picking import read_poles, write_poles

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("ema", "model", "updating")
 FORBIDDEN = {"ema": {"model", "updating"}, "model": {"ema", "updating"}, "updating": set()}
-SOLE_IMPORTERS = {"pyuff": {"ema/uff.py"}, "sdypy": {"ema/lscf.py", "ema/lsfd.py"}}
+SOLE_IMPORTERS = {"pyuff": {"ema/uff.py"}, "sdypy": set()}
 DRAWING = {"matplotlib", "pyvista", "vtk", "tkinter"}
 
 

@@ -71,7 +71,7 @@ def test_model_prints_modes_and_draws_them(tmp_path):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["ema", "model", "fit", "report", "simulate", "demo"])
+@pytest.mark.parametrize("command", ["ema", "pick", "model", "fit", "report", "simulate", "demo"])
 def test_help_gives_an_example(command):
     done = lamella(command, "--help")
     assert done.returncode == 0
@@ -102,6 +102,13 @@ def test_a_misspelt_command_is_answered_with_the_nearest(tmp_path):
     done = lamella("fitt", "x.toml", "-o", tmp_path)
     assert done.returncode == 2
     assert "Did you mean 'fit'" in done.stderr
+
+
+def test_picking_without_a_display_says_what_to_do_instead(tmp_path):
+    done = lamella("pick", "data/demo_stack/campaign.toml", "M1", "-o", tmp_path)
+    assert done.returncode == 1
+    assert "no display" in done.stderr
+    assert not any(tmp_path.iterdir())
 
 
 def test_an_unwritable_folder_is_said(tmp_path):

@@ -74,3 +74,19 @@ def test_tables_hold_every_digit(found, tmp_path):
         rows = list(csv.DictReader(file))
     shape = [complex(float(row["mode_2_real"]), float(row["mode_2_imag"])) for row in rows]
     assert shape == model.shape[:, 1].tolist()
+
+
+@pytest.mark.benchmark
+@pytest.mark.filterwarnings("ignore")  # those of the peer while it is imported
+def test_an_independent_reader_reads_modes_and_functions_back(found, tmp_path, monkeypatch):
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    sdynpy_uff = pytest.importorskip("sdynpy.fileio.sdynpy_uff")
+    model = found.modal_model
+    write_modes_uff(tmp_path / "modes.uff", model, step=1.0)
+    sets = sdynpy_uff.readuff(str(tmp_path / "modes.uff"))
+    assert len(sets[55]) == model.frequency.size
+    for r, mode in enumerate(sets[55]):
+        assert complex(*mode.real_data[:2]) == pytest.approx(model.pole[r], rel=1e-5)
+    expected = synthesized_frf(model, 1.0, model.quantity)
+    for i, function in enumerate(sets[58]):
+        np.testing.assert_allclose(np.ravel(function.ordinate), expected.value[i, 0], rtol=1e-6)
