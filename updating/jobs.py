@@ -19,11 +19,12 @@ from ema import (
     Identification,
     compare,
     read_campaign,
+    read_measurement,
     stabilization,
 )
 from ema import identify as identify_campaign
 from ema.export import write_modes_csv, write_modes_uff, write_shapes_csv
-from ema.picking import read_poles, write_poles
+from ema.picking import pick_poles, read_poles, write_poles
 from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from model import Modes, Stack
 from model.plot import mode_png
@@ -58,6 +59,20 @@ def identify(
     write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
     write_bytes(output / "comparison.png", as_png(comparison_figure(comparison, *_abscissa(campaign))))
     return tuple(results), comparison
+
+
+def pick(campaign_file: Path, configuration: str, output: Path) -> Path:
+    """Let the user choose the poles of one configuration in its stabilisation chart and write poles.txt."""
+    campaign = read_campaign(campaign_file)
+    frf = read_measurement(campaign, configuration).frf
+    options = campaign.identification
+    lines = frf if options.band is None else frf.band(*options.band)
+    diagram = stabilization(lines) if options.order is None else stabilization(lines, order=options.order)
+    chosen = pick_poles(diagram)
+    path = output / folder_name(configuration) / "poles.txt"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_poles(path, chosen)
+    return path
 
 
 def solve(
