@@ -10,7 +10,7 @@ from model.response import frf, frf_direct
 from model.stack import Clamp, Contact, Mesh, Stack
 from model.stack_file import read_stack
 from model.surface import Surface, mode_surface
-from model.system import Assembly, Kron, Monomial, Term
+from model.system import Assembly, Kron, Monomial, ParameterFactor, Term
 
 __all__ = [
     "Assembly",
@@ -24,6 +24,7 @@ __all__ = [
     "Monomial",
     "Observation",
     "Observed",
+    "ParameterFactor",
     "ReducedSystem",
     "SolveError",
     "Stack",

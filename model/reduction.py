@@ -2,30 +2,35 @@
 
 First the displacements over z are written with a few functions, drawn from the modes of a coarse plan with
 all laminas and all interfaces (proper orthogonal decomposition). What remains is solved exactly for a few
-values of G_f; the modes found span the final basis, in which every term is projected on its own. A solve
-for new parameters then costs a small dense eigenvalue problem.
+values of the parameters; the modes found span the final basis, in which every term is projected on its own.
+A solve for new parameters then costs a small dense eigenvalue problem.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+import difflib
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+import scipy.stats
 from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.assemble import assemble
 from model.eigen import orthonormalize
+from model.errors import SolveError
 from model.low_rank import Factor
 from model.mesh import Field
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan, transfer
 from model.stack import Stack
-from model.system import Assembly, ParameterFactor, Target
-from model.z_basis import SPARE, shear_shift, z_basis
+from model.system import Assembly, ParameterFactor, Target, Term
+from model.z_basis import COARSE, N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 
@@ -58,8 +63,10 @@ class ReducedSystem:
         The projected terms.
     theta : mapping of str to float
         Nominal parameters.
-    G_f_range : (float, float)
-        Values of G_f for which the reduction was made.
+    ranges : mapping of str to (float, float)
+        Values of parameters for which the reduction was made, G_f among them.
+    laminas : Assembly
+        The equations of motion of all laminas, before any reduction.
     """
 
     stack: Stack
@@ -68,7 +75,8 @@ class ReducedSystem:
     basis: NDArray[np.float64]
     terms: tuple[ReducedTerm, ...]
     theta: Mapping[str, float]
-    G_f_range: tuple[float, float]
+    ranges: Mapping[str, tuple[float, float]]
+    laminas: Assembly
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -129,13 +137,21 @@ class ReducedSystem:
         ).tocsr()
 
 
+def no_terms(assembly: Assembly) -> tuple[Term, ...]:  # noqa: ARG001
+    """Return no further terms."""
+    return ()
+
+
 def reduce(
     stack: Stack,
     *,
     G_f_range: tuple[float, float] | None = None,
     n_mode: int = 18,
-    n_snapshot: int = 4,
+    n_snapshot: int | None = None,
     z_tolerance: float = 1e-5,
+    terms: Callable[[Assembly], tuple[Term, ...]] = no_terms,
+    theta: Mapping[str, float] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> ReducedSystem:
     """Reduce a stack to a small system that is affine in its parameters.
 
@@ -148,22 +164,41 @@ def reduce(
         own.
     n_mode : int
         Modes of each snapshot, the six rigid-body modes included.
-    n_snapshot : int
-        Number of snapshots, at the Chebyshev nodes of log G_f.
+    n_snapshot : int, optional
+        Number of snapshots: at the Chebyshev nodes of log G_f, or at points of a Sobol sequence over several
+        ranges. By default four for each range.
     z_tolerance : float
         Relative error of frequencies that the functions of z may cause, checked on a coarse plan.
+    terms : callable
+        What physical effects add to the equations of motion of all laminas; it is called for the coarse plan
+        and for the fine one.
+    theta : mapping of str to float, optional
+        Nominal values of the parameters of `terms`.
+    ranges : mapping of str to (float, float), optional
+        Values of further parameters for which the reduction shall hold.
 
     Raises
     ------
     SolveError
-        The equations are singular, or the modes do not converge.
+        A range names an unknown parameter or is empty, the equations are singular, or the modes do not
+        converge.
     """
-    low, high = G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0)
-    nodes = np.cos((np.arange(n_snapshot) + 0.5) * np.pi / n_snapshot)  # Chebyshev's, in log G_f
-    samples = [float(np.sqrt(low * high) * (high / low) ** (node / 2.0)) for node in nodes]
-    samples = samples[:: max(n_snapshot - 1, 1)] + samples[1:-1]  # the outer two first: they tell most
-    over_z = z_basis(stack, samples[:2], n_mode, z_tolerance)
-    assembly = assemble(stack).project_z(over_z.phi)
+
+    def all_laminas(of: Stack) -> Assembly:
+        plain = assemble(of)
+        return plain.with_terms(terms(plain), {} if theta is None else theta)
+
+    laminas = all_laminas(stack)
+    box = {
+        "G_f": G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0),
+        **({} if ranges is None else ranges),
+    }
+    _check_ranges(box, laminas.theta)
+    count = 4 * len(box) if n_snapshot is None else n_snapshot
+    samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
+    coarse = all_laminas(dataclasses.replace(stack, mesh=COARSE))
+    over_z = z_basis(stack, coarse, samples[: 2 * len(box)], n_mode, z_tolerance)
+    assembly = laminas.project_z(over_z.phi)
     solver = solver_over_plan(assembly)
     mass = assembly.krons("M", assembly.theta)
 
@@ -173,35 +208,68 @@ def reduce(
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
     basis, mass_basis = orthonormalize(rigid, product)
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
-    for i, value in enumerate(samples):
-        theta = {**assembly.theta, "G_f": float(value)}
+    for i, sample in enumerate(samples):
         if i < len(over_z.snapshots):
-            start = transfer(over_z.coarse, assembly, over_z.snapshots[i])
+            start = transfer(over_z.coarse, assembly, over_z.snapshots[i][:, N_RIGID:])
         else:
-            stiffness = basis.T @ assembly.apply(assembly.krons("K", theta), basis)
-            start = basis @ la.eigh(_symmetric(stiffness))[1][:, :n_mode]
+            stiffness, inertia = (
+                _symmetric(basis.T @ assembly.apply(assembly.krons(target, sample), basis))
+                for target in ("K", "M")
+            )
+            start = basis @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
         start = np.hstack([start, fresh])
-        _, vectors = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE, rigid)
-        block, mass_block = orthonormalize(vectors, product, [(basis, mass_basis)])
+        _, vectors = solver.modes(sample, shear_shift(stack, sample), start, n_mode, _TOLERANCE, rigid)
+        block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-    terms = tuple(
-        ReducedTerm(
-            name=term.name,
-            target=term.target,
-            factor=term.factor,
-            matrix=_symmetric(basis.T @ assembly.apply(term.krons, basis)),
-        )
-        for term in assembly.terms
-    )
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
         assembly=assembly,
         basis=basis,
-        terms=terms,
+        terms=tuple(
+            ReducedTerm(
+                name=term.name,
+                target=term.target,
+                factor=term.factor,
+                matrix=_symmetric(basis.T @ assembly.apply(term.krons, basis)),
+            )
+            for term in assembly.terms
+        ),
         theta=assembly.theta,
-        G_f_range=(low, high),
+        ranges=box,
+        laminas=laminas,
     )
+
+
+def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str, float]) -> None:
+    for name, (low, high) in ranges.items():
+        if name not in theta:
+            near = difflib.get_close_matches(name, theta, n=1)
+            hint = f"; did you mean {near[0]}?" if near else f"; there are {', '.join(theta)}"
+            message = f"ranges: unknown parameter {name!r}{hint}"
+            raise SolveError(message)
+        if not low < high:
+            message = f"ranges: {name} must reach from a lower to a higher value, got {low:g} to {high:g}"
+            raise SolveError(message)
+
+
+def _samples(ranges: Mapping[str, tuple[float, float]], n: int) -> list[dict[str, float]]:
+    """Return n points of a box of parameters; positive ones are spaced by their logarithm."""
+    if len(ranges) == 1:
+        nodes = (1.0 + np.cos((np.arange(n) + 0.5) * np.pi / n)) / 2.0  # Chebyshev's
+        order = [*range(n)[:: max(n - 1, 1)], *range(n)[1:-1]]  # the outer two first: they tell most
+        unit = nodes[order, None]
+    else:
+        with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
+            warnings.simplefilter("ignore", UserWarning)
+            unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n)
+    return [
+        {
+            name: float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part)
+            for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
+        }
+        for point in unit
+    ]
 
 
 def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> Factor:

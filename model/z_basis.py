@@ -7,7 +7,6 @@ do: the membrane stress has thin layers at both faces, and a weak interface is a
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,6 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.assemble import assemble
 from model.mesh import FIELDS, Field
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_laminas, solver_over_plan
@@ -33,6 +31,8 @@ SPARE = 8  # vectors iterated beyond the modes asked for, so that the last ones 
 _TOLERANCE = 1e-6  # relative change of the coarse eigenvalues in the last step; their error is far smaller
 _FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
 _POLYNOMIALS = 6
+_FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
+_ROUNDING = 1e-15  # energy that no function can win any more
 _MIRRORED = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
 _REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth over the laminas
 
@@ -49,7 +49,7 @@ class ZBasis:
     coarse : Assembly
         The coarse plan's equations of motion, reduced by `phi`.
     snapshots : tuple of (coarse.size, n_vector)
-        The coarse modes in that reduction, one array for each value of G_f.
+        The coarse modes in that reduction, one array for each sample of the parameters.
     """
 
     phi: Phi
@@ -157,7 +157,9 @@ def _coarse_start(
     return _from_phi(reduced, phi, found[:, N_RIGID:])
 
 
-def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -> ZBasis:
+def z_basis(
+    stack: Stack, full: Assembly, thetas: Sequence[Mapping[str, float]], n_mode: int, tolerance: float
+) -> ZBasis:
     """Draw functions of z from the modes of a coarse plan.
 
     The number of functions grows until the coarse plan solved with them has the frequencies that it has
@@ -166,17 +168,17 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
     Parameters
     ----------
     stack : Stack
-        The stack; its mesh is replaced by a coarse one.
-    G_f : sequence of float
-        Contact stiffness parameters at which the modes are taken.
+        The stack.
+    full : Assembly
+        Equations of motion of all its laminas on a coarse plan.
+    thetas : sequence of mapping of str to float
+        Parameters at which the modes are taken.
     n_mode : int
         Number of modes for each, the six rigid-body modes included.
     tolerance : float
         Largest relative error of a coarse frequency.
     """
-    full = assemble(dataclasses.replace(stack, mesh=COARSE))
     solver = solver_over_laminas(full)
-    thetas = [{**full.theta, "G_f": value} for value in G_f]
     every = np.eye(stack.n_lamina)
     rigid = rigid_body_modes(full, stack, dict.fromkeys(FIELDS, every))
     start = _coarse_start(full, stack, thetas[0], n_mode - N_RIGID + SPARE, rigid)
@@ -187,8 +189,9 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
         snapshots.append(vectors[:, :n_mode])
         start = vectors[:, N_RIGID:]
 
+    strained = [v > _FREE * shear_shift(stack, theta) for v, theta in zip(eigenvalues, thetas, strict=True)]
     elastic = np.hstack(  # of unit energy, so that every mode counts alike
-        [modes[:, N_RIGID:] / np.sqrt(v[N_RIGID:]) for v, modes in zip(eigenvalues, snapshots, strict=True)]
+        [m[:, e] / np.sqrt(v[e]) for m, v, e in zip(snapshots, eigenvalues, strained, strict=True)]
     )
     functions, energy = _functions_and_energies(full, stack, thetas, elastic)
     allowed = 2.0 * tolerance  # an energy error of 2 e is a frequency error of e
@@ -198,7 +201,7 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
         coarse = full.project_z(phi)
         reduced_solver = solver_over_plan(coarse)
         errors = []
-        for theta, exact, modes in zip(thetas, eigenvalues, snapshots, strict=True):
+        for theta, exact, e, modes in zip(thetas, eigenvalues, strained, snapshots, strict=True):
             shift = shear_shift(stack, theta)
             found, _ = reduced_solver.modes(
                 theta,
@@ -208,8 +211,8 @@ def z_basis(stack: Stack, G_f: Sequence[float], n_mode: int, tolerance: float) -
                 _TOLERANCE,
                 _over_phi(full, phi, rigid),
             )
-            errors.append(np.max(np.sqrt(found[N_RIGID:] / exact[N_RIGID:]) - 1.0))
-        if max(errors) < tolerance or min(keep.values()) == stack.n_lamina:
+            errors.append(np.max(np.sqrt(found[e] / exact[e]) - 1.0))
+        if max(errors) < tolerance or allowed < _ROUNDING:
             break
         allowed *= min(0.5, 0.7 * tolerance / max(errors))
     return ZBasis(phi=phi, coarse=coarse, snapshots=tuple(_over_phi(full, phi, s) for s in snapshots))
