@@ -52,7 +52,8 @@ def mode_plotter(
     scale = _SWELL * stack.length / length.max()
     moved = surface.location + scale * surface.displacement
 
-    plotter: Any = pv.Plotter(off_screen=True, window_size=list(size))
+    with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
+        plotter: Any = pv.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
     sides = (
         np.s_[0, :, :],
