@@ -15,20 +15,31 @@ from model.mesh import FIELDS, Plan
 from model.stack import Clamp, Stack
 from model.system import Kron, Monomial, Term
 
-_POINTS_PER_SIDE = 8  # Gauss points over a footprint; it may span several elements
+_MOST_PANELS = 24  # along one side of a footprint
 
 
-def _footprint_points(clamp: Clamp, stack: Stack) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points (n, 2) of the area that a clamp presses and their weights (n,), which sum to 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS_PER_SIDE)
-    axes = []
-    for centre, side, size in zip(
-        (clamp.x, clamp.y), clamp.footprint, (stack.length, stack.width), strict=True
-    ):
-        low, high = max(centre - side / 2.0, -size / 2.0), min(centre + side / 2.0, size / 2.0)
-        axes.append((low + high) / 2.0 + (high - low) / 2.0 * nodes)
-    x, y = np.meshgrid(*axes, indexing="ij")
-    return np.column_stack([x.ravel(), y.ravel()]), np.outer(weights, weights).ravel() / 4.0
+def footprint_points(clamp: Clamp, plan: Plan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points (n, 2) of the area that a clamp presses and their weights (n,), which sum to 1.
+
+    The footprint is cut along the lines of the mesh, with two Gauss points in each direction between them, so
+    means over it are exact for the fields of a rectangle; what overhangs the plan's bounding box does not count.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(2)
+    places, shares = [], []
+    for axis, (centre, side) in enumerate(zip((clamp.x, clamp.y), clamp.footprint, strict=True)):
+        start, stop = plan.bounds[axis]
+        low, high = max(centre - side / 2.0, start), min(centre + side / 2.0, stop)
+        lines = np.unique(plan.membrane.mesh.p[axis])
+        lines = lines[(lines > low) & (lines < high)]
+        if lines.size >= _MOST_PANELS:
+            lines = np.linspace(low, high, _MOST_PANELS + 1)[1:-1]
+        cuts = np.concatenate([[low], lines, [high]])
+        half = np.diff(cuts)[:, None] / 2.0
+        places.append((cuts[:-1, None] + half * (1.0 + nodes)).ravel())
+        share = half / half.sum() if high > low else np.ones((1, 1))
+        shares.append((share * weights / 2.0).ravel())
+    x, y = np.meshgrid(*places, indexing="ij")
+    return np.column_stack([x.ravel(), y.ravel()]), np.outer(*shares).ravel()
 
 
 def _height_shares(clamp: Clamp, n_lamina: int) -> NDArray[np.float64]:
@@ -44,7 +55,7 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     """Return the mass of each clamp, moving with u, v and w of the laminas that carry it."""
     terms = []
     for i, clamp in enumerate(stack.clamps):
-        points, weights = _footprint_points(clamp, stack)
+        points, weights = footprint_points(clamp, plan)
         z = sp.diags_array(clamp.mass * _height_shares(clamp, stack.n_lamina)).tocsr()
         krons = []
         for field in FIELDS:

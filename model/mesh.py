@@ -64,6 +64,12 @@ class Plan:
         """Area of the plan, m2."""
         return float(self.membrane.dx.sum())
 
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lowest and highest x, lowest and highest y, ((2, 2)) m."""
+        p = self.membrane.mesh.p
+        return np.column_stack([p.min(axis=1), p.max(axis=1)])
+
     def form(
         self,
         row: Field,
@@ -94,6 +100,16 @@ class Plan:
         rows = np.broadcast_to(left.element_dofs.T[:, :, None], blocks.shape)
         columns = np.broadcast_to(right.element_dofs.T[:, None, :], blocks.shape)
         return sp.coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (left.N, right.N)).tocsr()
+
+    def at_quadrature(self, field: Field, derivative: Derivative = "") -> sp.csr_matrix:
+        """Return the matrix that evaluates a field at all quadrature points, (n_element n_point, size(field))."""
+        basis = self.basis(field)
+        values = np.array([_derivative(f[0], derivative).ravel() for f in basis.basis])
+        columns = np.repeat(basis.element_dofs, basis.dx.shape[1], axis=1)
+        rows = np.broadcast_to(np.arange(values.shape[1]), values.shape)
+        return sp.coo_matrix(
+            (values.ravel(), (rows.ravel(), columns.ravel())), (values.shape[1], basis.N)
+        ).tocsr()
 
     def interpolate(self, field: Field, linear: tuple[float, float, float]) -> NDArray[np.float64]:
         """Return the degrees of freedom, (size(field),), of the linear function c0 + c1 x + c2 y."""

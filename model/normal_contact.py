@@ -1,4 +1,4 @@
-"""Normal contact between neighbouring laminas: stiffness modulus / pitch per area against opening."""
+"""Normal contact between neighbouring laminas: stiffness modulus / spacing per area against opening."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from model.tangential_contact import jump
 
 def normal_krons(
     plan: Plan,
-    pitch: float,
+    spacing: NDArray[np.float64] | float,
     modulus: NDArray[np.float64],
     weight: NDArray[np.float64] | float = 1.0,
 ) -> tuple[Kron, ...]:
@@ -25,7 +25,7 @@ def normal_krons(
     ----------
     plan : Plan
         The lamina's mesh.
-    pitch : float
+    spacing : float or (n_interface,)
         Distance of neighbouring mid-planes, m.
     modulus : (n_interface,)
         Tangent modulus of each interface, Pa.
@@ -33,7 +33,5 @@ def normal_krons(
         Its variation over the plan, at the plan's quadrature points.
     """
     d = jump(modulus.size + 1)
-    e: Any = sp.diags_array(modulus)
-    return (
-        Kron(row="w", column="w", z=(d.T @ e @ d / pitch).tocsr(), planar=plan.form("w", "w", weight=weight)),
-    )
+    e: Any = sp.diags_array(modulus / spacing)
+    return (Kron(row="w", column="w", z=(d.T @ e @ d).tocsr(), planar=plan.form("w", "w", weight=weight)),)

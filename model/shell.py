@@ -9,6 +9,27 @@ from model.stack import Stack
 from model.system import Kron, Monomial, Term
 
 
+def plate_form(plan: Plan, stiffness: tuple[float, float, float, float]) -> sp.csr_matrix:
+    """Return the bending form of a thin plate per thickness**3 / 12 (Reddy, section 3.3).
+
+    Parameters
+    ----------
+    plan : Plan
+        The lamina's mesh.
+    stiffness : (Q11, Q12, Q22, Q66)
+        Plane-stress stiffnesses, Pa.
+    """
+    q11, q12, q22, q66 = stiffness
+    form = plan.form
+    mixed = form("w", "w", ("xx", "yy"))
+    return (
+        q11 * form("w", "w", ("xx", "xx"))
+        + q22 * form("w", "w", ("yy", "yy"))
+        + q12 * (mixed + mixed.T)
+        + 4.0 * q66 * form("w", "w", ("xy", "xy"))
+    ).tocsr()
+
+
 def lamina_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     """Return stiffness and mass of all laminas.
 
@@ -25,13 +46,7 @@ def lamina_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     k_uu = q11 * form("u", "u", ("x", "x")) + q66 * form("u", "u", ("y", "y"))
     k_vv = q22 * form("v", "v", ("y", "y")) + q66 * form("v", "v", ("x", "x"))
     k_uv = q12 * form("u", "v", ("x", "y")) + q66 * form("u", "v", ("y", "x"))
-    mixed = form("w", "w", ("xx", "yy"))
-    k_ww = (
-        q11 * form("w", "w", ("xx", "xx"))
-        + q22 * form("w", "w", ("yy", "yy"))
-        + q12 * (mixed + mixed.T)
-        + 4.0 * q66 * form("w", "w", ("xy", "xy"))
-    )
+    k_ww = plate_form(plan, stack.material.plane_stress())
     mass = form("u", "u")
     slope = form("w", "w", ("x", "x")) + form("w", "w", ("y", "y"))
     rho_t = stack.material.density * t

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.curve import CompressionCurve
 from model.errors import StackError
 from model.material import Material
 
@@ -72,6 +73,8 @@ class Clamp:
     footprint : (float, float)
         Lengths along x and y of the rectangle that the clamp presses on the plan, m; the mass moves with the
         mean displacement there. (0, 0) is a point mass; what overhangs the stack does not count.
+    share : float
+        Its part of the clamping force relative to the other clamps'.
     """
 
     mass: float
@@ -79,17 +82,91 @@ class Clamp:
     y: float
     distribution: Distribution = "height"
     footprint: tuple[float, float] = (0.0, 0.0)
+    share: float = 1.0
 
     def __post_init__(self) -> None:
-        if not self.mass >= 0.0:
-            message = f"clamp: mass must not be negative, got {self.mass!r}"
-            raise StackError(message)
+        for name in ("mass", "share"):
+            if not getattr(self, name) >= 0.0:
+                message = f"clamp: {name} must not be negative, got {getattr(self, name)!r}"
+                raise StackError(message)
         if self.distribution not in get_args(Distribution):
             message = f"clamp: distribution must be 'height' or 'faces', got {self.distribution!r}"
             raise StackError(message)
         if min(self.footprint) < 0.0:
             message = f"clamp: footprint must not be negative, got {self.footprint!r}"
             raise StackError(message)
+
+
+class PressureDistribution(Protocol):
+    """Pressure between the laminas over the plan: what stage 1 finds, or what a user prescribes."""
+
+    @property
+    def mean(self) -> float:
+        """Mean pressure over the plan, Pa."""
+        ...
+
+    def at(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return pressure and normal tangent modulus, Pa, (n_interface, n) each, at points (n, 2) of the plan."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pressing:
+    """How the clamps press the stack: what the static stage needs beside the clamps.
+
+    The clamping force is the contact's mean pressure times the area of the plan, divided between the clamps
+    by their shares.
+
+    Attributes
+    ----------
+    curve : CompressionCurve
+        Pressure over compressive strain of the sheets.
+    plate_rigidity : float
+        Bending stiffness E t**3 / 12 (1 - nu**2), N m, with nu = 0.3, of the pressing plates that cover both
+        faces under the clamps; `inf` for rigid ones. Without plates the bare sheets beside the clamps would
+        open like a fan.
+    """
+
+    curve: CompressionCurve
+    plate_rigidity: float = float("inf")
+
+    def __post_init__(self) -> None:
+        _require_positive("pressing", self, "plate_rigidity")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Interlayer:
+    """A soft layer, such as a silicon sheet, between two laminas.
+
+    Next to steel it has no membrane stiffness worth counting; it shears, is compressed, and its mass moves with
+    the mean of the laminas above and below. Contact with its neighbours is so much stiffer that it is left
+    out.
+
+    Attributes
+    ----------
+    below : int
+        Number of laminas below it, from 1 to n_lamina - 1.
+    thickness : float
+        Thickness, m.
+    shear_modulus : float
+        Shear modulus, Pa.
+    normal_modulus : float
+        Pressure over strain when it is compressed between the laminas, Pa; of rubber that cannot expand
+        sideways it is many times Young's modulus.
+    density : float
+        Mass per volume, kg/m3.
+    """
+
+    below: int
+    thickness: float
+    shear_modulus: float
+    normal_modulus: float
+    density: float
+
+    def __post_init__(self) -> None:
+        _require_positive(
+            "interlayer", self, "below", "thickness", "shear_modulus", "normal_modulus", "density"
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,7 +191,7 @@ class Stack:
     length, width, height : float
         Outer size along x, y and z, m.
     n_lamina : int
-        Number of laminas; the pitch is ``height / n_lamina``.
+        Number of laminas.
     material : Material
         The sheets.
     contact : Contact
@@ -123,6 +200,10 @@ class Stack:
         Masses that ride on the stack.
     mesh : Mesh
         Mesh of one lamina.
+    interlayers : tuple of Interlayer
+        Soft layers between laminas; `height` includes them.
+    pressing : Pressing, PressureDistribution or None
+        What makes the pressure uneven: how the clamps press, or the field itself. None is uniform pressure.
     """
 
     name: str
@@ -134,9 +215,32 @@ class Stack:
     contact: Contact
     clamps: tuple[Clamp, ...] = ()
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
+    interlayers: tuple[Interlayer, ...] = ()
+    pressing: Pressing | PressureDistribution | None = None
 
     def __post_init__(self) -> None:
         _require_positive("stack", self, "length", "width", "height", "n_lamina")
+        places = [layer.below for layer in self.interlayers]
+        for i, below in enumerate(places):
+            if not below < self.n_lamina or below in places[:i]:
+                message = (
+                    f"interlayers[{i}]: below = {below}; each place between two laminas, from 1 to "
+                    f"{self.n_lamina - 1}, can hold one layer"
+                )
+                raise StackError(message)
+        if not (self.pressing is None or isinstance(self.pressing, Pressing)):
+            mean = self.pressing.mean
+            if abs(mean - self.contact.pressure) > 1e-6 * mean:
+                message = (
+                    f"stack: its pressure field has a mean of {mean / 1e3:.6g} kPa, its contact a pressure of "
+                    f"{self.contact.pressure / 1e3:.6g} kPa; press the stack anew at that pressure"
+                )
+                raise StackError(message)
+        if self.pitch <= 0.0:
+            message = (
+                f"stack: height {self.height:g} m leaves no room for the laminas between the interlayers"
+            )
+            raise StackError(message)
         for i, clamp in enumerate(self.clamps):
             for axis, position, size in (("x", clamp.x, self.length), ("y", clamp.y, self.width)):
                 if abs(position) > size / 2.0:
@@ -148,20 +252,29 @@ class Stack:
 
     @property
     def pitch(self) -> float:
-        """Distance of neighbouring lamina mid-planes, m."""
-        return self.height / self.n_lamina
+        """Distance of the mid-planes of laminas that touch, m: the height that the laminas share."""
+        return (self.height - sum(layer.thickness for layer in self.interlayers)) / self.n_lamina
+
+    @property
+    def spacing(self) -> NDArray[np.float64]:
+        """Distance of neighbouring lamina mid-planes, (n_lamina - 1,) m, the lowest one first."""
+        spacing = np.full(self.n_lamina - 1, self.pitch)
+        for layer in self.interlayers:
+            spacing[layer.below - 1] += layer.thickness
+        return spacing
 
     @property
     def lamina_z(self) -> NDArray[np.float64]:
         """Heights of the lamina mid-planes, (n_lamina,) m, the bottom one first."""
-        middle = (self.n_lamina - 1) / 2.0
-        return np.asarray((np.arange(self.n_lamina) - middle) * self.pitch, dtype=np.float64)
+        bottom = (self.pitch - self.height) / 2.0
+        return np.asarray(bottom + np.concatenate([[0.0], np.cumsum(self.spacing)]), dtype=np.float64)
 
     @property
     def mass(self) -> float:
-        """Mass of sheets and clamps together, kg."""
-        sheets = self.material.density * self.length * self.width * self.height
-        return sheets + sum(clamp.mass for clamp in self.clamps)
+        """Mass of sheets, layers and clamps together, kg."""
+        per_area = self.material.density * self.pitch * self.n_lamina
+        per_area += sum(layer.density * layer.thickness for layer in self.interlayers)
+        return self.length * self.width * per_area + sum(clamp.mass for clamp in self.clamps)
 
     def with_contact(self, **values: float) -> Stack:
         """Return the stack with some of `G_f`, `d_f`, `pressure`, `normal_modulus` replaced."""

@@ -1,6 +1,6 @@
 """Tangential contact between neighbouring laminas, integrated over the area.
 
-The shear strain of an interface is (u[k+1] - u[k]) / pitch + dw/dx, and the same in y with v, where dw/dx
+The shear strain of an interface is (u[k+1] - u[k]) / spacing + dw/dx, and the same in y with v, where dw/dx
 is the mean slope of the two laminas: a lamina that tilts carries its faces along. The shear modulus is G =
 G_f p.
 """
@@ -31,7 +31,7 @@ def mean(n_lamina: int) -> sp.csr_array:
 
 def tangential_krons(
     plan: Plan,
-    pitch: float,
+    spacing: NDArray[np.float64] | float,
     modulus: NDArray[np.float64],
     weight: NDArray[np.float64] | float = 1.0,
     axes: str = "xy",
@@ -42,7 +42,7 @@ def tangential_krons(
     ----------
     plan : Plan
         The lamina's mesh.
-    pitch : float
+    spacing : float or (n_interface,)
         Distance of neighbouring mid-planes, m.
     modulus : (n_interface,)
         Shear modulus of each interface, Pa.
@@ -53,7 +53,9 @@ def tangential_krons(
     """
     n_lamina = modulus.size + 1
     d, a = jump(n_lamina), mean(n_lamina)
+    over: Any = sp.diags_array(modulus / spacing)
     g: Any = sp.diags_array(modulus)
+    times: Any = sp.diags_array(modulus * spacing)
     krons: list[Kron] = []
     directions: dict[str, tuple[Field, Derivative]] = {"x": ("u", "x"), "y": ("v", "y")}
     for axis in axes:
@@ -62,7 +64,7 @@ def tangential_krons(
             Kron(
                 row=field,
                 column=field,
-                z=(d.T @ g @ d / pitch).tocsr(),
+                z=(d.T @ over @ d).tocsr(),
                 planar=plan.form(field, field, weight=weight),
             ),
             Kron(
@@ -74,7 +76,7 @@ def tangential_krons(
             Kron(
                 row="w",
                 column="w",
-                z=(a.T @ g @ a * pitch).tocsr(),
+                z=(a.T @ times @ a).tocsr(),
                 planar=plan.form("w", "w", (slope, slope), weight),
             ),
         ]
