@@ -18,17 +18,19 @@ from model.system import Kron, Monomial, Term
 _MOST_PANELS = 24  # along one side of a footprint
 
 
-def footprint_points(clamp: Clamp, plan: Plan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points (n, 2) of the area that a clamp presses and their weights (n,), which sum to 1.
+def footprint_points(
+    centre: tuple[float, float], size: tuple[float, float], plan: Plan
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points (n, 2) of a rectangle on the plan and their weights (n,), which sum to 1.
 
-    The footprint is cut along the lines of the mesh, with two Gauss points in each direction between them, so
+    The rectangle is cut along the lines of the mesh, with two Gauss points in each direction between them, so
     means over it are exact for the fields of a rectangle; what overhangs the plan's bounding box does not count.
     """
     nodes, weights = np.polynomial.legendre.leggauss(2)
     places, shares = [], []
-    for axis, (centre, side) in enumerate(zip((clamp.x, clamp.y), clamp.footprint, strict=True)):
+    for axis, (middle, side) in enumerate(zip(centre, size, strict=True)):
         start, stop = plan.bounds[axis]
-        low, high = max(centre - side / 2.0, start), min(centre + side / 2.0, stop)
+        low, high = max(middle - side / 2.0, start), min(middle + side / 2.0, stop)
         lines = np.unique(plan.membrane.mesh.p[axis])
         lines = lines[(lines > low) & (lines < high)]
         if lines.size >= _MOST_PANELS:
@@ -55,7 +57,7 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     """Return the mass of each clamp, moving with u, v and w of the laminas that carry it."""
     terms = []
     for i, clamp in enumerate(stack.clamps):
-        points, weights = footprint_points(clamp, plan)
+        points, weights = footprint_points((clamp.x, clamp.y), clamp.footprint, plan)
         z = sp.diags_array(clamp.mass * _height_shares(clamp, stack.n_lamina)).tocsr()
         krons = []
         for field in FIELDS:

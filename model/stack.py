@@ -18,6 +18,8 @@ from model.errors import StackError
 from model.material import Material
 
 Distribution = Literal["height", "faces"]
+Edge = Literal["left", "right", "front", "back", "all"]
+Laminas = Literal["all", "bottom", "top", "faces"]
 
 
 def _require_positive(owner: str, value: object, *names: str) -> None:
@@ -169,6 +171,77 @@ class Interlayer:
         )
 
 
+def _require_support(
+    support: EdgeSupport | PatchSupport, choices: dict[str, object], *stiffness: str
+) -> None:
+    for name, allowed in choices.items():
+        if getattr(support, name) not in get_args(allowed):
+            message = f"support: {name} must be one of {', '.join(get_args(allowed))}, got {getattr(support, name)!r}"
+            raise StackError(message)
+    values = [getattr(support, name) for name in stiffness]
+    if not (min(values) >= 0.0 and max(values) > 0.0):
+        message = (
+            f"support: {', '.join(stiffness)} must not be negative and one of them positive, got {values}"
+        )
+        raise StackError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EdgeSupport:
+    """An edge of laminas on springs to the ground; `inf` holds a motion.
+
+    Attributes
+    ----------
+    edge : "left", "right", "front", "back" or "all"
+        Lowest or highest x, lowest or highest y, or the whole boundary.
+    along, across : float
+        Stiffness per length of the edge and lamina against motion in the plan and along z, N/m2.
+    rotation : float
+        Stiffness per length and lamina against turning about the edge, N m/rad per m.
+    laminas : "all", "bottom", "top" or "faces"
+        Which laminas it holds.
+    """
+
+    edge: Edge
+    along: float = 0.0
+    across: float = 0.0
+    rotation: float = 0.0
+    laminas: Laminas = "all"
+
+    def __post_init__(self) -> None:
+        _require_support(self, {"edge": Edge, "laminas": Laminas}, "along", "across", "rotation")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PatchSupport:
+    """A rectangle on laminas on springs to the ground; `inf` holds a motion.
+
+    Attributes
+    ----------
+    x, y : float
+        Its centre, m.
+    size : (float, float)
+        Its lengths along x and y, m.
+    along, across : float
+        Stiffness per area and lamina against motion in the plan and along z, N/m3.
+    laminas : "all", "bottom", "top" or "faces"
+        Which laminas it holds.
+    """
+
+    x: float
+    y: float
+    size: tuple[float, float]
+    along: float = 0.0
+    across: float = 0.0
+    laminas: Laminas = "all"
+
+    def __post_init__(self) -> None:
+        _require_support(self, {"laminas": Laminas}, "along", "across")
+        if not min(self.size) > 0.0:
+            message = f"support: size must be positive, got {self.size!r}"
+            raise StackError(message)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mesh:
     """Fineness of the mesh of one lamina: number of elements along x and y."""
@@ -204,6 +277,8 @@ class Stack:
         Soft layers between laminas; `height` includes them.
     pressing : Pressing, PressureDistribution or None
         What makes the pressure uneven: how the clamps press, or the field itself. None is uniform pressure.
+    supports : tuple of EdgeSupport or PatchSupport
+        What holds it to the ground; without any it floats.
     """
 
     name: str
@@ -217,6 +292,7 @@ class Stack:
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
     interlayers: tuple[Interlayer, ...] = ()
     pressing: Pressing | PressureDistribution | None = None
+    supports: tuple[EdgeSupport | PatchSupport, ...] = ()
 
     def __post_init__(self) -> None:
         _require_positive("stack", self, "length", "width", "height", "n_lamina")

@@ -161,7 +161,7 @@ def press(stack: Stack) -> PressureField:
     clamped = np.zeros_like(uniform)
     total = sum(clamp.share for clamp in stack.clamps)
     for clamp in stack.clamps:
-        points, weights = footprint_points(clamp, plan)
+        points, weights = footprint_points((clamp.x, clamp.y), clamp.footprint, plan)
         clamped += force * clamp.share / total * (weights @ plan.point_rows("w", points))
     load = np.zeros((stack.n_lamina, uniform.size))
 
