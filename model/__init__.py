@@ -6,6 +6,7 @@ from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
 from model.observation import Observation, Observed, observe, sample_points
 from model.reduction import ReducedSystem, reduce
+from model.refinement import Refined, refine
 from model.response import frf, frf_direct
 from model.stack import Clamp, Contact, Mesh, Stack
 from model.stack_file import read_stack
@@ -26,6 +27,7 @@ __all__ = [
     "Observed",
     "ParameterFactor",
     "ReducedSystem",
+    "Refined",
     "SolveError",
     "Stack",
     "StackError",
@@ -39,6 +41,7 @@ __all__ = [
     "observe",
     "read_stack",
     "reduce",
+    "refine",
     "sample_points",
     "solve_modes",
 ]

@@ -59,6 +59,7 @@ def lowest_modes(
     n_mode: int,
     tolerance: float,
     known: Sequence[Block] = (),
+    min_steps: int = 2,
 ) -> tuple[NDArray[np.float64], Vectors]:
     """Return the lowest eigenpairs of K x = lambda M x.
 
@@ -79,6 +80,9 @@ def lowest_modes(
     known : sequence of ((n, m), (n, m))
         Modes known beforehand, such as rigid-body motion: mass-orthonormal, with their products with the
         mass matrix. The modes sought are those besides them.
+    min_steps : int
+        Steps at least. A start that holds some modes exactly and others hardly at all seems converged before
+        the others have come up.
 
     Returns
     -------
@@ -96,7 +100,7 @@ def lowest_modes(
     blocks = [orthonormalize(start, mass, known)]
     projected = np.zeros((0, 0))
     before = np.zeros(0)
-    for _ in range(_MAX_STEPS):
+    for step in range(1, _MAX_STEPS + 1):
         image = solve(blocks[-1][1])
         coupling = np.vstack([mass_basis.T @ image for _, mass_basis in blocks])
         size = coupling.shape[0]
@@ -107,7 +111,8 @@ def lowest_modes(
         projected = (grown + grown.T) / 2.0
         inverse, vectors = la.eigh(projected)
         now = 1.0 / inverse[::-1][:n_mode]
-        done = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
+        steady = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
+        done = steady and step >= min_steps
         if not done:
             blocks.append(orthonormalize(image, mass, [*known, *blocks]))
             done = blocks[-1][0].shape[1] == 0 and now.size == n_mode  # the space is invariant

@@ -46,6 +46,9 @@ class Modes:
         Derivatives of the shapes.
     coordinate : (n_basis, n_mode) float
         The modes in the coordinates of the reduced system.
+    outside : tuple of str
+        Parameters whose values lie outside the ranges that the reduction was made for: the modes are
+        extrapolated, and `refine` tells their error.
     """
 
     frequency: NDArray[np.float64]
@@ -59,6 +62,7 @@ class Modes:
     damping_gradient: NDArray[np.float64]
     shape_gradient: NDArray[np.float64]
     coordinate: NDArray[np.float64]
+    outside: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n_mode, n_dof, n_parameter = np.size(self.frequency), np.size(self.node), len(self.parameter)
@@ -136,15 +140,7 @@ def solve_modes(
         negative.
     """
     theta = full_parameters(system, G_f, d_f, parameters)
-    if not 0 < n_mode <= system.size:
-        message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
-        raise SolveError(message)
-    eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
-    rigid_limit = _RIGID * abs(shear_shift(system.stack, theta))
-    if eigenvalues[0] < -rigid_limit:
-        message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
-        raise SolveError(message)
-    n_rigid = int(np.count_nonzero(eigenvalues[:n_mode] < rigid_limit))
+    eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, eigenvalues[:n_mode]))
     coordinate = vectors[:, :n_mode]
     safe = np.where(omega > 0.0, omega, np.inf)
@@ -180,7 +176,34 @@ def solve_modes(
         damping_gradient=damping_gradient,
         shape_gradient=shape_gradient,
         coordinate=coordinate,
+        outside=outside_ranges(system, theta),
     )
+
+
+def reduced_eigenpairs(
+    system: ReducedSystem, theta: Mapping[str, float], n_mode: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Return all eigenvalues and vectors of the reduced system, and how many of the first are rigid-body motion.
+
+    Raises
+    ------
+    SolveError
+        More modes are asked for than the reduced system has, or the stiffness is negative.
+    """
+    if not 0 < n_mode <= system.size:
+        message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
+        raise SolveError(message)
+    eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
+    rigid_limit = _RIGID * abs(shear_shift(system.stack, theta))
+    if eigenvalues[0] < -rigid_limit:
+        message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
+        raise SolveError(message)
+    return eigenvalues, vectors, int(np.count_nonzero(eigenvalues[:n_mode] < rigid_limit))
+
+
+def outside_ranges(system: ReducedSystem, theta: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the parameters whose values lie outside the ranges that the reduction was made for."""
+    return tuple(n for n, (low, high) in system.ranges.items() if not low <= theta[n] <= high)
 
 
 def full_parameters(

@@ -33,6 +33,7 @@ from model.system import Assembly, ParameterFactor, Target, Term
 from model.z_basis import COARSE, N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
+_MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -196,7 +197,7 @@ def reduce(
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
     samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
-    coarse = all_laminas(dataclasses.replace(stack, mesh=COARSE))
+    coarse = all_laminas(dataclasses.replace(stack, mesh=COARSE, outline=None))
     over_z = z_basis(stack, coarse, samples[: 2 * len(box)], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     solver = solver_over_plan(assembly)
@@ -218,7 +219,9 @@ def reduce(
             )
             start = basis @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
         start = np.hstack([start, fresh])
-        _, vectors = solver.modes(sample, shear_shift(stack, sample), start, n_mode, _TOLERANCE, rigid)
+        _, vectors = solver.modes(
+            sample, shear_shift(stack, sample), start, n_mode, _TOLERANCE, rigid, _MIN_STEPS
+        )
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     return ReducedSystem(

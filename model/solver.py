@@ -247,6 +247,7 @@ class Solver:
         n_mode: int,
         tolerance: float,
         rigid: Vector | None = None,
+        min_steps: int = 2,
     ) -> tuple[Vector, Vector]:
         """Return the lowest eigenvalues and vectors of the equations of motion.
 
@@ -254,7 +255,7 @@ class Solver:
         ----------
         theta : mapping of str to float
             Parameters.
-        shift, start, n_mode, tolerance
+        shift, start, n_mode, tolerance, min_steps
             As in `eigen.lowest_modes`.
         rigid : (size, m), optional
             Rigid-body motion. Where it costs no energy it is taken as m modes found, of eigenvalue 0, and the
@@ -280,7 +281,9 @@ class Solver:
             start = start if known else np.hstack([rigid, start])
         n_known = sum(basis.shape[1] for basis, _ in known)
         solve = self.factor(theta, shift).solve
-        values, vectors = lowest_modes(solve, product, shift, start, n_mode - n_known, tolerance, known)
+        values, vectors = lowest_modes(
+            solve, product, shift, start, n_mode - n_known, tolerance, known, min_steps
+        )
         return np.concatenate([np.zeros(n_known), values]), np.hstack(
             [*(basis for basis, _ in known), vectors]
         )

@@ -159,15 +159,15 @@ class Assembly:
     def apply(self, krons: tuple[Kron, ...], x: NDArray[Any]) -> NDArray[Any]:
         """Multiply a sum of Kronecker products by vectors, (size, k), without forming the matrix."""
         y = np.zeros_like(x)
-        where = self.slices()
+        where, k = self.slices(), x.shape[1]
+        planar_first = {
+            field: x[part].reshape(self.n_z[field], -1, k).transpose(1, 0, 2).reshape(-1, self.n_z[field] * k)
+            for field, part in where.items()
+        }
 
         def add(row: Field, column: Field, z: Matrix, planar: Matrix) -> None:
-            k = x.shape[1]
-            value = x[where[column]].reshape(self.n_z[column], -1, k)
-            over_z = (z @ value.reshape(self.n_z[column], -1)).reshape(self.n_z[row], -1, k)
-            flat = planar @ over_z.transpose(1, 0, 2).reshape(self.plan.size(column), -1)
-            product = flat.reshape(self.plan.size(row), self.n_z[row], k).transpose(1, 0, 2)
-            y[where[row]] += product.reshape(-1, k)
+            flat = (planar @ planar_first[column]).reshape(-1, self.n_z[column], k).transpose(1, 0, 2)
+            y[where[row]] += (z @ flat.reshape(self.n_z[column], -1)).reshape(-1, k)
 
         for kron in krons:
             add(kron.row, kron.column, kron.z, kron.planar)

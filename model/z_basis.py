@@ -30,6 +30,7 @@ COARSE = Mesh(n_x=4, n_y=2)
 SPARE = 8  # vectors iterated beyond the modes asked for, so that the last ones converge as fast as the first
 _TOLERANCE = 1e-6  # relative change of the coarse eigenvalues in the last step; their error is far smaller
 _FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
+_MIN_STEPS = 4  # for modes that the start lacks
 _POLYNOMIALS = 6
 _FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
 _ROUNDING = 1e-15  # energy that no function can win any more
@@ -184,7 +185,9 @@ def z_basis(
     start = _coarse_start(full, stack, thetas[0], n_mode - N_RIGID + SPARE, rigid)
     eigenvalues, snapshots = [], []
     for theta in thetas:
-        found, vectors = solver.modes(theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE, rigid)
+        found, vectors = solver.modes(
+            theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE, rigid, _MIN_STEPS
+        )
         eigenvalues.append(found)
         snapshots.append(vectors[:, :n_mode])
         start = vectors[:, N_RIGID:]
