@@ -197,7 +197,7 @@ def reduce(
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
     samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
-    coarse = all_laminas(dataclasses.replace(stack, mesh=COARSE, outline=None))
+    coarse = all_laminas(dataclasses.replace(stack, mesh=COARSE))
     over_z = z_basis(stack, coarse, samples[: 2 * len(box)], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     solver = solver_over_plan(assembly)
