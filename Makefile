@@ -4,6 +4,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
+# The dense blocks are small: more BLAS threads wait for each other longer than they work.
+export OPENBLAS_NUM_THREADS ?= 1
+
 .PHONY: demo test lint benchmark blind clean
 
 demo: $(READY)

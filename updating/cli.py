@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from threadpoolctl import threadpool_limits
 
 from ema import Identification
 from updating import jobs, tables
@@ -176,7 +177,8 @@ def _options(
 def main() -> None:
     """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
     try:
-        app()
+        with threadpool_limits(1, user_api="blas"):  # small dense blocks: more threads only wait for each other
+            app()
     except LAMELLA_ERRORS as error:
         _ERR.print(f"[bold red]Error:[/bold red] {error}", markup=True, highlight=False)
         sys.exit(1)
