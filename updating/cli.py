@@ -177,7 +177,9 @@ def _options(
 def main() -> None:
     """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
     try:
-        with threadpool_limits(1, user_api="blas"):  # small dense blocks: more threads only wait for each other
+        with threadpool_limits(
+            1, user_api="blas"
+        ):  # small dense blocks: more threads only wait for each other
             app()
     except LAMELLA_ERRORS as error:
         _ERR.print(f"[bold red]Error:[/bold red] {error}", markup=True, highlight=False)
