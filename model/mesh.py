@@ -1,8 +1,9 @@
 """Finite elements of one lamina in its plane: spaces, planar forms and point evaluation.
 
-The in-plane displacements u and v live on quadratic elements, the deflection w on the Bogner-Fox-Schmit plate
-element, whose slopes are continuous. A deflection with kinks, or springs at nodes on slope freedoms, let a
-thin lamina bend between the nodes and bypass the contact; then frequencies do not converge.
+The in-plane displacements u and v live on quadratic elements, the deflection w on plate elements whose slopes are
+continuous: Bogner-Fox-Schmit's on a rectangle, Argyris's on triangles. A deflection with kinks, or springs at nodes on
+slope freedoms, let a thin lamina bend between the nodes and bypass the contact; then frequencies do not
+converge.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
+import scipy.spatial as spatial
 import skfem
 from numpy.typing import NDArray
 
+from model.outline import Triangulation
 from model.stack import Stack
 
 Field = Literal["u", "v", "w"]
@@ -23,6 +26,8 @@ FIELDS: tuple[Field, ...] = ("u", "v", "w")
 Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
 
 _QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the rectangle
+_TRIANGLE_ORDER = 10  # exact for products of Argyris's quintic deflections
+_NEAREST = 12  # triangles tried for the place of a point
 
 
 def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
@@ -123,7 +128,9 @@ class Plan:
     def point_rows(
         self, field: Field, points: NDArray[np.float64], derivative: Derivative = ""
     ) -> sp.csr_matrix:
-        """Return the matrix that evaluates a field, or a derivative of it, at points inside the outline.
+        """Return the matrix that evaluates a field, or a derivative of it, at points of the plan.
+
+        A place outside the outline, such as one on the arc beside its polygon, counts as the nearest one inside.
 
         Parameters
         ----------
@@ -139,8 +146,7 @@ class Plan:
         csr_matrix, (n, size(field))
         """
         basis = self.basis(field)
-        x = np.asarray(points, dtype=float).T
-        cells = basis.mesh.element_finder(mapping=basis.mapping)(*x)
+        x, cells = self._located(np.asarray(points, dtype=float))
         local = basis.mapping.invF(x[:, :, np.newaxis], tind=cells)
         values = np.array(
             [
@@ -153,6 +159,40 @@ class Plan:
             (values.ravel(), (rows.ravel(), basis.element_dofs[:, cells].ravel())), (x.shape[1], basis.N)
         ).tocsr()
 
+    def nearest(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the points, (n, 2), of the plan that are nearest to places (n, 2)."""
+        return self._located(np.asarray(points, dtype=float))[0].T
+
+    def _located(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Return the nearest points of the plan, (2, n), and the elements that they lie in."""
+        mesh = self.membrane.mesh
+        if isinstance(mesh, skfem.MeshQuad):
+            low, high = self.bounds.T
+            x = np.clip(points, low, high).T
+            return x, mesh.element_finder(mapping=self.membrane.mapping)(*x)
+        corners = mesh.p.T[mesh.t.T]
+        n_near = min(_NEAREST, len(corners))
+        near = spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
+        candidate = _nearest_in_triangle(points[:, None], corners[near])
+        chosen = np.argmin(np.linalg.norm(candidate - points[:, None], axis=2), axis=1)
+        rows = np.arange(len(points))
+        return candidate[rows, chosen].T, near[rows, chosen]
+
+
+def _nearest_in_triangle(point: NDArray[np.float64], corner: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points (..., 2) of triangles (..., 3, 2) that are nearest to points (..., 2)."""
+    point = np.broadcast_to(point, (*corner.shape[:-2], 2))
+    edge = np.roll(corner, -1, axis=-2) - corner
+    offset = point[..., None, :] - corner
+    cross = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
+    within = np.all(cross >= 0.0, axis=-1) | np.all(cross <= 0.0, axis=-1)
+    along = np.clip(np.sum(offset * edge, axis=-1) / np.sum(edge**2, axis=-1), 0.0, 1.0)
+    on_edge = corner + along[..., None] * edge
+    distance = np.linalg.norm(on_edge - point[..., None, :], axis=-1)
+    best = np.argmin(distance, axis=-1)[..., None, None]
+    outside = np.take_along_axis(on_edge, best, axis=-2)[..., 0, :]
+    return np.where(within[..., None], point, outside)
+
 
 def rectangle(length: float, width: float, n_x: int, n_y: int) -> Plan:
     """Mesh a rectangle centred at the origin with `n_x` by `n_y` equal elements."""
@@ -164,6 +204,16 @@ def rectangle(length: float, width: float, n_x: int, n_y: int) -> Plan:
     return Plan(membrane=membrane, plate=plate)
 
 
+def triangles(mesh: Triangulation) -> Plan:
+    """Take a lamina that is cut into triangles."""
+    tri = skfem.MeshTri(np.ascontiguousarray(mesh.point.T), np.ascontiguousarray(mesh.triangle.T))
+    membrane = skfem.Basis(tri, skfem.ElementTriP2(), intorder=_TRIANGLE_ORDER)
+    plate = skfem.Basis(tri, skfem.ElementTriArgyris(), intorder=_TRIANGLE_ORDER)
+    return Plan(membrane=membrane, plate=plate)
+
+
 def plan_of(stack: Stack) -> Plan:
-    """Mesh a lamina of the stack as its `mesh` says."""
-    return rectangle(stack.length, stack.width, stack.mesh.n_x, stack.mesh.n_y)
+    """Mesh a lamina of the stack as its `mesh` says: by `n_x` elements along the length."""
+    if stack.outline is None:
+        return rectangle(stack.length, stack.width, stack.mesh.n_x, stack.mesh.n_y)
+    return triangles(stack.outline.triangulated(stack.length / stack.mesh.n_x))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from model.curve import CompressionCurve
 from model.errors import StackError
 from model.material import Material
+from model.outline import Outline, Triangulation
 
 Distribution = Literal["height", "faces"]
 Edge = Literal["left", "right", "front", "back", "all"]
@@ -244,7 +245,10 @@ class PatchSupport:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mesh:
-    """Fineness of the mesh of one lamina: number of elements along x and y."""
+    """Fineness of the mesh of one lamina: number of elements along x and y.
+
+    Triangles of an outline are as large as `n_x` of them along the length; `n_y` does not count for them.
+    """
 
     n_x: int = 24
     n_y: int = 6
@@ -255,7 +259,7 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Stack:
-    """A rectangular laminated stack.
+    """A laminated stack.
 
     Attributes
     ----------
@@ -265,6 +269,8 @@ class Stack:
         Outer size along x, y and z, m.
     n_lamina : int
         Number of laminas.
+    outline : Outline, Triangulation or None
+        Shape of the laminas in a bounding box of `length` by `width` around the origin; None is a rectangle.
     material : Material
         The sheets.
     contact : Contact
@@ -293,9 +299,19 @@ class Stack:
     interlayers: tuple[Interlayer, ...] = ()
     pressing: Pressing | PressureDistribution | None = None
     supports: tuple[EdgeSupport | PatchSupport, ...] = ()
+    outline: Outline | Triangulation | None = None
 
     def __post_init__(self) -> None:
         _require_positive("stack", self, "length", "width", "height", "n_lamina")
+        if self.outline is not None:
+            box = np.array([self.length, self.width])[:, None] * [-0.5, 0.5]
+            if np.abs(self.outline.bounds - box).max() > 1e-6 * self.length:
+                (x0, x1), (y0, y1) = self.outline.bounds
+                message = (
+                    f"stack: its outline reaches from {x0:g} to {x1:g} m along x and {y0:g} to {y1:g} m along y; "
+                    f"it must fill a box of {self.length:g} by {self.width:g} m around the origin"
+                )
+                raise StackError(message)
         places = [layer.below for layer in self.interlayers]
         for i, below in enumerate(places):
             if not below < self.n_lamina or below in places[:i]:
@@ -346,11 +362,16 @@ class Stack:
         return np.asarray(bottom + np.concatenate([[0.0], np.cumsum(self.spacing)]), dtype=np.float64)
 
     @property
+    def area(self) -> float:
+        """Area of the plan, m2."""
+        return self.length * self.width if self.outline is None else self.outline.area
+
+    @property
     def mass(self) -> float:
         """Mass of sheets, layers and clamps together, kg."""
         per_area = self.material.density * self.pitch * self.n_lamina
         per_area += sum(layer.density * layer.thickness for layer in self.interlayers)
-        return self.length * self.width * per_area + sum(clamp.mass for clamp in self.clamps)
+        return self.area * per_area + sum(clamp.mass for clamp in self.clamps)
 
     def with_contact(self, **values: float) -> Stack:
         """Return the stack with some of `G_f`, `d_f`, `pressure`, `normal_modulus` replaced."""
