@@ -8,11 +8,12 @@ from ema.export import synthesized_frf, write_modes_csv, write_modes_uff, write_
 from ema.frf import FRF
 from ema.geometry import Dof, Dofs, Geometry
 from ema.identify import Identification, identify, identify_frf
+from ema.linearity import check_force_levels, check_linearity
 from ema.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
-from ema.measurement import Measurement, read_measurement
+from ema.measurement import Measurement, read_force_levels, read_measurement
 from ema.modes import ModalModel, synthesize
 from ema.picking import pick_poles, read_poles, write_poles
-from ema.quality import check, check_linearity, usable
+from ema.quality import check, usable
 from ema.stabilization import StabilizationDiagram, stabilization
 from ema.uff import write_uff
 from ema.verdict import Verdict
@@ -37,6 +38,7 @@ __all__ = [
     "StabilizationDiagram",
     "Verdict",
     "check",
+    "check_force_levels",
     "check_linearity",
     "cmif",
     "comac",
@@ -52,6 +54,7 @@ __all__ = [
     "mpd",
     "pick_poles",
     "read_campaign",
+    "read_force_levels",
     "read_measurement",
     "read_poles",
     "real_shape",

@@ -94,6 +94,10 @@ class Configuration:
         Bolt torque (N m), mean surface pressure (Pa) and stack height (m); None where not stated.
     files : tuple of Files
         What was measured.
+    force : float or None
+        Level of the force, N; None where not stated.
+    force_levels : tuple of Configuration
+        The same state at other forces, to see whether the structure is linear; not identified.
     """
 
     name: str
@@ -102,6 +106,8 @@ class Configuration:
     pressure: float | None
     height: float | None
     files: tuple[Files, ...]
+    force: float | None = None
+    force_levels: tuple[Configuration, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,14 +219,18 @@ def read_campaign(path: str | Path) -> Campaign:
 
         [[configuration]]
         name = "M1"
-        stack = 4                              # which stack; this and the next three may be left out
+        stack = 4                              # which stack; this and the next four may be left out
         torque_Nm = 1.5
         pressure_kPa = 160
         height_mm = 64.8
+        force_N = 2                            # level of the force; may be left out
         files = ["M1/*.uff"]                   # each file is one run, in natural order of the names
         output = ["1+z", "2+z"]                # DOFs of the FRFs in reading order, if the files hold none:
         input = ["45+z"]                       # point number, sign, axis; a single one holds for all.
                                                # off-axis: {node = 4, direction = [0, 0.7, 0.7]}
+        [[configuration.force_level]]          # the same state at another force, at all points or some:
+        force_N = 10                           # compared with 'files' for linearity, not identified
+        files = ["M1/10N/*.uff"]               # output and input as above where they are left out
 
         [[configuration]]                      # where one run is several files, name the runs instead
         name = "M2"
@@ -259,7 +269,8 @@ def read_campaign(path: str | Path) -> Campaign:
         message = f"{path}: configuration: names must be unique, found {names}"
         raise CampaignError(message)
     configurations = tuple(_configuration(path, folder, c) for c in content.configuration)
-    suffixes = {f.suffix.lower() for c in configurations for group in c.files for f in group.files}
+    read = [state for c in configurations for state in (c, *c.force_levels)]
+    suffixes = {f.suffix.lower() for state in read for group in state.files for f in group.files}
     needs_table = content.measurement.format == "csv" or (
         content.measurement.format is None and not suffixes <= set(UFF_SUFFIXES)
     )
@@ -312,7 +323,8 @@ def _natural(file: Path) -> list[tuple[int, str]]:
 def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Configuration:
     key = f"configuration {given.name!r}: files"
     groups = given.run or (given,)
-    return Configuration(
+    level_key = f"configuration {given.name!r}: force_level: files"
+    configuration = Configuration(
         name=given.name,
         stack=None if given.stack is None else str(given.stack),
         torque=given.torque_Nm,
@@ -327,7 +339,25 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
             )
             for group in groups
         ),
+        force=given.force_N,
     )
+    levels = tuple(
+        replace(
+            configuration,
+            name=f"{given.name} at {level.force_N:g} N",
+            force=level.force_N,
+            files=(
+                Files(
+                    files=_files(path, folder, level_key, level.files),
+                    together=False,
+                    output=level.output or given.output,
+                    input=level.input or given.input,
+                ),
+            ),
+        )
+        for level in given.force_level
+    )
+    return replace(configuration, force_levels=levels)
 
 
 def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correction:

@@ -107,6 +107,15 @@ class _Run(Section):
     input: tuple[DofEntry, ...] = ()
 
 
+class ForceLevelSection(Section):
+    """The files of a configuration at another force, to be compared with those that are identified."""
+
+    force_N: float = Field(gt=0)
+    files: tuple[str, ...] = Field(min_length=1)
+    output: tuple[DofEntry, ...] = ()
+    input: tuple[DofEntry, ...] = ()
+
+
 class ConfigurationSection(Section):
     """One state of the structure and its files."""
 
@@ -115,10 +124,12 @@ class ConfigurationSection(Section):
     torque_Nm: float | None = None
     pressure_kPa: float | None = None
     height_mm: float | None = None
+    force_N: float | None = Field(default=None, gt=0)
     files: tuple[str, ...] = ()
     output: tuple[DofEntry, ...] = ()
     input: tuple[DofEntry, ...] = ()
     run: tuple[_Run, ...] = ()
+    force_level: tuple[ForceLevelSection, ...] = ()
 
     @model_validator(mode="after")
     def _one_way_to_name_files(self) -> ConfigurationSection:
@@ -127,6 +138,14 @@ class ConfigurationSection(Section):
             raise ValueError(message)
         if self.run and (self.output or self.input):
             message = "'output' and 'input' belong into each [[configuration.run]] table"
+            raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
+    def _different_forces(self) -> ConfigurationSection:
+        forces = [self.force_N, *(level.force_N for level in self.force_level)]
+        if len(set(forces)) < len(forces):
+            message = f"force_level: the forces of one configuration must differ, found {forces} N"
             raise ValueError(message)
         return self
 
@@ -216,6 +235,7 @@ def _keys_at(location: tuple[str | int, ...]) -> list[str]:
         "time": Averaging,
         "configuration": ConfigurationSection,
         "run": _Run,
+        "force_level": ForceLevelSection,
         "correction": CorrectionSection,
         "identification": _Identification,
     }

@@ -16,8 +16,9 @@ from ema.campaign import Campaign
 from ema.errors import IdentificationError, MeasurementError
 from ema.frf import FRF
 from ema.geometry import Geometry
+from ema.linearity import check_force_levels
 from ema.mac import frac
-from ema.measurement import Measurement, read_measurement
+from ema.measurement import Measurement, read_force_levels, read_measurement
 from ema.modes import ModalModel
 from ema.quality import check, usable
 from ema.refinement import Fit
@@ -71,22 +72,24 @@ def identify(
     Raises
     ------
     MeasurementError, IdentificationError
-        See `read_measurement`, `usable` and `identify_frf`.
+        See `read_measurement`, `check_linearity`, `usable` and `identify_frf`.
     """
     options, chosen = campaign.identification, poles or {}
     for configuration in campaign.configurations:
         measurement = read_measurement(campaign, configuration.name)
         verdicts = check(measurement, options.band)
-        measurement = usable(measurement, verdicts)
+        kept = usable(measurement, verdicts)
+        levels = read_force_levels(campaign, configuration.name)
+        verdicts += check_force_levels(measurement, verdicts, levels, options.band)
         modal_model = identify_frf(
-            measurement.frf,
-            measurement.geometry,
+            kept.frf,
+            kept.geometry,
             name=configuration.name,
             band=options.band,
             order=options.order,
             pole=chosen.get(configuration.name),
         )
-        yield Identification(measurement=measurement, verdicts=verdicts, modal_model=modal_model)
+        yield Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
 
 
 def identify_frf(

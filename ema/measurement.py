@@ -90,7 +90,21 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     MeasurementError
         A file cannot be read, or does not say what the campaign file leaves open.
     """
-    configuration = campaign.configuration(name)
+    return _merged(campaign, campaign.configuration(name))
+
+
+def read_force_levels(campaign: Campaign, name: str) -> tuple[Measurement, ...]:
+    """Read what was measured of a configuration at other force levels, each as `read_measurement` does.
+
+    Raises
+    ------
+    CampaignError, MeasurementError
+        As `read_measurement`.
+    """
+    return tuple(_merged(campaign, level) for level in campaign.configuration(name).force_levels)
+
+
+def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     notes = list(campaign.notes)
     entries: list[_Entry] = []
     n_run = 0
@@ -98,7 +112,7 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
         found, n_run = _entries(campaign, files, n_run, notes)
         entries += found
     if not entries:
-        message = f"{campaign.path}: configuration {name!r}: its files hold no usable FRF"
+        message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
         raise MeasurementError(message)
     entries = _with_axis(entries, notes)
     entries = _one_quantity(entries, notes)
@@ -110,7 +124,7 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     if absent:
         notes.append(f"points without coordinates, measured but not drawn: {absent}")
     return Measurement(
-        name=name,
+        name=configuration.name,
         configuration=configuration,
         frf=frf,
         geometry=campaign.geometry,

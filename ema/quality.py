@@ -7,15 +7,15 @@ repaired is repaired by a ``[[correction]]`` in the campaign file.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from ema.errors import MeasurementError
 from ema.frf import DERIVATIVE, FRF
 from ema.measurement import Measurement
+from ema.peaks import MIN_LINES, peaks
 from ema.spatial import MIN_CHANNELS, contradictions, undetectable_signs
 from ema.verdict import Verdict
 
@@ -27,9 +27,6 @@ _UNSHARED_WARN = 0.05
 _BELIEVED = 30.0
 """Rise of the log-likelihood; sound synthetic sets of 44 channels stayed below 26 in 240 of 240 cases."""
 _SCALE_WARN, _SCALE_FAIL = 1.15, 1.4
-_MIN_LINES = 4.0
-_PEAK_DB = 10.0
-_NARROW_OVER_NOISE = 50.0
 _MASSES = (1e-4, 1e6)
 _SIZES = (1e-3, 300.0)
 
@@ -92,55 +89,6 @@ def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measureme
         overload=measurement.overload[keep],
         notes=(*measurement.notes, *(f"left out: {v.message}" for v in failed)),
     )
-
-
-def check_linearity(low: Measurement, high: Measurement) -> tuple[Verdict, ...]:
-    """Compare two measurements of one structure at different force levels, mode by mode.
-
-    A resonance that moves by more than a tenth of its bandwidth, or whose height changes by more than a
-    tenth, is not linear: contact that slips at the higher level lowers both.
-
-    Raises
-    ------
-    MeasurementError
-        The two do not share DOFs and frequency lines.
-    """
-    first, second = low.frf, high.frf
-    alike = first.value.shape == second.value.shape and np.array_equal(first.output.node, second.output.node)
-    if not (alike and np.allclose(first.frequency, second.frequency)):
-        message = f"{low.name!r} and {high.name!r} do not share DOFs and frequency lines"
-        raise MeasurementError(message)
-    everything = np.arange(first.output.node.size)
-    verdicts = []
-    for peak in _peaks(first, everything):
-        others = _peaks(second, everything)
-        if not others:
-            break
-        partner = min(others, key=lambda other, peak=peak: abs(other.frequency - peak.frequency))  # type: ignore[misc]
-        shift = (partner.frequency - peak.frequency) / peak.bandwidth
-        i, j = (int(np.argmin(np.abs(first.frequency - p.frequency))) for p in (peak, partner))
-        change = np.linalg.norm(second.value[..., j]) / np.linalg.norm(first.value[..., i]) - 1
-        linear = abs(shift) <= 0.1 and abs(change) <= 0.1
-        verdicts.append(
-            Verdict(
-                check="linearity",
-                level="pass" if linear else "warn",
-                channel=(),
-                band=(peak.frequency - peak.bandwidth, peak.frequency + peak.bandwidth),
-                message=(
-                    f"{peak.frequency:.5g} Hz: from {low.name} to {high.name} it moves by "
-                    f"{100 * shift:+.0f} % of its bandwidth and its height changes by {100 * change:+.0f} %"
-                ),
-            )
-        )
-    return tuple(verdicts)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Peak:
-    frequency: float
-    bandwidth: float
-    line: int
 
 
 def _sound(frf: FRF, findings: list[Verdict]) -> NDArray[np.int64]:
@@ -412,57 +360,25 @@ def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdi
         text = f"the apparent mass is {mass:.2g} kg in the median: check [measurement] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
     # At a resonance a real mode is imaginary in receptance and accelerance, and real in mobility.
-    peaks = [p.line for p in _peaks(frf, sound)]
-    value = frf.value[sound][..., peaks]
+    lines_of_peaks = [p.line for p in peaks(frf, sound)]
+    value = frf.value[sound][..., lines_of_peaks]
     phase = (value**2).sum(axis=(0, 1)).real / (np.abs(value) ** 2).sum(axis=(0, 1))
     expected = 1.0 if frf.quantity == "mobility" else -1.0
     wrong = np.count_nonzero(expected * phase < -0.7)
-    if len(peaks) >= 2 and wrong > 0.75 * len(peaks):
+    if len(lines_of_peaks) >= 2 and wrong > 0.75 * len(lines_of_peaks):
         other = "mobility" if expected < 0 else "accelerance or receptance"
-        text = f"given as {frf.quantity}, but {wrong} of {len(peaks)} resonances have the phase of {other}"
+        text = f"given as {frf.quantity}, but {wrong} of {len(lines_of_peaks)} resonances have the phase of {other}"
         yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
 
 
 def _resolution(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     step = float(np.median(np.diff(frf.frequency)))
-    coarse = [p for p in _peaks(frf, sound) if p.bandwidth < _MIN_LINES * step]
+    coarse = [p for p in peaks(frf, sound) if p.bandwidth < MIN_LINES * step]
     if coarse:
         listed = ", ".join(f"{p.frequency:.5g} Hz ({p.bandwidth / step:.1f} lines)" for p in coarse[:6])
         text = (
-            f"{len(coarse)} resonances have fewer than {_MIN_LINES:.0f} lines in their half-power bandwidth, "
+            f"{len(coarse)} resonances have fewer than {MIN_LINES:.0f} lines in their half-power bandwidth, "
             f"so that their damping is doubtful: {listed}{', ...' if len(coarse) > 6 else ''}"
         )
         band = (min(p.frequency for p in coarse), max(p.frequency for p in coarse))
         yield Verdict(check="resolution", level="warn", channel=(), band=band, message=text)
-
-
-def _peaks(frf: FRF, channels: NDArray[np.int64]) -> list[_Peak]:
-    """Return the clear resonances of the summed power with their half-power bandwidths.
-
-    A peak of few lines is measured by the parabola that the inverse power of a resonance is, and believed
-    if it stands out of the lines around it, which a peak of the noise does not.
-    """
-    if frf.frequency.size < 5 or not channels.size:
-        return []
-    power = (
-        np.abs(frf.value[channels]) ** 2 / np.mean(np.abs(frf.value[channels]) ** 2, axis=2, keepdims=True)
-    ).sum(axis=(0, 1))
-    power = np.maximum(power, 1e-12 * power.max())
-    step = float(np.median(np.diff(frf.frequency)))
-    lines, _ = signal.find_peaks(10 * np.log10(power), prominence=_PEAK_DB)
-    wide = signal.peak_widths(power, lines, rel_height=0.5)[0]
-    peaks = []
-    for line, width in zip(lines, wide, strict=True):
-        frequency, bandwidth = float(frf.frequency[line]), float(width * step)
-        inverse = 1 / power[line - 1 : line + 2]
-        curvature = (inverse[0] - 2 * inverse[1] + inverse[2]) / 2
-        if width < 2 * _MIN_LINES:
-            around = power[max(line - 50, 0) : line + 51]
-            if curvature <= 0 or power[line] < _NARROW_OVER_NOISE * np.median(around):
-                continue
-            offset = (inverse[0] - inverse[2]) / (4 * curvature)
-            least = inverse[1] - curvature * offset**2
-            frequency += offset * step
-            bandwidth = 2 * float(np.sqrt(max(least, 0.0) / curvature)) * step
-        peaks.append(_Peak(frequency=frequency, bandwidth=max(bandwidth, 1e-3 * step), line=int(line)))
-    return peaks

@@ -10,7 +10,7 @@ from ema.errors import MeasurementError
 from ema.frf import FRF
 from ema.geometry import Dofs, Geometry
 from ema.measurement import Measurement
-from ema.quality import check, check_linearity, usable
+from ema.quality import check, usable
 
 FREQUENCY = np.arange(20.0, 500.0, 0.5)
 MODES = np.array([120.0, 210.0, 380.0])
@@ -205,12 +205,3 @@ def test_failed_channels_are_left_out_with_the_reason():
     assert rest.frf.output.node.tolist() == [1, 2, 3, 4, *range(6, N + 1)]
     assert rest.overload.shape == (N - 1,)
     assert rest.notes[0].startswith("left out: 5+z (run 3, run2.uff): dead")
-
-
-def test_linearity():
-    low, high = bar(), replace(bar(modes=MODES * [1, 0.99, 1]), name="b")
-    verdicts = check_linearity(low, high)
-    assert [v.level for v in verdicts] == ["pass", "warn", "pass"]
-    assert verdicts[1].band[0] < 210 < verdicts[1].band[1]
-    with pytest.raises(MeasurementError, match="do not share DOFs and frequency lines"):
-        check_linearity(low, bar(frequency=FREQUENCY + 1))
