@@ -20,6 +20,7 @@ from ema.linearity import check_force_levels
 from ema.mac import frac
 from ema.measurement import Measurement, read_force_levels, read_measurement
 from ema.modes import ModalModel
+from ema.noise import coherence_weight
 from ema.quality import check, usable
 from ema.refinement import Fit
 from ema.roving import RunPoles, frequency_damping_std
@@ -146,6 +147,7 @@ def identify_frf(
         value=lines.value.reshape(-1, lines.frequency.size),
         run=np.repeat(lines.run, lines.input.node.size),
         quantity=lines.quantity,
+        weight=_weight(lines),
     )
     if pole is None:
         candidates = stabilization(lines, order=order).chosen
@@ -167,6 +169,14 @@ def identify_frf(
         )
         raise IdentificationError(message)
     return _model(fit, runs, lines, geometry, name, (float(lower), float(upper)))
+
+
+def _weight(frf: FRF) -> NDArray[np.float64]:
+    """Weights ``(n_function, n_frequency)`` of the lines; ones where no coherence was measured."""
+    shape = (-1, frf.frequency.size)
+    if frf.coherence is None:
+        return np.ones_like(frf.value.real).reshape(shape)
+    return coherence_weight(frf.value.reshape(shape), frf.coherence.reshape(shape))
 
 
 def _by_reciprocity(frf: FRF) -> FRF:

@@ -1,13 +1,15 @@
 """Maximum-likelihood poles, residues and residual terms of all modes together, with their covariance.
 
-The noise is taken as circular complex normal, independent between lines and functions, of unknown variance
-``sigma_o**2`` per function. Residues and residual terms are linear and are eliminated (variable projection,
-Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973); Gauss-Newton with Levenberg-Marquardt damping runs on the
-poles alone, with Kaufman's analytic Jacobian (BIT 15, 1975), whose gradient is exact. The variances follow
-from the residuals at every step, so that the end point is that of the concentrated likelihood.
+The noise is taken as circular complex normal, independent between lines and functions, of variance
+``sigma_o**2 / weight_of`` with an unknown ``sigma_o`` per function and given weights. Residues and residual
+terms are linear and are eliminated (variable projection, Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973);
+Gauss-Newton with Levenberg-Marquardt damping runs on the poles alone, with Kaufman's analytic Jacobian (BIT 15,
+1975), whose gradient is exact. The variances follow from the residuals at every step, so that the end point is
+that of the concentrated likelihood.
 
 All functions share one basis, hence one QR factor: a step costs a factorisation of ``2 n_frequency`` rows and
-some products, whatever the number of functions.
+some products, whatever the number of functions. Where lines weigh differently, each function has in addition its
+own small normal equations in the orthonormal basis, which are as well conditioned as the weights are even.
 """
 
 from __future__ import annotations
@@ -41,11 +43,15 @@ class Fit:
     lower, upper : (n_function,) complex
         Residual terms of the receptance, 1/kg and m/N.
     noise : (n_function,) float
-        Standard deviation of the complex residual of each function, in the unit of the measured quantity.
+        Standard deviation of the complex residual of each function at weight 1, in the unit of the measured
+        quantity.
+    weight : (n_function, n_frequency) float
+        Assumed inverse variances relative to ``noise**2``, of geometric mean 1.
     residual : (n_function, n_frequency) complex
         Measured less fitted functions.
-    linear_covariance : (2 n_mode, 2 n_mode) float
-        Covariance of Re and Im of the residues at fixed poles for unit ``noise``.
+    linear_covariance : (1 or n_function, 2 n_mode, 2 n_mode) float
+        Covariance of Re and Im of the residues at fixed poles for unit ``noise``; one for all functions where
+        they have the same weights.
     sensitivity : (n_function, 2 n_mode, 2 n_mode) float
         Derivative of Re and Im of the residues of each function with respect to Re and Im of the poles.
     objective : float
@@ -58,10 +64,16 @@ class Fit:
     lower: NDArray[np.complex128]
     upper: NDArray[np.complex128]
     noise: NDArray[np.float64]
+    weight: NDArray[np.float64]
     residual: NDArray[np.complex128]
     linear_covariance: NDArray[np.float64]
     sensitivity: NDArray[np.float64]
     objective: float
+
+    @property
+    def whitened(self) -> NDArray[np.complex128]:
+        """Residuals over their assumed standard deviations, ``(n_function, n_frequency)``."""
+        return self.residual * np.sqrt(self.weight) / self.noise[:, None]
 
     def residue_covariance(self) -> NDArray[np.float64]:
         """Covariance ``(n_function, 2 n_mode, 2 n_mode)`` of the residues' parts, poles' scatter included."""
@@ -76,6 +88,10 @@ class _Projection:
     coefficient: NDArray[np.float64]  # (2 n_mode + 4, n_function)
     orthogonal: NDArray[np.float64]  # orthonormal basis, (2 n_frequency, 2 n_mode + 4)
     triangle: NDArray[np.float64]  # R of the basis with its column lengths restored
+    weight: NDArray[np.float64]  # (n_function, 2 n_frequency), or (1, 1) where all lines weigh the same
+    inverse: NDArray[
+        np.float64
+    ]  # of the weighted normal equations in the orthonormal basis, one or (n_function, ...)
     remainder: NDArray[np.float64]  # (2 n_frequency, n_function)
     variance: NDArray[np.float64]  # (n_function,), complex noise variance
     objective: float
@@ -86,6 +102,7 @@ def refine(
     value: NDArray[np.complex128],
     pole: NDArray[np.complex128],
     quantity: Quantity,
+    weight: NDArray[np.float64] | None = None,
 ) -> Fit:
     """Refine poles to the maximum of the likelihood and return the fit with its covariance.
 
@@ -99,11 +116,14 @@ def refine(
         Starting poles, rad/s, upper half-plane, stable.
     quantity : {"receptance", "mobility", "accelerance"}
         What the functions are.
+    weight : (n_function, n_frequency) float, optional
+        Inverse variances relative to one another in each function, of geometric mean 1, so that objectives of
+        different weights can be compared. All lines weigh the same where not given.
     """
-    target = stack_functions(value)
+    target, rows = stack_functions(value), _row_weights(weight)
     fixed = residual_basis(frequency, quantity)
     current = pole.astype(complex)
-    state = _project(frequency, target, fixed, current, quantity)
+    state = _project(frequency, target, fixed, current, quantity, rows)
     damping = 1e-3
     for _ in range(MAX_STEP):
         information, pull, _ = _normal_equations(frequency, target, current, quantity, state)
@@ -123,7 +143,7 @@ def refine(
             trial = np.minimum(trial.real, 0.1 * current.real) + 1j * np.maximum(
                 trial.imag, 0.1 * current.imag
             )
-            proposed = _project(frequency, target, fixed, trial, quantity)
+            proposed = _project(frequency, target, fixed, trial, quantity, rows)
             if proposed.objective <= state.objective:
                 improved = True
                 break
@@ -142,11 +162,17 @@ def linear_fit(
     value: NDArray[np.complex128],
     pole: NDArray[np.complex128],
     quantity: Quantity,
+    weight: NDArray[np.float64] | None = None,
 ) -> Fit:
     """Fit residues and residual terms at fixed poles; the covariance is that of `refine` at these poles."""
     target = stack_functions(value)
-    state = _project(frequency, target, residual_basis(frequency, quantity), pole, quantity)
+    fixed = residual_basis(frequency, quantity)
+    state = _project(frequency, target, fixed, pole, quantity, _row_weights(weight))
     return _finish(frequency, target, pole, quantity, state)
+
+
+def _row_weights(weight: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.ones((1, 1)) if weight is None or np.all(weight == 1.0) else np.tile(weight, 2)
 
 
 def _project(
@@ -155,22 +181,31 @@ def _project(
     fixed: NDArray[np.float64],
     pole: NDArray[np.complex128],
     quantity: Quantity,
+    weight: NDArray[np.float64],
 ) -> _Projection:
     basis = np.concatenate([mode_basis(frequency, pole, quantity), fixed], axis=1)
     length = np.linalg.norm(basis, axis=0)
     orthogonal, triangle = _tall_qr(basis / length)
-    part = orthogonal.T @ target
+    if weight.size == 1:
+        inverse = np.eye(length.size)[None]
+        part = orthogonal.T @ target
+    else:
+        normal = np.stack([(orthogonal.T * row) @ orthogonal for row in weight])
+        inverse = np.linalg.inv(normal)
+        part = np.einsum("okl,lo->ko", inverse, orthogonal.T @ (weight.T * target))
     remainder = target - orthogonal @ part
     coefficient = scipy.linalg.solve_triangular(triangle, part, check_finite=False) / length[:, None]
     n_row, n_function = target.shape
     # Each function spends its own linear unknowns and its share of the poles.
     freedom = max(n_row - basis.shape[1] - 2.0 * pole.size / n_function, 1.0)
     floor = (1e-14 * np.linalg.norm(target, axis=0)) ** 2 + np.finfo(float).tiny
-    square = np.sum(remainder**2, axis=0) + floor
+    square = np.sum(weight.T * remainder**2, axis=0) + floor
     return _Projection(
         coefficient=coefficient,
         orthogonal=orthogonal,
         triangle=triangle * length,
+        weight=weight,
+        inverse=inverse,
         remainder=remainder,
         variance=2.0 * square / freedom,
         objective=float(0.5 * n_row * np.sum(np.log(square))),
@@ -206,8 +241,14 @@ def _normal_equations(
     """Fisher information of Re and Im of the poles, each function's pull on them, and coefficient maps."""
     derivative = mode_basis(frequency, pole, quantity, power=2)
     tangent = derivative - state.orthogonal @ (state.orthogonal.T @ derivative)
-    gram = tangent.T @ tangent
-    seen = tangent.T @ state.remainder  # (2 n_mode, n_function)
+    if state.weight.size == 1:
+        gram = (tangent.T @ tangent)[None]
+    else:
+        # The tangents are orthogonal to the basis; what weighting makes of that is projected out here.
+        cross = np.stack([(state.orthogonal.T * row) @ tangent for row in state.weight])
+        gram = np.stack([(tangent.T * row) @ tangent for row in state.weight])
+        gram -= cross.swapaxes(1, 2) @ state.inverse @ cross
+    seen = tangent.T @ (state.weight.T * state.remainder)  # (2 n_mode, n_function)
     n_mode = pole.size
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
     # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
@@ -218,7 +259,7 @@ def _normal_equations(
     maps[:, 2 * r, 2 * r + 1] = -imaginary.T
     maps[:, 2 * r + 1, 2 * r + 1] = real.T
     weight = 2.0 / state.variance
-    information = np.einsum("o,oki,kl,olj->ij", weight, maps, gram, maps, optimize=True)
+    information = np.einsum("o,oki,okj->ij", weight, maps, gram @ maps, optimize=True)
     pull = weight[:, None] * np.einsum("oki,ko->oi", maps, seen, optimize=True)
     return information, pull, maps
 
@@ -240,8 +281,12 @@ def _finish(
 ) -> Fit:
     information, _, maps = _normal_equations(frequency, target, pole, quantity, state)
     n_linear = 2 * pole.size
-    inverse = scipy.linalg.solve_triangular(state.triangle, np.eye(len(state.triangle)), check_finite=False)
-    rotated = inverse[:n_linear] @ (state.orthogonal.T @ mode_basis(frequency, pole, quantity, power=2))
+    triangle = scipy.linalg.solve_triangular(state.triangle, np.eye(len(state.triangle)), check_finite=False)
+    triangle = triangle[:n_linear]
+    derivative = mode_basis(frequency, pole, quantity, power=2)
+    onto = state.orthogonal.T @ derivative
+    if state.weight.size > 1:
+        onto = state.inverse @ np.stack([(state.orthogonal.T * row) @ derivative for row in state.weight])
     residue, lower, upper = split_coefficients(state.coefficient)
     remainder = state.remainder.T
     scale = np.sqrt(np.diag(information))
@@ -253,8 +298,9 @@ def _finish(
         lower=lower,
         upper=upper,
         noise=np.sqrt(state.variance),
+        weight=np.broadcast_to(state.weight[:, : frequency.size], remainder[:, : frequency.size].shape),
         residual=remainder[:, : frequency.size] + 1j * remainder[:, frequency.size :],
-        linear_covariance=0.5 * inverse[:n_linear] @ inverse[:n_linear].T,
-        sensitivity=-rotated @ maps,
+        linear_covariance=0.5 * triangle @ state.inverse @ triangle.T,
+        sensitivity=-(triangle @ onto) @ maps,
         objective=state.objective,
     )

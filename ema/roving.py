@@ -95,7 +95,7 @@ def run_poles(
     run : (n_function,) int
         Run that each function was measured in.
     fit : Fit
-        Fit of all functions together.
+        Fit of all functions together; its weights hold for the runs too.
     quantity : {"receptance", "mobility", "accelerance"}
         What the functions are.
     """
@@ -118,12 +118,13 @@ def run_poles(
     residue = fit.residue.copy()
     for k, number in enumerate(numbers):
         part = value[run == number]
-        at_all = linear_fit(frequency, part, fit.pole, quantity)
+        weight = fit.weight[run == number]
+        at_all = linear_fit(frequency, part, fit.pole, quantity, weight)
         visible = _visible(at_all)
         # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
         hidden = mode_basis(frequency, fit.pole[~visible], quantity) @ _stacked(at_all.residue[:, ~visible])
         part = part - (hidden[: frequency.size] + 1j * hidden[frequency.size :]).T
-        own = refine(frequency, part, fit.pole[visible], quantity)
+        own = refine(frequency, part, fit.pole[visible], quantity, weight)
         inflation = np.repeat(np.sqrt(variance_inflation(frequency, own)), 2)
         stds = frequency_damping_std(own.pole, own.pole_covariance * np.outer(inflation, inflation))
         half_bandwidth = np.maximum(-own.pole.real, -fit.pole[visible].real)
@@ -133,7 +134,9 @@ def run_poles(
         pole[k, at] = own.pole[determined]
         frequency_std[k, at] = stds[0][determined]
         damping_std[k, at] = stds[1][determined]
-        residue[run == number] = linear_fit(frequency, value[run == number], pole[k], quantity).residue
+        residue[run == number] = linear_fit(
+            frequency, value[run == number], pole[k], quantity, weight
+        ).residue
     return RunPoles(
         run=numbers,
         pole=pole,
@@ -147,12 +150,12 @@ def run_poles(
 def _visible(fit: Fit) -> NDArray[np.bool_]:
     """Whether the residues of each mode at its fixed pole stand out of the noise of a few functions."""
     index = 2 * np.arange(fit.pole.size)
-    statistic = np.zeros(fit.pole.size)
-    for part in (fit.residue.real, fit.residue.imag):
-        statistic += np.sum((part / fit.noise[:, None]) ** 2, axis=0)
     # Per unit noise the two parts of a residue have nearly equal variance and no correlation.
-    variance = 0.5 * (fit.linear_covariance[index, index] + fit.linear_covariance[index + 1, index + 1])
-    return statistic / variance > scipy.stats.chi2.isf(VISIBLE, 2 * fit.residue.shape[0])
+    diagonal = np.diagonal(fit.linear_covariance, axis1=1, axis2=2)
+    variance = 0.5 * (diagonal[:, index] + diagonal[:, index + 1]) * fit.noise[:, None] ** 2
+    return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > scipy.stats.chi2.isf(
+        VISIBLE, 2 * fit.residue.shape[0]
+    )
 
 
 def _stacked(residue: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -31,12 +31,15 @@ class Functions:
     run : (n_function,) int
         Roving run of each function.
     quantity : {"receptance", "mobility", "accelerance"}
+    weight : (n_function, n_frequency) float
+        Inverse variances that the coherences lead to (`ema.noise`); ones where there are none.
     """
 
     frequency: NDArray[np.float64]
     value: NDArray[np.complex128]
     run: NDArray[np.int64]
     quantity: Quantity
+    weight: NDArray[np.float64]
 
     def linear_fit(self, pole: NDArray[np.complex128]) -> Fit:
         """Fit residues and residual terms at fixed poles."""
@@ -81,8 +84,25 @@ def select_modes(
                 searching = True
                 break
     fit = _refined(data, fit.pole, band)
+    return _finished(data, fit, band)
+
+
+def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit, RunPoles]:
+    """Refine once more with the weights of the coherences, sort, and refine run by run.
+
+    A function is weighted only where that makes its residuals likelier: coherences are lost in files, rounded,
+    or low for other reasons than noise.
+    """
+    residual = np.abs(fit.residual) ** 2
+    likelier = np.sum(data.weight * residual, axis=1) < np.sum(residual, axis=1)
+    weight = np.where(likelier[:, None], data.weight, 1.0)
+    if likelier.any():
+        weighted = refine(data.frequency, data.value, fit.pole, data.quantity, weight)
+        # What leaves its resonance was held there by lines that now count for little.
+        if np.all(np.abs(weighted.pole - fit.pole) < -fit.pole.real):
+            fit = weighted
     rank = np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))
-    fit = data.linear_fit(fit.pole[rank])
+    fit = linear_fit(data.frequency, data.value, fit.pole[rank], data.quantity, fit.weight)
     return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
 
 
@@ -93,9 +113,7 @@ def fit_chosen(
 
     The parameters and results are those of `select_modes`.
     """
-    fit = refine(data.frequency, data.value, pole, data.quantity)
-    fit = data.linear_fit(fit.pole[np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))])
-    return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+    return _finished(data, refine(data.frequency, data.value, pole, data.quantity), band)
 
 
 def _proposals(data: Functions, fit: Fit, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:

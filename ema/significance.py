@@ -148,7 +148,7 @@ def variance_inflation(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.f
     The factor is their spectral density in quefrency zero over the assumed one: local variance times
     ``1 + 2 sum_k rho_k``. It stays 1 where both the variance and the correlation are those of white noise.
     """
-    scaled = fit.residual / fit.noise[:, None]
+    scaled = fit.whitened
     return np.array([_inflation(scaled[:, _window(frequency, pole)]) for pole in fit.pole])
 
 
@@ -198,7 +198,7 @@ def likeliest_poles(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.comp
     """
     n_function, n = fit.residual.shape
     spacing = frequency[1] - frequency[0]
-    scaled = fit.residual / fit.noise[:, None]
+    scaled = fit.whitened
     threshold = significance_threshold(n_function, n)
     size = scipy.fft.next_fast_len(2 * n)
     spectrum = scipy.fft.fft(scaled, size, axis=1)
