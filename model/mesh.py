@@ -59,6 +59,16 @@ class Plan:
         """Return the number of planar degrees of freedom of a field."""
         return int(self.basis(field).N)
 
+    def elements(self, field: Field) -> sp.csr_matrix:
+        """Return 1 where an element holds a degree of freedom of a field, (size(field), n_element)."""
+        dofs = self.basis(field).element_dofs
+        columns = np.broadcast_to(np.arange(dofs.shape[1]), dofs.shape)
+        return sp.coo_matrix((np.ones(dofs.size), (dofs.ravel(), columns.ravel()))).tocsr()
+
+    def abscissa(self, field: Field) -> NDArray[np.float64]:
+        """Return x of each degree of freedom of a field, (size(field),) m."""
+        return np.asarray(self.basis(field).doflocs[0])
+
     @property
     def quadrature_points(self) -> NDArray[np.float64]:
         """Coordinates of the quadrature points, (2, n_element, n_point) m."""

@@ -1,6 +1,6 @@
 """Reduction of the full equations of motion: over z, then to the span of snapshot modes.
 
-First the displacements over z are written with a few functions, drawn from the modes of a coarse plan with
+First the displacements over z are written with a few functions, drawn from modes over a few shapes of the plan with
 all laminas and all interfaces (proper orthogonal decomposition). What remains is solved exactly for a few
 values of the parameters; the modes found span the final basis, in which every term is projected on its own.
 A solve for new parameters then costs a small dense eigenvalue problem.
@@ -8,7 +8,6 @@ A solve for new parameters then costs a small dense eigenvalue problem.
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import warnings
 from collections.abc import Callable, Mapping
@@ -27,10 +26,10 @@ from model.errors import SolveError
 from model.low_rank import Factor
 from model.mesh import Field
 from model.rigid import rigid_body_modes
-from model.solver import solver_over_plan, transfer
+from model.solver import solver_over_plan
 from model.stack import Stack
 from model.system import Assembly, ParameterFactor, Target, Term
-from model.z_basis import COARSE, N_RIGID, SPARE, shear_shift, z_basis
+from model.z_basis import N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
@@ -169,10 +168,9 @@ def reduce(
         Number of snapshots: at the Chebyshev nodes of log G_f, or at points of a Sobol sequence over several
         ranges. By default four for each range.
     z_tolerance : float
-        Relative error of frequencies that the functions of z may cause, checked on a coarse plan.
+        Relative error of frequencies that the functions of z may cause, checked over a few shapes of the plan.
     terms : callable
-        What physical effects add to the equations of motion of all laminas; it is called for the coarse plan
-        and for the fine one.
+        What physical effects add to the equations of motion of all laminas.
     theta : mapping of str to float, optional
         Nominal values of the parameters of `terms`.
     ranges : mapping of str to (float, float), optional
@@ -184,12 +182,8 @@ def reduce(
         A range names an unknown parameter or is empty, the equations are singular, or the modes do not
         converge.
     """
-
-    def all_laminas(of: Stack) -> Assembly:
-        plain = assemble(of)
-        return plain.with_terms(terms(plain), {} if theta is None else theta)
-
-    laminas = all_laminas(stack)
+    plain = assemble(stack)
+    laminas = plain.with_terms(terms(plain), {} if theta is None else theta)
     box = {
         "G_f": G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0),
         **({} if ranges is None else ranges),
@@ -197,8 +191,7 @@ def reduce(
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
     samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
-    coarse = all_laminas(dataclasses.replace(stack, mesh=COARSE))
-    over_z = z_basis(stack, coarse, samples[: 2 * len(box)], n_mode, z_tolerance)
+    over_z = z_basis(stack, laminas, samples[: 2 * len(box)], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     solver = solver_over_plan(assembly)
     mass = assembly.krons("M", assembly.theta)
@@ -211,7 +204,7 @@ def reduce(
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
     for i, sample in enumerate(samples):
         if i < len(over_z.snapshots):
-            start = transfer(over_z.coarse, assembly, over_z.snapshots[i][:, N_RIGID:])
+            start = over_z.snapshots[i][:, N_RIGID:]
         else:
             stiffness, inertia = (
                 _symmetric(basis.T @ assembly.apply(assembly.krons(target, sample), basis))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
 from model.chain import factorize, levels
@@ -324,9 +323,10 @@ def solver_over_plan(assembly: Assembly) -> Solver:
     """
     plan = assembly.plan
     ends = np.cumsum([0, *(plan.size(field) for field in FIELDS)])
-    shares = {(r, c): _elements(plan.basis(r)) @ _elements(plan.basis(c)).T for r in FIELDS for c in FIELDS}
+    elements = {f: plan.elements(f) for f in FIELDS}
+    shares = {(r, c): elements[r] @ elements[c].T for r in FIELDS for c in FIELDS}
     pattern = sp.vstack([sp.hstack([shares[r, c] for c in FIELDS]) for r in FIELDS]).tocsr()
-    x = np.concatenate([plan.basis(field).doflocs[0] for field in FIELDS])
+    x = np.concatenate([plan.abscissa(field) for field in FIELDS])
     start = np.flatnonzero(x <= x.min() + 1e-9 * np.ptp(x))
     planar_groups: list[Mapping[Field, Index]] = [
         {field: level[(level >= ends[i]) & (level < ends[i + 1])] - ends[i] for i, field in enumerate(FIELDS)}
@@ -356,13 +356,6 @@ def solver_over_plan(assembly: Assembly) -> Solver:
         return bool((there > there.multiply(shares[kron.row, kron.column].astype(bool))).nnz == 0)
 
     return _solver(assembly, chains, planar_groups, is_near)
-
-
-def _elements(basis: object) -> sp.csr_matrix:
-    """Return which element holds which degree of freedom of a skfem basis, (n_dof, n_element)."""
-    dofs = basis.element_dofs  # type: ignore[attr-defined]
-    columns = np.broadcast_to(np.arange(dofs.shape[1]), dofs.shape)
-    return sp.coo_matrix((np.ones(dofs.size), (dofs.ravel(), columns.ravel()))).tocsr()
 
 
 def _uncoupled_functions(assembly: Assembly) -> list[dict[Field, Index]]:
@@ -405,24 +398,3 @@ def solver_over_laminas(assembly: Assembly) -> Solver:
         return bool(np.all(np.abs(z.row - z.col)[z.data != 0.0] <= 1))
 
     return _solver(assembly, [groups], [planar], is_near)
-
-
-def transfer(coarse: Assembly, fine: Assembly, x: Vector) -> Vector:
-    """Return displacements of one plan, (coarse.size, k), projected on a finer one, (fine.size, k)."""
-    y = np.zeros((fine.size, x.shape[1]))
-    points = fine.plan.quadrature_points.reshape(2, -1).T
-    for field, where in fine.slices().items():
-        basis = fine.plan.basis(field)
-        n_z, n_planar = fine.n_z[field], fine.plan.size(field)
-        at_points = coarse.plan.point_rows(field, points)
-        values = np.array([(np.asarray(shape[0]) * basis.dx).ravel() for shape in basis.basis])
-        rows = np.repeat(basis.element_dofs, basis.dx.shape[1], axis=1)
-        columns = np.broadcast_to(np.arange(values.shape[1]), values.shape)
-        load = sp.coo_matrix(
-            (values.ravel(), (rows.ravel(), columns.ravel())), (n_planar, values.shape[1])
-        ).tocsr()
-        solve = splinalg.factorized(fine.plan.form(field, field).tocsc())
-        given = x[coarse.slices()[field]].reshape(n_z, coarse.plan.size(field), -1)
-        moved = (load @ at_points) @ given.transpose(1, 0, 2).reshape(given.shape[1], -1)
-        y[where] = solve(moved).reshape(n_planar, n_z, -1).transpose(1, 0, 2).reshape(n_z * n_planar, -1)
-    return y

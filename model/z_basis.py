@@ -1,8 +1,9 @@
 """Functions of z: a few displacement profiles over the height that stand for all laminas.
 
-They are drawn by proper orthogonal decomposition from the modes of a coarse plan with all laminas and all
-interfaces, so weak interfaces, uneven pressure and masses on the faces shape them. Polynomials alone do not
-do: the membrane stress has thin layers at both faces, and a weak interface is a jump.
+They are drawn by proper orthogonal decomposition from modes of all laminas and all interfaces over a few shapes of
+the plan, so weak interfaces, uneven pressure and masses on the faces shape them. Those shapes come from modes with
+polynomials over z. Polynomials alone do not do: the membrane stress has thin layers at both faces, and a weak
+interface is a jump; the shapes over the plan hardly feel that.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model.mesh import FIELDS, Field
+from model.planar_basis import ShapePlan, leading_shapes, on_shapes
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_laminas, solver_over_plan
-from model.stack import Mesh, Stack
+from model.stack import Stack
 from model.system import Assembly
 from model.tangential_contact import jump, mean
 
@@ -26,12 +28,14 @@ Vector = NDArray[np.float64]
 Phi = Mapping[Field, Vector]
 
 N_RIGID = 6
-COARSE = Mesh(n_x=4, n_y=2)
 SPARE = 8  # vectors iterated beyond the modes asked for, so that the last ones converge as fast as the first
-_TOLERANCE = 1e-6  # relative change of the coarse eigenvalues in the last step; their error is far smaller
+_TOLERANCE = (
+    1e-6  # relative change of eigenvalues over the shapes in the last step; their error is far smaller
+)
 _FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
 _MIN_STEPS = 4  # for modes that the start lacks
-_POLYNOMIALS = 6
+_POLYNOMIALS = 4
+_ROUGH = 1e-2  # relative change of the eigenvalues with polynomials in the last step
 _FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
 _ROUNDING = 1e-15  # energy that no function can win any more
 _MIRRORED = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
@@ -40,21 +44,19 @@ _REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ZBasis:
-    """Functions of z and the coarse modes that they were drawn from.
+    """Functions of z and the modes that they were drawn from.
 
     Attributes
     ----------
     phi : mapping of field to (n_lamina, n_function)
         Orthonormal columns. Uniform and linear displacement over z are among those of u and v, uniform
         displacement among those of w, so rigid-body modes are exact.
-    coarse : Assembly
-        The coarse plan's equations of motion, reduced by `phi`.
-    snapshots : tuple of (coarse.size, n_vector)
-        The coarse modes in that reduction, one array for each sample of the parameters.
+    snapshots : tuple of (n, n_vector)
+        These modes in coordinates of the functions of z and of all the plan, one array for each sample of the
+        parameters.
     """
 
     phi: Phi
-    coarse: Assembly
     snapshots: tuple[NDArray[np.float64], ...]
 
 
@@ -77,8 +79,7 @@ def _is_symmetric(assembly: Assembly) -> bool:
 
 
 def _principal_functions(
-    values: NDArray[np.float64],
-    weight: sp.csr_matrix,
+    gram: NDArray[np.float64],
     norm: NDArray[np.float64],
     first: NDArray[np.float64],
     *,
@@ -88,10 +89,8 @@ def _principal_functions(
 
     Parameters
     ----------
-    values : (n_lamina, n_planar, n_sample)
-        Fields to represent.
-    weight : (n_planar, n_planar)
-        Planar form in which their size is measured.
+    gram : (n_lamina, n_lamina)
+        Products of the laminas' displacements with one another, all samples together.
     norm : (n_lamina, n_lamina)
         Symmetric positive definite matrix in which a function's size is measured.
     first : (n_lamina, m)
@@ -105,10 +104,6 @@ def _principal_functions(
     energy : (n_lamina,)
         Of all samples together in each function, without `first`'s, which is infinite.
     """
-    plain = values.transpose(1, 0, 2)
-    weighted = (weight @ plain.reshape(plain.shape[0], -1)).reshape(plain.shape)
-    gram = np.tensordot(plain, weighted, axes=([0, 2], [0, 2]))
-    gram = (gram + gram.T) / 2.0
     if symmetric:
         gram = (gram + gram[::-1, ::-1]) / 2.0
     root = la.cholesky(norm, lower=True)
@@ -131,94 +126,125 @@ def _with_parity(functions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where((even**2).sum(axis=0) > (odd**2).sum(axis=0), even, odd)
 
 
-def _from_phi(reduced: Assembly, phi: Phi, x: Vector) -> Vector:
-    """Return displacements in coordinates of the functions of z on all laminas, (n, k)."""
-    where, k = reduced.slices(), x.shape[1]
-    return np.vstack([(phi[f] @ x[where[f]].reshape(reduced.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
-
-
 def _over_phi(full: Assembly, phi: Phi, x: Vector) -> Vector:
     """Return displacements of all laminas, (full.size, k), in coordinates of the functions of z."""
     where, k = full.slices(), x.shape[1]
     return np.vstack([(phi[f].T @ x[where[f]].reshape(full.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
 
 
-def _coarse_start(
-    full: Assembly, stack: Stack, theta: Mapping[str, float], n_vector: int, rigid: Vector
+def _smooth_modes(
+    reduced: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], phi: Phi, n_mode: int
+) -> list[tuple[Vector, Vector]]:
+    """Return roughly converged eigenvalues and vectors with smooth functions of z, one pair for each sample."""
+    solver, rigid = solver_over_plan(reduced), rigid_body_modes(reduced, stack, phi)
+    start = np.random.default_rng(0).standard_normal((reduced.size, n_mode - N_RIGID + SPARE))
+    found = []
+    for theta in thetas:
+        found.append(solver.modes(theta, shear_shift(stack, theta), start, n_mode, _ROUGH, rigid))
+        start = found[-1][1][:, N_RIGID:]
+    return found
+
+
+def _elastic(
+    eigenvalues: Sequence[Vector], modes: Sequence[Vector], strained: Sequence[NDArray[np.bool_]]
 ) -> Vector:
-    """Return the lowest modes with polynomials over z, (full.size, n_vector): a start for all laminas."""
-    z = np.linspace(-1.0, 1.0, stack.n_lamina)
-    polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
-    phi: Phi = dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
-    reduced = full.project_z(phi)
-    start = np.random.default_rng(0).standard_normal((reduced.size, n_vector))
-    _, found = solver_over_plan(reduced).modes(
-        theta, shear_shift(stack, theta), start, n_vector - SPARE + N_RIGID, 1e-2, _over_phi(full, phi, rigid)
+    """Return the strained modes of all samples, of unit energy, so that every one counts alike."""
+    return np.hstack(
+        [m[:, : e.size][:, e] / np.sqrt(v[e]) for v, m, e in zip(eigenvalues, modes, strained, strict=True)]
     )
-    return _from_phi(reduced, phi, found[:, N_RIGID:])
 
 
 def z_basis(
-    stack: Stack, full: Assembly, thetas: Sequence[Mapping[str, float]], n_mode: int, tolerance: float
+    stack: Stack, laminas: Assembly, thetas: Sequence[Mapping[str, float]], n_mode: int, tolerance: float
 ) -> ZBasis:
-    """Draw functions of z from the modes of a coarse plan.
+    """Draw functions of z from modes of all laminas over a few shapes of the plan.
 
-    The number of functions grows until the coarse plan solved with them has the frequencies that it has
-    with all laminas.
+    The number of functions grows until the frequencies over these shapes are those with all laminas.
 
     Parameters
     ----------
     stack : Stack
         The stack.
-    full : Assembly
-        Equations of motion of all its laminas on a coarse plan.
+    laminas : Assembly
+        Equations of motion of all its laminas.
     thetas : sequence of mapping of str to float
         Parameters at which the modes are taken.
     n_mode : int
         Number of modes for each, the six rigid-body modes included.
     tolerance : float
-        Largest relative error of a coarse frequency.
+        Largest relative error of a frequency over the shapes.
     """
+    z = np.linspace(-1.0, 1.0, stack.n_lamina)
+    polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
+    smooth: Phi = dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
+    reduced = laminas.project_z(smooth)
+    found = _smooth_modes(reduced, stack, thetas, smooth, n_mode)
+    limits = [_FREE * shear_shift(stack, theta) for theta in thetas]
+    values, modes = zip(*found, strict=True)
+    strained = [v > limit for v, limit in zip(values, limits, strict=True)]
+    samples = _elastic(values, modes, strained)
+    shapes = leading_shapes(
+        laminas.plan, {f: _over_plan(reduced, f, samples).reshape(laminas.plan.size(f), -1) for f in FIELDS}
+    )
+
+    full = on_shapes(laminas, shapes)
+    rigid = rigid_body_modes(full, stack, dict.fromkeys(FIELDS, np.eye(stack.n_lamina)))
     solver = solver_over_laminas(full)
-    every = np.eye(stack.n_lamina)
-    rigid = rigid_body_modes(full, stack, dict.fromkeys(FIELDS, every))
-    start = _coarse_start(full, stack, thetas[0], n_mode - N_RIGID + SPARE, rigid)
     eigenvalues, snapshots = [], []
-    for theta in thetas:
-        found, vectors = solver.modes(
+    for theta, rough in zip(thetas, modes, strict=True):
+        start = _on_shapes(reduced, shapes, smooth, rough[:, N_RIGID:])
+        exact, vectors = solver.modes(
             theta, shear_shift(stack, theta), start, n_mode, _TOLERANCE, rigid, _MIN_STEPS
         )
-        eigenvalues.append(found)
+        eigenvalues.append(exact)
         snapshots.append(vectors[:, :n_mode])
-        start = vectors[:, N_RIGID:]
-
-    strained = [v > _FREE * shear_shift(stack, theta) for v, theta in zip(eigenvalues, thetas, strict=True)]
-    elastic = np.hstack(  # of unit energy, so that every mode counts alike
-        [m[:, e] / np.sqrt(v[e]) for m, v, e in zip(snapshots, eigenvalues, strained, strict=True)]
-    )
+    strained = [v > limit for v, limit in zip(eigenvalues, limits, strict=True)]
+    elastic = _elastic(eigenvalues, snapshots, strained)
     functions, energy = _functions_and_energies(full, stack, thetas, elastic)
     allowed = 2.0 * tolerance  # an energy error of 2 e is a frequency error of e
     while True:
         keep = {f: max(int(np.count_nonzero(_tail(energy[f]) > allowed)), _FEWEST[f]) for f in FIELDS}
         phi: Phi = {f: la.qr(functions[f][:, : keep[f]], mode="economic")[0] for f in FIELDS}
-        coarse = full.project_z(phi)
-        reduced_solver = solver_over_plan(coarse)
+        reduced_solver = solver_over_plan(full.project_z(phi))
         errors = []
-        for theta, exact, e, modes in zip(thetas, eigenvalues, strained, snapshots, strict=True):
-            shift = shear_shift(stack, theta)
-            found, _ = reduced_solver.modes(
+        for theta, exact, e, snapshot in zip(thetas, eigenvalues, strained, snapshots, strict=True):
+            approximate, _ = reduced_solver.modes(
                 theta,
-                shift,
-                _over_phi(full, phi, modes[:, N_RIGID:]),
+                shear_shift(stack, theta),
+                _over_phi(full, phi, snapshot[:, N_RIGID:]),
                 n_mode,
                 _TOLERANCE,
                 _over_phi(full, phi, rigid),
             )
-            errors.append(np.max(np.sqrt(found[e] / exact[e]) - 1.0))
+            errors.append(np.max(np.sqrt(approximate[e] / exact[e]) - 1.0))
         if max(errors) < tolerance or allowed < _ROUNDING:
             break
         allowed *= min(0.5, 0.7 * tolerance / max(errors))
-    return ZBasis(phi=phi, coarse=coarse, snapshots=tuple(_over_phi(full, phi, s) for s in snapshots))
+    return ZBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
+
+
+def _over_plan(assembly: Assembly, field: Field, x: Vector) -> Vector:
+    """Return a field of displacement vectors with the planar index first, (n_planar, n_z, k)."""
+    part = x[assembly.slices()[field]]
+    return part.reshape(assembly.n_z[field], assembly.plan.size(field), -1).transpose(1, 0, 2)
+
+
+def _on_shapes(reduced: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
+    """Return displacements in coordinates of functions of z on the meshed plan, for all laminas over shapes."""
+    parts = []
+    for f in FIELDS:
+        over = shapes.coordinates(f, _over_plan(reduced, f, x))
+        parts.append(np.einsum("kj,pjm->kpm", phi[f], over, optimize=True).reshape(-1, x.shape[1]))
+    return np.vstack(parts)
+
+
+def _on_mesh(full: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
+    """Return displacements of all laminas over shapes in coordinates of the functions of z on the meshed plan."""
+    parts = []
+    for f in FIELDS:
+        over = np.einsum("kj,pkm->jpm", phi[f], _over_plan(full, f, x), optimize=True)
+        parts.append(np.einsum("np,jpm->jnm", shapes.shape[f], over, optimize=True).reshape(-1, x.shape[1]))
+    return np.vstack(parts)
 
 
 def _functions_and_energies(
@@ -238,19 +264,24 @@ def _functions_and_energies(
     symmetric = _is_symmetric(full)
     rigid = np.column_stack([np.ones(n), stack.lamina_z])[:, :n]
 
-    def size(weight: sp.csr_matrix, field: Field) -> float:
-        flat = fields[field].transpose(1, 0, 2).reshape(weight.shape[0], -1)
-        return float(np.vdot(flat, weight @ flat))
+    def gram(weight: sp.csr_matrix, field: Field) -> Vector:
+        plain = fields[field].transpose(1, 0, 2)
+        weighted = (weight @ plain.reshape(plain.shape[0], -1)).reshape(plain.shape)
+        products = np.tensordot(plain, weighted, axes=([0, 2], [0, 2]))
+        return (products + products.T) / 2.0
 
-    planar_mass, plate_mass = form("u", "u"), form("w", "w")
+    def size(weight: sp.csr_matrix, field: Field) -> float:
+        return float(np.trace(gram(weight, field)))
+
+    membrane = gram(form("u", "u"), "u") + gram(form("v", "v"), "v")
+    deflection = gram(form("w", "w"), "w")
     stretch = q11 * size(form("u", "u", ("x", "x")), "u") + q22 * size(form("v", "v", ("y", "y")), "v")
-    stretch /= size(planar_mass, "u") + size(planar_mass, "v")
-    slope = size(form("w", "w", ("x", "x")) + form("w", "w", ("y", "y")), "w") / size(plate_mass, "w")
+    stretch /= np.trace(membrane)
+    slope = size(form("w", "w", ("x", "x")) + form("w", "w", ("y", "y")), "w") / np.trace(deflection)
     over_u = t * stretch * np.eye(n) + shear / t * d.T @ d
     over_w = shear * t * slope * (a.T @ a + _REGULAR * np.eye(n)) + stack.contact.normal_modulus / t * d.T @ d
-    membrane = np.concatenate([fields["u"], fields["v"]], axis=2)
-    u, u_energy = _principal_functions(membrane, planar_mass, over_u, rigid, symmetric=symmetric)
-    w, w_energy = _principal_functions(fields["w"], plate_mass, over_w, rigid[:, :1], symmetric=symmetric)
+    u, u_energy = _principal_functions(membrane, over_u, rigid, symmetric=symmetric)
+    w, w_energy = _principal_functions(deflection, over_w, rigid[:, :1], symmetric=symmetric)
     return {"u": u, "v": u, "w": w}, {"u": u_energy, "v": u_energy, "w": w_energy}
 
 
