@@ -53,7 +53,7 @@ def write_modes_uff(path: Path, modal_model: ModalModel, step: float) -> None:
 
 
 def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
-    """Write a row for each mode: frequency, damping ratio and their standard deviations."""
+    """Write a row for each mode: frequency, damping, their standard deviations, whether its shape has a scale."""
     rows = zip(
         modal_model.frequency,
         modal_model.frequency_std,
@@ -61,8 +61,10 @@ def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
         modal_model.damping_std,
         strict=True,
     )
-    header = ("mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std")
-    _write_rows(path, header, [(r, *map(repr, map(float, row))) for r, row in enumerate(rows, start=1)])
+    header = ("mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "mass_normalised")
+    scaled = ["yes" if s else "no" for s in modal_model.scaled]
+    table = [(r + 1, *map(repr, map(float, row)), scaled[r]) for r, row in enumerate(rows)]
+    _write_rows(path, header, table)
 
 
 def write_shapes_csv(path: Path, modal_model: ModalModel) -> None:

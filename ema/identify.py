@@ -7,7 +7,7 @@ modes taken away (`significance`), all modes refined together (`refinement`), sh
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ema.campaign import Campaign
 from ema.errors import IdentificationError, MeasurementError
 from ema.frf import FRF
-from ema.geometry import Geometry
+from ema.geometry import Dofs, Geometry
 from ema.linearity import check_force_levels
 from ema.mac import frac
 from ema.measurement import Measurement, read_force_levels, read_measurement
@@ -25,7 +25,7 @@ from ema.quality import check, usable
 from ema.refinement import Fit
 from ema.roving import RunPoles, frequency_damping_std
 from ema.selection import Functions, fit_chosen, inside, select_modes
-from ema.shapes import shapes_from_residues
+from ema.shapes import driving_points, shapes_from_residues
 from ema.significance import variance_inflation
 from ema.stabilization import stabilization
 from ema.verdict import Verdict
@@ -90,6 +90,7 @@ def identify(
             order=options.order,
             pole=chosen.get(configuration.name),
         )
+        kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
         yield Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
 
 
@@ -169,6 +170,18 @@ def identify_frf(
         )
         raise IdentificationError(message)
     return _model(fit, runs, lines, geometry, name, (float(lower), float(upper)))
+
+
+def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
+    """Say which shapes are not mass-normalised although a driving point was measured."""
+    output = Dofs(node=modal_model.node, direction=modal_model.direction)
+    if modal_model.scaled.all() or not driving_points(output, modal_model.input):
+        return ()
+    listed = ", ".join(f"{f:.5g} Hz" for f in modal_model.frequency[~modal_model.scaled])
+    return (
+        f"shapes at {listed} are not mass-normalised: the residue at the driving point is weaker than three "
+        "standard deviations (a nodal line) or has the wrong sign or phase",
+    )
 
 
 def _weight(frf: FRF) -> NDArray[np.float64]:
@@ -258,7 +271,6 @@ def _model(
         noise=fit.noise.reshape(n_output, n_input),
         correlation=frac(frf.value, frf.value - residual),
         error=np.sqrt(np.sum(np.abs(residual) ** 2, axis=-1) / power),
-        driving_point_valid=shapes.valid,
         run=runs.run,
         run_pole=runs.pole[:, :n_mode],
         run_frequency_std=runs.frequency_std[:, :n_mode],

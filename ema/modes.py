@@ -41,12 +41,14 @@ class ModalModel:
     outside_residue : (n_output, n_input, n_outside) complex
         Their residues, m/(N s).
     shape : (n_dof, n_mode) complex
-        Shapes at the outputs. Mass-normalised (1/sqrt(kg)) where `scaled`, else of unit largest component.
+        Shapes at the outputs. Mass-normalised (1/sqrt(kg)) for the modes that are `scaled`, else of unit
+        largest component.
         Where roving runs disagree they are drawn from each run at its own poles.
     shape_std : (n_dof, n_mode) float
         Standard deviation of each component's magnitude.
-    scaled : bool
-        Whether a valid driving point gave the shapes their mass-normalised scale.
+    scaled : (n_mode,) bool
+        Which modes have a driving-point residue of the phase and sign that a passive structure allows, which
+        gives their shapes the mass-normalised scale; False throughout where no driving point was measured.
     node : (n_dof,) int
         Point number of each shape component.
     direction : (n_dof, 3) float
@@ -69,9 +71,6 @@ class ModalModel:
         Correlation (FRAC) of measured and synthesised functions over the band.
     error : (n_output, n_input) float
         Root mean square of measured less synthesised over that of measured.
-    driving_point_valid : (n_mode,) bool
-        Whether the driving-point residue of each mode has the phase and sign that a passive structure allows;
-        False throughout where no driving point was measured.
     run : (n_run,) int
         Roving runs.
     run_pole : (n_run, n_mode) complex
@@ -96,7 +95,7 @@ class ModalModel:
     outside_residue: NDArray[np.complex128]
     shape: NDArray[np.complex128]
     shape_std: NDArray[np.float64]
-    scaled: bool
+    scaled: NDArray[np.bool_]
     node: NDArray[np.int64]
     direction: NDArray[np.float64]
     input: Dofs
@@ -108,7 +107,6 @@ class ModalModel:
     noise: NDArray[np.float64]
     correlation: NDArray[np.float64]
     error: NDArray[np.float64]
-    driving_point_valid: NDArray[np.bool_]
     run: NDArray[np.int64]
     run_pole: NDArray[np.complex128]
     run_frequency_std: NDArray[np.float64]
@@ -132,6 +130,7 @@ class ModalModel:
             "outside_residue": ((n_dof, n_input, n_outside), complex),
             "shape": ((n_dof, n_mode), complex),
             "shape_std": ((n_dof, n_mode), float),
+            "scaled": ((n_mode,), bool),
             "node": ((n_dof,), int),
             "direction": ((n_dof, 3), float),
             "covariance": ((2 * n_mode, 2 * n_mode), float),
@@ -139,7 +138,6 @@ class ModalModel:
             "noise": ((n_dof, n_input), float),
             "correlation": ((n_dof, n_input), float),
             "error": ((n_dof, n_input), float),
-            "driving_point_valid": ((n_mode,), bool),
             "run": ((n_run,), int),
             "run_pole": ((n_run, n_mode), complex),
             "run_frequency_std": ((n_run, n_mode), float),

@@ -11,6 +11,8 @@ from ema.geometry import Dofs
 
 PHASE_TOLERANCE = np.pi / 4
 """Largest phase of a driving-point modal constant that still counts as positive."""
+LEAST_STRENGTH = 3.0
+"""Least driving-point modal constant that gives a scale, in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,19 +22,16 @@ class Shapes:
     Attributes
     ----------
     shape : (n_output, n_mode) complex
-        1/sqrt(kg) where `scaled`, else of unit largest component.
+        1/sqrt(kg) for modes that are `scaled`, else of unit largest component.
     std : (n_output, n_mode) float
         Standard deviation of each component's magnitude.
-    scaled : bool
-        Whether every mode has a valid driving point.
-    valid : (n_mode,) bool
-        Which modes have one.
+    scaled : (n_mode,) bool
+        Which modes have a valid driving point.
     """
 
     shape: NDArray[np.complex128]
     std: NDArray[np.float64]
-    scaled: bool
-    valid: NDArray[np.bool_]
+    scaled: NDArray[np.bool_]
 
 
 def driving_points(output: Dofs, inputs: Dofs) -> list[tuple[int, int, float]]:
@@ -58,7 +57,8 @@ def shapes_from_residues(
     The residue of a mass-normalised real mode is ``phi_o phi_i / (2 i omega_d)``, so that the modal constant
     ``2 i omega_d A`` of a driving point is ``phi**2``, positive for a passive structure (Ewins, Modal
     Testing, 2nd ed., sec. 2.8). A driving-point constant more than 45 degrees off the positive axis means a
-    wrong sign, a wrong point or no signal, and is refused for scaling.
+    wrong sign, a wrong point or no signal, and is refused for scaling. Each mode is judged by itself: a driving
+    point near a nodal line of one mode leaves the others their scale.
 
     Parameters
     ----------
@@ -74,9 +74,7 @@ def shapes_from_residues(
     n_output, _, n_mode = residue.shape
     shape = np.zeros((n_output, n_mode), dtype=complex)
     std = np.zeros((n_output, n_mode))
-    valid = np.zeros(n_mode, dtype=bool)
-    normalised = np.zeros((n_output, n_mode), dtype=complex)
-    normalised_std = np.zeros((n_output, n_mode))
+    scaled = np.zeros(n_mode, dtype=bool)
     pairs = driving_points(output, inputs)
     for r in range(n_mode):
         constant = 2j * pole[r].imag * residue[:, :, r]
@@ -86,25 +84,16 @@ def shapes_from_residues(
         column = left[:, 0] * singular[0]
         column_std = np.sqrt(constant_variance @ np.abs(right[0]) ** 2)
         participation = right[0]
-        largest = np.argmax(np.abs(column))
-        shape[:, r] = column / column[largest]
-        std[:, r] = column_std / np.abs(column[largest])
-        best, factor = 0.0, 1.0 + 0.0j
+        best, factor = 0.0, 1.0 / column[np.argmax(np.abs(column))]
         for o, i, sign in pairs:
             square = sign * column[o] * participation[i]
             strength = np.abs(square) / (column_std[o] * np.abs(participation[i]) + np.finfo(float).tiny)
-            if strength > max(best, 3.0) and np.abs(np.angle(square)) < PHASE_TOLERANCE:
+            if strength > max(best, LEAST_STRENGTH) and np.abs(np.angle(square)) < PHASE_TOLERANCE:
                 # shape_o = sign * shape_i at the point, hence phi_i = sqrt(sign * constant) up to a sign.
                 best, factor = strength, participation[i] / np.sqrt(square)
-                valid[r] = True
-        normalised[:, r] = column * factor
+                scaled[r] = True
+        shape[:, r] = column * factor
         # The driving-point component enters twice; its relative error is halved by the square root.
-        relative = 0.5 / best if best > 0.0 else 0.0
-        normalised_std[:, r] = np.hypot(column_std * np.abs(factor), relative * np.abs(normalised[:, r]))
-    scaled = bool(n_mode and valid.all())
-    return Shapes(
-        shape=normalised if scaled else shape,
-        std=normalised_std if scaled else std,
-        scaled=scaled,
-        valid=valid,
-    )
+        relative = 0.5 / best if scaled[r] else 0.0
+        std[:, r] = np.hypot(column_std * np.abs(factor), relative * np.abs(shape[:, r]))
+    return Shapes(shape=shape, std=std, scaled=scaled)

@@ -101,7 +101,7 @@ def mode_sets(modal_model: ModalModel) -> list[dict[str, Any]]:
         vector = np.zeros((node.size, 3), dtype=complex)
         np.add.at(vector, place, modal_model.direction * modal_model.shape[:, [r]])
         local = np.einsum("nij,nj->ni", axes, vector)
-        modal_a = 2j * pole.imag if modal_model.scaled else 0j
+        modal_a = 2j * pole.imag if modal_model.scaled[r] else 0j
         sets.append(
             {"type": 55, "id1": modal_model.name, "id2": f"{modal_model.frequency[r]:.6g} Hz, damping "
              f"{100 * modal_model.damping[r]:.4g} %", "model_type": 1, "analysis_type": 3, "data_ch": 2,

@@ -283,7 +283,7 @@ def test_scaled_shapes() -> None:
         for seed in range(10):
             frf, truth = noisy(np.random.default_rng([5, seed]), SIX_F, SIX_Z, 0.001, quantity=quantity)
             model = identified(frf)
-            assert model.scaled
+            assert model.scaled.all()
             sign = np.sign(np.sum(model.shape.real * truth.shape, axis=0))
             error = np.linalg.norm(model.shape * sign - truth.shape, axis=0)
             worst = max(worst, float(np.max(error / np.linalg.norm(truth.shape, axis=0))))

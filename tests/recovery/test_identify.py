@@ -73,7 +73,7 @@ def test_six_modes_in_noise_are_found_without_a_guess(quantity: Quantity) -> Non
     np.testing.assert_allclose(model.frequency, FREQUENCY, rtol=5e-4)
     np.testing.assert_allclose(model.damping, DAMPING, rtol=0.03)
     assert np.all(np.diag(mac(model.shape, phi)) > 0.999)
-    assert model.scaled
+    assert model.scaled.all()
     sign = np.sign(np.sum(model.shape.real * phi, axis=0))
     error = np.linalg.norm(model.shape * sign - phi, axis=0) / np.linalg.norm(phi, axis=0)
     assert np.all(error < 0.05)
@@ -85,7 +85,7 @@ def test_clean_data_give_the_exact_modes_and_functions() -> None:
     model = identify_frf(frf, geometry(44), name="clean")
     np.testing.assert_allclose(model.frequency, FREQUENCY, rtol=1e-9)
     np.testing.assert_allclose(model.damping, DAMPING, rtol=1e-7)
-    assert model.scaled
+    assert model.scaled.all()
     sign = np.sign(np.sum(model.shape.real * phi, axis=0))
     np.testing.assert_allclose(model.shape * sign, phi, atol=1e-6)
     np.testing.assert_allclose(

@@ -70,6 +70,7 @@ def test_tables_hold_every_digit(found, tmp_path):
         rows = list(csv.DictReader(file))
     assert [float(row["frequency_Hz"]) for row in rows] == model.frequency.tolist()
     assert [float(row["damping_std"]) for row in rows] == model.damping_std.tolist()
+    assert [row["mass_normalised"] for row in rows] == ["yes" if s else "no" for s in model.scaled]
     with (tmp_path / "shapes.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     shape = [complex(float(row["mode_2_real"]), float(row["mode_2_imag"])) for row in rows]

@@ -66,24 +66,38 @@ def test_accelerance_exists_at_zero_and_receptance_does_not() -> None:
 @pytest.mark.parametrize("drives", [[0], [2], [0, 2]])
 def test_driving_point_gives_mass_normalised_shapes(drives: list[int]) -> None:
     model = identified(value(drives), drives)
-    assert model.scaled
+    assert model.scaled.all()
     sign = np.sign(np.sum(model.shape.real * PHI, axis=0))
     np.testing.assert_allclose(model.shape * sign, PHI, atol=1e-5)
 
 
 def test_a_force_against_the_response_direction_still_scales() -> None:
     model = identified(-value([0]), [0], -Z[:1])
-    assert model.scaled
+    assert model.scaled.all()
     sign = np.sign(np.sum(model.shape.real * PHI, axis=0))
     np.testing.assert_allclose(model.shape * sign, PHI, atol=1e-5)
 
 
 def test_a_sign_reversed_driving_point_is_refused_for_scaling() -> None:
     model = identified(-value([0]), [0])
-    assert not model.scaled
-    assert not model.driving_point_valid.any()
+    assert not model.scaled.any()
     assert np.all(np.isfinite(model.shape))
     np.testing.assert_allclose(np.abs(model.shape).max(axis=0), 1.0)
+
+
+def test_a_driving_point_that_holds_no_signal_of_one_mode_leaves_the_other_its_scale() -> None:
+    constant = PHI * PHI[0]
+    constant[0, 1] = 0.0  # a nodal line of mode 2 goes through the driving point
+    residue, s = constant[:, None] / (2j * POLE.imag), 2j * np.pi * F
+    functions = s**2 * (
+        residue @ (1 / (s - POLE[:, None])) + residue.conj() @ (1 / (s - POLE.conj()[:, None]))
+    )
+    rng = np.random.default_rng(3)
+    functions = functions + 1e-3 * np.abs(functions).max() * rng.standard_normal(functions.shape)
+    model = identified(functions, [0])
+    np.testing.assert_array_equal(model.scaled, [True, False])
+    np.testing.assert_allclose(np.abs(model.shape[:, 0]), np.abs(PHI[:, 0]), rtol=0.02)
+    assert np.abs(model.shape[:, 1]).max() == pytest.approx(1.0)
 
 
 def test_an_input_at_no_measured_point_leaves_unit_shapes() -> None:
@@ -99,7 +113,7 @@ def test_an_input_at_no_measured_point_leaves_unit_shapes() -> None:
     )
     geometry = Geometry(node=node, coordinate=np.outer(node, [0.1, 0.0, 0.0]), line=np.zeros((0, 2)))
     model = identify_frf(frf, geometry, name="small", order=20)
-    assert not model.scaled
+    assert not model.scaled.any()
     np.testing.assert_allclose(np.abs(model.shape).max(axis=0), 1.0)
 
 
