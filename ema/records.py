@@ -90,6 +90,14 @@ def _force_first(
     forces = [f for f in channels if f.kind == "force"]
     if not forces and averaging.force <= len(channels):
         forces = [channels[averaging.force - 1]]
+    if len(forces) > 1:
+        sources = ", ".join(f.source for f in forces)
+        message = (
+            f"{file}: {len(forces)} forces act at once ({sources}), but FRFs are estimated from time histories of "
+            "one force only. Excite with one force after the other, each in a run of its own, or "
+            "let the test system estimate the FRFs to all forces and give these"
+        )
+        raise MeasurementError(message)
     if len(forces) != 1 or len(channels) < 2:
         message = (
             f"{file}: expected time histories of one force and its responses, found {len(forces)} forces "
