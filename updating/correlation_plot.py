@@ -1,0 +1,98 @@
+"""Pictures of where measurement and model disagree: over the stack, and over frequency."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model import Stack
+from updating.frf_correlation import FrfCorrelation
+from updating.localization import ErrorMap, stiffness_index
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_VIEWS = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
+
+
+def error_map_picture(
+    error_map: ErrorMap, stack: Stack, kind: str, *, size: tuple[int, int] = (1200, 460)
+) -> bytes:
+    """Draw the error of one kind of stiffness on the stack, seen from two opposite corners, as a PNG.
+
+    The colour is `ErrorMap.relative`: 1 is the kind's mean over the stack, so a stack that is wrong everywhere alike
+    is of one colour. Clamps are drawn as rods.
+
+    Parameters
+    ----------
+    error_map : ErrorMap
+        The map.
+    stack : Stack
+        The stack that it belongs to.
+    kind : str
+        Kind of stiffness, one of `energy.KINDS` without the mass.
+    size : (int, int)
+        Width and height in pixels.
+
+    Raises
+    ------
+    UpdatingError
+        There is no such kind of stiffness.
+    """
+    from io import BytesIO
+
+    import pyvista as pv
+    from PIL import Image
+
+    index = stiffness_index(kind)
+    where = error_map.regions
+    grid: Any = pv.RectilinearGrid(where.x, where.y, where.z)
+    grid.cell_data["error"] = error_map.relative[index].ravel(order="F")
+    with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
+        plotter: Any = pv.Plotter(shape=(1, 2), off_screen=True, window_size=list(size), border=False)
+    plotter.set_background("white")
+    for column, (title, direction) in enumerate(_VIEWS.items()):
+        plotter.subplot(0, column)
+        plotter.add_mesh(
+            grid,
+            scalars="error",
+            clim=(0.0, max(2.0, float(error_map.relative[index].max()))),
+            cmap="inferno_r",
+            lighting=False,  # shadows would read as error
+            show_edges=True,
+            edge_color="#8a8f98",
+            show_scalar_bar=column == 0,
+            scalar_bar_args={"title": "error over its mean", "color": "black", "n_labels": 3, "fmt": "%.1f"},
+        )
+        for clamp in stack.clamps:
+            ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
+            plotter.add_mesh(pv.lines_from_points(ends), color="steelblue", line_width=4)
+        heading = f"{kind}\n{title}" if column == 0 else f"\n{title}"
+        plotter.add_text(heading, font_size=10, color="black")
+        plotter.add_axes(color="black", viewport=(0.8, 0.0, 1.0, 0.3))
+        plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
+        plotter.camera.zoom(1.3)
+    try:
+        image = plotter.screenshot(return_img=True)
+    finally:
+        plotter.close()
+    buffer = BytesIO()
+    Image.fromarray(image).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()
+
+
+def frf_correlation_figure(correlation: FrfCorrelation) -> Figure:
+    """Draw CSAC and CSF over frequency above the FRAC of each function."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    over_frequency, by_function = figure.subplots(2, 1)
+    for name, values, color in (("CSAC", correlation.csac, "#1f4e79"), ("CSF", correlation.csf, "#b3341f")):
+        over_frequency.plot(correlation.frequency, values, color=color, linewidth=1, label=name)
+    over_frequency.set(xlabel="frequency [Hz]", ylabel="agreement", ylim=(0.0, 1.05))
+    over_frequency.legend(frameon=False, ncols=2)
+    frac = correlation.frac.ravel()
+    by_function.bar(np.arange(1, frac.size + 1), frac, color="#7a8699")
+    by_function.set(xlabel="function (outputs of each input in turn)", ylabel="FRAC", ylim=(0.0, 1.05))
+    return figure
