@@ -8,6 +8,7 @@ converge.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -128,12 +129,24 @@ class Plan:
 
     def interpolate(self, field: Field, linear: tuple[float, float, float]) -> NDArray[np.float64]:
         """Return the degrees of freedom, (size(field),), of the linear function c0 + c1 x + c2 y."""
-        basis = self.basis(field)
+        return np.asarray(self._linear["w" if field == "w" else "u"] @ linear)
+
+    @functools.cached_property
+    def _linear(self) -> dict[Field, NDArray[np.float64]]:
+        """Degrees of freedom of 1, x and y in the spaces of u and w, (size(field), 3) each."""
+        found: dict[Field, NDArray[np.float64]] = {}
         x, y = self.quadrature_points
-        value = linear[0] + linear[1] * x + linear[2] * y
-        loads = np.array([(np.asarray(shape[0]) * value * basis.dx).sum(axis=1) for shape in basis.basis])
-        load = np.bincount(basis.element_dofs.ravel(), loads.ravel(), minlength=basis.N)
-        return np.asarray(splinalg.spsolve(self.form(field, field).tocsc(), load))
+        for field in ("u", "w"):
+            basis = self.basis(field)
+            load = np.zeros((basis.N, 3))
+            for i, value in enumerate((np.ones_like(x), x, y)):
+                loads = np.array(
+                    [(np.asarray(shape[0]) * value * basis.dx).sum(axis=1) for shape in basis.basis]
+                )
+                load[:, i] = np.bincount(basis.element_dofs.ravel(), loads.ravel(), minlength=basis.N)
+            mass = self.form(field, field)
+            found[field] = splinalg.splu(mass.tocsc()).solve(load)
+        return found
 
     def point_rows(
         self, field: Field, points: NDArray[np.float64], derivative: Derivative = ""

@@ -7,6 +7,7 @@ teeth and slots, uneven pressure and clamps; a coarse mesh of such an outline wo
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -38,7 +39,7 @@ class ShapePlan(Plan):
 
     shape: Mapping[Field, Vector]
 
-    @property
+    @functools.cached_property
     def meshed(self) -> Plan:
         """The plan with all its degrees of freedom."""
         return Plan(membrane=self.membrane, plate=self.plate)
