@@ -113,15 +113,22 @@ def _denominators(
     total = response[index].transpose(0, 2, 1, 3).reshape(size * m, size * m)
     factor = _cholesky(scipy.linalg.toeplitz(regression, regression.conj()))
     inverse = scipy.linalg.solve_triangular(factor, np.eye(size), lower=True, check_finite=False)
-    cross = data.reshape(-1, n_output, m).transpose(1, 0, 2)[:, index]  # (n_output, size, size, m)
-    whitened = inverse @ cross.reshape(n_output, size, size * m)
+    # Rows of all outputs stand together, so that each order's are one block of memory.
+    outputs = np.arange(n_output)[None, :, None]
+    cross = data.reshape(-1, n_output, m).swapaxes(0, 1)[
+        outputs, index[:, None, :]
+    ]  # (size, n_output, size, m)
+    (multiply,) = scipy.linalg.get_blas_funcs(("trmm",), (inverse, cross))
+    # BLAS stores by columns, hence the transposes.
+    whitened = multiply(1.0, inverse.T, cross.reshape(size, -1).T, side=1, overwrite_b=True)
+    whitened = whitened.T.reshape(size, n_output, size * m)
 
     explained = np.zeros_like(total)
     row = 0
     coefficients: list[NDArray[Any]] = []
     for k in range(step, degree + 1, step):
         used, free = (k + 1) * m, k * m
-        new = whitened[:, row : k + 1].reshape(-1, size * m)
+        new = whitened[row : k + 1].reshape(-1, size * m)
         explained += new.conj().T @ new
         row = k + 1
         reduced = total[:used, :used] - explained[:used, :used]

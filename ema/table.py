@@ -204,7 +204,10 @@ def _text(path: Path, encoding: str) -> str:
             data = gzip.decompress(data)
         return data.decode(encoding)
     except (OSError, EOFError, UnicodeDecodeError, LookupError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
-        message = f"{path}: cannot be read as text in encoding {encoding!r}: {error}"
+        message = (
+            f"{path}: cannot be read as text in encoding {encoding!r}: {error}; say encoding = 'latin-1' or "
+            "another one in [measurement.table], or convert binary files (MATLAB, NumPy, zip) to CSV"
+        )
         raise MeasurementError(message) from error
 
 

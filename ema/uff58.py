@@ -7,6 +7,7 @@ fault with one message, and writes a wrong byte count into the header of 58b.
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -111,7 +112,7 @@ def cut(path: Path) -> list[DataSet]:
         The file cannot be read or has no data set.
     """
     try:
-        data = path.read_bytes()
+        data = path.read_bytes().removeprefix(codecs.BOM_UTF8)  # which editors put before the first delimiter
     except OSError as error:
         message = f"{path}: cannot be read: {error.strerror}"
         raise MeasurementError(message) from error

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ema.errors import MeasurementError
+from ema.table import TableLayout, read_table
 from ema.uff import read_uff_functions, read_uff_geometry
 from ema.units import parse_unit
 
@@ -112,3 +113,22 @@ def test_hammer_rove_in_one_file():
     functions, _ = read_uff_functions(REALDATA / "beam-uff-pyuff/measurement.uff")
     assert [f.output for f in functions] == [(1, 1)] * 3
     assert [f.input for f in functions] == [(1, 1), (2, 1), (3, 1)]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "impact-repeats-pyfrf/measurements_1.npy",
+        "building-3storey-iqs/experimental_building_frf.zip",
+        "ruler-freefree-pydvma/ruler_grid_acc_3.mat",
+    ],
+)
+def test_files_of_other_formats_say_what_to_do(name):
+    with pytest.raises(MeasurementError, match="not a universal file") as error:
+        read_uff_functions(REALDATA / name)
+    assert name in str(error.value)
+    with pytest.raises(
+        MeasurementError, match=r"convert binary files \(MATLAB, NumPy, zip\) to CSV"
+    ) as error:
+        read_table(REALDATA / name, TableLayout(layout="real-imaginary"), None)
+    assert name in str(error.value)

@@ -138,6 +138,12 @@ def test_units_of_data_set_164_hold_for_functions_without_labels(tmp_path):
     assert "units code 1 contradicts the factors" in notes[0]
 
 
+def test_a_byte_order_mark_does_not_shift_the_sets(tmp_path):
+    functions, notes = read(tmp_path, b"\xef\xbb\xbf" + (function(BODY) + function(BODY, node=2)).encode())
+    assert [f.output for f in functions] == [(1, 3), (2, 3)]
+    assert notes == ()
+
+
 def test_doubled_and_missing_delimiters_do_not_shift_the_sets(tmp_path):
     text = (
         function(BODY, node=1)
