@@ -146,3 +146,20 @@ def test_frequency_does_not_overrule_shape(orthonormal):
 def test_a_mode_that_does_not_move_the_points_finds_no_partner(orthonormal):
     model = modes(orthonormal * [1.0, 1e-12, 1.0, 1.0, 1.0])
     assert pair(modes(orthonormal), model).unpaired_measured.tolist() == [1]
+
+
+def test_a_frequency_error_that_all_modes_share_does_not_count(orthonormal):
+    """The model is softer throughout; the alias happens to lie near the measured frequency."""
+    model = np.column_stack([orthonormal[:, :3], orthonormal[:, 0]])
+    frequency = np.array([60.0, 120.0, 180.0, 98.0])
+    found = pair(modes(orthonormal[:, :3], np.array([100.0, 200.0, 300.0])), modes(model, frequency))
+    assert found.model.tolist() == [0, 1, 2]
+
+
+def test_cross_orthogonality_tells_apart_what_the_mac_confuses(orthonormal):
+    """The alias has the measured frequency and a MAC of 0.96, but in the model's mass it is another mode."""
+    alias = orthonormal[:, 0] + 0.2 * orthonormal[:, 3]
+    model = modes(np.column_stack([orthonormal[:, :2], alias]), np.array([160.0, 200.0, 100.0]))
+    found = pair(modes(orthonormal[:, :2], np.array([100.0, 200.0])), model)
+    assert found.mac[0, 2] > 0.95
+    assert found.model.tolist() == [0, 1]
