@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model import Stack
+from updating.energy import Regions
 from updating.frf_correlation import FrfCorrelation
 from updating.localization import ErrorMap, stiffness_index
 
@@ -14,15 +16,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _VIEWS = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
+_LEAST_SCALE = 2.0  # of the mean: the end of a flat map's colour scale, so that it looks flat
 
 
 def error_map_picture(
     error_map: ErrorMap, stack: Stack, kind: str, *, size: tuple[int, int] = (1200, 460)
 ) -> bytes:
-    """Draw the error of one kind of stiffness on the stack, seen from two opposite corners, as a PNG.
+    """Draw the error of one kind of stiffness on the stack, `ErrorMap.relative`, as a PNG.
 
-    The colour is `ErrorMap.relative`: 1 is the kind's mean over the stack, so a stack that is wrong everywhere alike
-    is of one colour. Clamps are drawn as rods.
+    1 is the kind's mean over the stack, so a stack that is wrong everywhere alike is of one colour.
 
     Parameters
     ----------
@@ -40,36 +42,61 @@ def error_map_picture(
     UpdatingError
         There is no such kind of stiffness.
     """
+    value = error_map.relative[stiffness_index(kind)]
+    return region_picture(value, error_map.regions, stack, title=kind, label="error over its mean", size=size)
+
+
+def region_picture(
+    value: NDArray[np.float64],
+    where: Regions,
+    stack: Stack,
+    *,
+    title: str,
+    label: str,
+    size: tuple[int, int] = (1200, 460),
+) -> bytes:
+    """Draw a quantity of every region on the stack, seen from two opposite corners, clamps as rods, as a PNG.
+
+    Parameters
+    ----------
+    value : (n_x, n_y, n_z) float
+        What to draw, not negative: an error, or the share of a mode's energy from `energy.modal_energy`.
+    where : Regions
+        The regions.
+    stack : Stack
+        The stack.
+    title, label : str
+        Heading, and name of the quantity.
+    size : (int, int)
+        Width and height in pixels.
+    """
     from io import BytesIO
 
     import pyvista as pv
     from PIL import Image
 
-    index = stiffness_index(kind)
-    where = error_map.regions
     grid: Any = pv.RectilinearGrid(where.x, where.y, where.z)
-    grid.cell_data["error"] = error_map.relative[index].ravel(order="F")
+    grid.cell_data[label] = value.ravel(order="F")
     with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
         plotter: Any = pv.Plotter(shape=(1, 2), off_screen=True, window_size=list(size), border=False)
     plotter.set_background("white")
-    for column, (title, direction) in enumerate(_VIEWS.items()):
+    for column, (view, direction) in enumerate(_VIEWS.items()):
         plotter.subplot(0, column)
         plotter.add_mesh(
             grid,
-            scalars="error",
-            clim=(0.0, max(2.0, float(error_map.relative[index].max()))),
+            scalars=label,
+            clim=(0.0, max(float(value.max()), _LEAST_SCALE * float(value.mean()))),
             cmap="inferno_r",
-            lighting=False,  # shadows would read as error
+            lighting=False,  # shadows would read as large values
             show_edges=True,
             edge_color="#8a8f98",
             show_scalar_bar=column == 0,
-            scalar_bar_args={"title": "error over its mean", "color": "black", "n_labels": 3, "fmt": "%.1f"},
+            scalar_bar_args={"color": "black", "n_labels": 3, "fmt": "%.3g"},
         )
         for clamp in stack.clamps:
             ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
             plotter.add_mesh(pv.lines_from_points(ends), color="steelblue", line_width=4)
-        heading = f"{kind}\n{title}" if column == 0 else f"\n{title}"
-        plotter.add_text(heading, font_size=10, color="black")
+        plotter.add_text(f"{title if column == 0 else ''}\n{view}", font_size=10, color="black")
         plotter.add_axes(color="black", viewport=(0.8, 0.0, 1.0, 0.3))
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
