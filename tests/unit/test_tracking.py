@@ -1,6 +1,5 @@
 """Modes followed through crossings, and pairing beside them."""
 
-import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 import model
 from updating.errors import PairingError
-from updating.expansion import expand, expanded_modes, pseudo_orthogonality
 from updating.orthogonality import cross_orthogonality
 from updating.pairing import pair
 from updating.shape_class import class_grid, shape_classes
@@ -131,80 +129,3 @@ def pairs_right(system, noise, seed):
 def test_crossing_modes_pair_whatever_their_order(symmetric, veering, noise):
     assert pairs_right(symmetric, noise, seed=0) == 1.0
     assert pairs_right(veering, noise, seed=0) > 0.97
-
-
-@pytest.fixture(scope="module")
-def expanded(symmetric):
-    """Six modes of a stack that is a little softer, expanded in the model's own."""
-    grid = edges(symmetric.stack)
-    test, modes = solve(symmetric, 4000.0, grid), solve(symmetric, 4400.0, grid, 18)
-    noise = 0.01 * np.sqrt(np.mean(test.shape[:, :6] ** 2, axis=0)) * np.ones((44, 1))
-    shape = test.shape[:, :6] + noise * np.random.default_rng(0).standard_normal((44, 6))
-    return test, modes, expand(shape, noise, modes)
-
-
-def seen(modes):
-    """The modes that move the points along z."""
-    return np.linalg.norm(modes.shape, axis=0) > 1e-3
-
-
-def test_expansion_meets_the_whole_mode(expanded, symmetric):
-    test, _, found = expanded
-    mass = symmetric.matrix("M", symmetric.theta)
-    at_points = seen(test)[:6]
-    own = np.diag(cross_orthogonality(found.coordinate, test.coordinate[:, :6], mass))
-    assert own[at_points].min() > 0.995
-    assert found.met[at_points].min() > 0.999
-    assert found.condition < 20.0
-
-
-def test_orthogonality_of_measured_modes_meets_the_standard(expanded, symmetric):
-    test, _, found = expanded
-    at_points = seen(test)[:6]
-    mass = symmetric.matrix("M", symmetric.theta)
-    check = cross_orthogonality(found.coordinate, found.coordinate, mass)[np.ix_(at_points, at_points)]
-    np.testing.assert_allclose(np.diag(check), 1.0)
-    assert np.abs(check - np.eye(len(check))).max() < 0.1
-
-
-def test_amplitudes_scatter_as_foretold(symmetric):
-    grid = edges(symmetric.stack)
-    modes = solve(symmetric, 4400.0, grid, 16)
-    std = 0.02 * np.ones((44, 1))
-    rng = np.random.default_rng(0)
-    drawn = np.array(
-        [
-            expand(modes.shape[:, :1] + std * rng.standard_normal((44, 1)), std, modes).amplitude[:, 0]
-            for _ in range(300)
-        ]
-    )
-    foretold = expand(modes.shape[:, :1], std, modes).amplitude_std[:, 0]
-    np.testing.assert_allclose(drawn.real.std(axis=0), foretold, rtol=0.2)
-
-
-def test_expanded_modes_can_be_drawn_on_the_stack(expanded, symmetric):
-    test, modes, found = expanded
-    whole = expanded_modes(found, modes, test.frequency[:6], test.damping[:6])
-    surface = model.mode_surface(symmetric, whole, 1, lamina=[0, 20, -1])
-    true = model.mode_surface(symmetric, test, 1, lamina=[0, 20, -1])
-    a, b = surface.displacement.ravel(), true.displacement.ravel()
-    np.testing.assert_allclose(abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b), 1.0, atol=0.005)
-
-
-def test_cross_orthogonality_tells_modes_apart_that_the_mac_confuses(symmetric):
-    grid = edges(symmetric.stack)
-    modes = solve(symmetric, 4400.0, grid, 14)
-    cross, condition = pseudo_orthogonality(modes.shape, modes.shape)
-    at_points = seen(modes)
-    np.testing.assert_allclose(cross[np.ix_(at_points, at_points)], np.eye(at_points.sum()), atol=1e-6)
-    assert 1.0 < condition < 20.0
-
-
-def test_points_that_cannot_tell_modes_apart_are_refused(symmetric):
-    grid = edges(symmetric.stack)
-    few = dataclasses.replace(
-        grid, node=grid.node[:4], location=grid.location[:4], direction=grid.direction[:4]
-    )
-    modes = solve(symmetric, 4400.0, few, 16)
-    with pytest.raises(PairingError, match="4 measured DOFs cannot tell 10 modes"):
-        expand(modes.shape[:, :1], np.zeros((4, 1)), modes)
