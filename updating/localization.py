@@ -11,20 +11,22 @@ weighed against it as in Banerjee, Walsh, Aquino and Bonnet, Comput. Methods App
 with the measured points L u, their standard deviations S, and r such that the shape is met to its standard
 deviation and not better (Morozov's discrepancy principle).
 
-What the map can say: a region where e stores much energy for the energy that u stores there has stiffness, or lets
-motion through, unlike the model. Along the stack it resolves about two intervals of the measured stations.
+What the map can say: a region where e stores much energy for the energy that u stores there is not as stiff, or not
+as heavy, as the model has it. In 40 played stacks whose contact was softer by 10 to 70 % over 70 to 116 mm of 465 mm
+at random places, with 44 points, six modes and 1 % noise, the peak along the stack lay inside that zone each time,
+and on the right side where only half the width was softer.
 
 What it cannot say:
 - which effect it is. Missing or misplaced mass bends the same way as wrong stiffness, and lights up where it sits.
 - which kind of stiffness with certainty. e is a displacement, so a fault of the contact strains the laminas around it
-  as well. `explained` was 0.96 to 1.00 for the right kind where one kind was wrong throughout; where it is wrong
-  locally, softer contact and more mass explain about as much.
+  as well. `explained` was 0.96 to 1.00 for the right kind where one kind was wrong throughout, and 0.85 where the
+  clamps' mass alone was; where a kind is wrong locally, softer contact and more mass explain about as much.
 - how deep inside. Points on the outside see top from bottom, and left from right, but not a layer at mid-height.
 - anything about a region that no measured mode strains.
 - a place where one kind is wrong everywhere: then that kind's own map is flat, while those of the others need not
-  be. So look at the map of the kind with the largest `explained` and a `change` that can be. On the demo stack with
-  1 % noise on its shapes, the contrast of the tangential contact's map was 0.03 when G_f was 20 % off everywhere, and
-  0.19 to 0.43 for contact lost by 10 to 80 % in part of the stack.
+  be. So look at the map of the kind with the largest `explained` and a `change` that can be. In the same study the
+  contrast of the tangential contact's map was 0.18 and more for the soft zones, and 0.02 (median) for G_f off by 10 to
+  30 % everywhere.
 """
 
 from __future__ import annotations

@@ -162,6 +162,18 @@ def test_lost_contact_is_found_along_the_stack(local):
     assert local.contrast[TANGENTIAL] > 0.2
 
 
+@pytest.mark.parametrize(("centre", "factor"), [(-0.19, 0.9), (-0.07, 0.6), (0.01, 0.9), (0.15, 0.3)])
+def test_lost_contact_is_found_wherever_it_is(error_map, stack, centre, factor):
+    half = 0.045
+    zone = (centre - half, centre + half)
+    found = error_map(lost(stack, x=zone, y=(-1.0, 1.0), interface=slice(None), factor=factor), seed=3)
+    edge = found.regions.x
+    along = found.relative[TANGENTIAL].mean(axis=(1, 2))
+    peak = (edge[:-1] + edge[1:])[np.argmax(along)] / 2.0
+    assert zone[0] < peak < zone[1]
+    assert found.contrast[TANGENTIAL] > 0.15
+
+
 def test_lost_contact_in_a_corner_is_found_in_all_three_directions(error_map, stack):
     corner = error_map(lost(stack, x=(0.10, 1.0), y=(0.0, 1.0), interface=slice(20, None), factor=0.2))
     low, high = corner.peak("tangential contact")
