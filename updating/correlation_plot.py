@@ -119,7 +119,7 @@ def frf_correlation_figure(correlation: FrfCorrelation) -> Figure:
         over_frequency.plot(correlation.frequency, values, color=color, linewidth=1, label=name)
     over_frequency.set(xlabel="frequency [Hz]", ylabel="agreement", ylim=(0.0, 1.05))
     over_frequency.legend(frameon=False, ncols=2)
-    frac = correlation.frac.ravel()
+    frac = correlation.frac.ravel(order="F")
     by_function.bar(np.arange(1, frac.size + 1), frac, color="#7a8699")
     by_function.set(xlabel="function (outputs of each input in turn)", ylabel="FRAC", ylim=(0.0, 1.05))
     return figure
