@@ -55,28 +55,24 @@ def mode_plotter(
     with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
         plotter: Any = pv.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
-    sides = (
-        np.s_[0, :, :],
-        np.s_[-1, :, :],
-        np.s_[:, 0, :],
-        np.s_[:, -1, :],
-        np.s_[:, :, 0],
-        np.s_[:, :, -1],
-    )
-    for side in sides:
-        points = moved[side]
-        grid = pv.StructuredGrid(points[..., 0], points[..., 1], points[..., 2])
-        grid["displacement"] = length[side].ravel(order="F")
+    n_sheet, n_point = length.shape
+    low, high = surface.edge.T
+    below = n_point * np.arange(n_sheet - 1)[:, None]
+    walls = np.stack([below + low, below + high, below + n_point + high, below + n_point + low], axis=-1)
+    points = moved.reshape(-1, 3)
+    for faces in (surface.element, (n_sheet - 1) * n_point + surface.element, walls.reshape(-1, 4)):
+        side = pv.PolyData.from_regular_faces(points, faces)
+        side["displacement"] = length.ravel()
         plotter.add_mesh(
-            grid,
+            side,
             scalars="displacement",
             clim=(0.0, float(length.max())),
             cmap="viridis",
             show_scalar_bar=False,
         )
-    for sheet in moved:
-        edge = np.concatenate([sheet[:, 0], sheet[-1, 1:], sheet[-2::-1, -1], sheet[0, -2::-1]])
-        plotter.add_mesh(pv.lines_from_points(edge), color="black", line_width=1)
+    sheets = n_point * np.arange(n_sheet)[:, None, None]
+    lines = np.concatenate([np.full((n_sheet, len(low), 1), 2), sheets + surface.edge], axis=-1)
+    plotter.add_mesh(pv.PolyData(points, lines=lines.ravel()), color="black", line_width=1)
     half = np.array([stack.length, stack.width, stack.height]) / 2.0
     box = pv.Box(bounds=np.column_stack([-half, half]).ravel())
     plotter.add_mesh(box, style="wireframe", color="grey", line_width=1)

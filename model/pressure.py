@@ -67,6 +67,38 @@ class InterfaceLaw:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class PressureSummary:
+    """A pressure field in a few numbers for each interface, the lowest interface first.
+
+    Attributes
+    ----------
+    mean : float
+        Mean pressure over the plan, Pa: the clamps' force over the area.
+    interface_mean, lowest, highest : (n_interface,) float
+        Mean, lowest and highest pressure, Pa.
+    lost_contact : (n_interface,) float
+        Share of the plan that carries no pressure.
+    force : float
+        The clamps' force, N.
+    residual : float
+        Of the equilibrium, relative to the load.
+    """
+
+    mean: float
+    interface_mean: Vector
+    lowest: Vector
+    highest: Vector
+    lost_contact: Vector
+    force: float
+    residual: float
+
+    def __post_init__(self) -> None:
+        n = np.size(self.lowest)
+        for name in ("interface_mean", "lowest", "highest", "lost_contact"):
+            object.__setattr__(self, name, readonly("PressureSummary", name, getattr(self, name), (n,)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PressureField:
     """Pressure at every interface and every quadrature point of the plan: the result of the static stage.
 
@@ -121,6 +153,18 @@ class PressureField:
         """Share of the plan where an interface carries no pressure, (n_interface,)."""
         dx = self.plan.membrane.dx
         return np.asarray(np.sum((self.pressure <= 0.0) * dx, axis=(1, 2)) / dx.sum())
+
+    def summary(self) -> PressureSummary:
+        """Return mean, range and lost contact of each interface."""
+        return PressureSummary(
+            mean=self.mean,
+            interface_mean=self.interface_force / self.plan.area,
+            lowest=self.pressure.min(axis=(1, 2)),
+            highest=self.pressure.max(axis=(1, 2)),
+            lost_contact=self.lost_contact,
+            force=self.force,
+            residual=float(self.residual[-1]),
+        )
 
     def at(self, points: Vector) -> tuple[Vector, Vector]:
         """Return pressure and normal tangent modulus, Pa, (n_interface, n) each, at points (n, 2) of the plan.

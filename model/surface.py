@@ -1,4 +1,4 @@
-"""Displacement of chosen laminas on a grid of points, for wireframes and pictures."""
+"""Displacement of chosen laminas at the corners of their mesh, for pictures."""
 
 from __future__ import annotations
 
@@ -17,35 +17,36 @@ from model.reduction import ReducedSystem
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surface:
-    """A mode's displacement on a grid of points of some laminas.
+    """A mode's displacement at the corners of the mesh of some laminas.
 
     Attributes
     ----------
-    location : (n_lamina, n_x, n_y, 3) float
+    location : (n_lamina, n_point, 3) float
         The points at rest, m.
-    displacement : (n_lamina, n_x, n_y, 3) float
+    displacement : (n_lamina, n_point, 3) float
         Their mass-normalised displacement along x, y and z, 1/sqrt(kg).
+    element : (n_element, 3 or 4) int
+        Points of each element, in order around it.
+    edge : (n_edge, 2) int
+        Points of the element sides that lie on the outline or on a hole.
     """
 
     location: NDArray[np.float64]
     displacement: NDArray[np.float64]
+    element: NDArray[np.int64]
+    edge: NDArray[np.int64]
 
     def __post_init__(self) -> None:
         for name in ("location", "displacement"):
-            array = readonly("Surface", name, getattr(self, name), (None, None, None, 3))
+            array = readonly("Surface", name, getattr(self, name), (None, None, 3))
+            object.__setattr__(self, name, array)
+        for name, width in (("element", None), ("edge", 2)):
+            array = readonly("Surface", name, getattr(self, name), (None, width), int)
             object.__setattr__(self, name, array)
 
 
-def mode_surface(
-    system: ReducedSystem,
-    modes: Modes,
-    mode: int,
-    *,
-    lamina: Sequence[int],
-    n_x: int = 41,
-    n_y: int = 9,
-) -> Surface:
-    """Sample a mode on an even grid of points on some laminas.
+def mode_surface(system: ReducedSystem, modes: Modes, mode: int, *, lamina: Sequence[int]) -> Surface:
+    """Sample a mode at the corners of the mesh of some laminas.
 
     Parameters
     ----------
@@ -57,15 +58,13 @@ def mode_surface(
         Column of `modes.shape`, from 0.
     lamina : sequence of int
         Laminas to sample, 0 the bottom one; negative ones count from the top.
-    n_x, n_y : int
-        Number of points along x and y.
 
     Raises
     ------
     SolveError
         There is no such mode or lamina.
     """
-    stack = system.stack
+    stack, assembly = system.stack, system.assembly
     if not 0 <= mode < modes.frequency.size:
         message = f"mode = {mode}: the modes are numbered from 0 to {modes.frequency.size - 1}"
         raise SolveError(message)
@@ -74,13 +73,21 @@ def mode_surface(
         message = f"lamina = {list(lamina)}: the laminas are numbered from 0 to {stack.n_lamina - 1}"
         raise SolveError(message)
     chosen = chosen % stack.n_lamina
-    x = np.linspace(-stack.length / 2.0, stack.length / 2.0, n_x)
-    y = np.linspace(-stack.width / 2.0, stack.width / 2.0, n_y)
-    plan = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    points = np.tile(plan, (chosen.size, 1))
-    index = np.repeat(chosen, plan.shape[0])
+    mesh = assembly.plan.membrane.mesh
+    point = mesh.p.T
     coordinate = system.basis @ modes.coordinate[:, mode]
-    displacement = np.column_stack([system.field_rows(f, index, points) @ coordinate for f in FIELDS])
-    location = np.column_stack([points, stack.lamina_z[index]])
-    shape = (chosen.size, n_x, n_y, 3)
-    return Surface(location=location.reshape(shape), displacement=displacement.reshape(shape))
+    displacement = np.empty((chosen.size, len(point), 3))
+    for axis, field in enumerate(FIELDS):
+        over = coordinate[assembly.slices()[field]].reshape(assembly.n_z[field], -1)
+        displacement[:, :, axis] = (
+            system.phi[field][chosen] @ (assembly.plan.point_rows(field, point) @ over.T).T
+        )
+    location = np.empty_like(displacement)
+    location[:, :, :2] = point
+    location[:, :, 2] = stack.lamina_z[chosen, None]
+    return Surface(
+        location=location,
+        displacement=displacement,
+        element=mesh.t.T,
+        edge=mesh.facets[:, mesh.boundary_facets()].T,
+    )

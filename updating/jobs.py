@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,11 @@ from ema.picking import pick_poles, read_poles, write_poles
 from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from model import Modes, Stack
 from model.plot import mode_png
+from model.pressure import PressureSummary
+from model.pressure_plot import pressure_figure
+from model.stack import Pressing
+from model.static import press
+from model.verified import Verification, solve_verified
 from updating.errors import FitError, StoreError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
@@ -75,25 +80,46 @@ def pick(campaign_file: Path, configuration: str, output: Path) -> Path:
     return path
 
 
-def solve(
-    stack_file: Path, output: Path, n_mode: int, console: Console
-) -> tuple[Stack, Modes, tuple[str, ...]]:
-    """Solve the model of a stack file and write its elastic modes and their pictures."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solved:
+    """A stack with its elastic modes: what `solve` writes and the command line prints.
+
+    `pressure` is None where the stack file gives one pressure for all places.
+    """
+
+    stack: Stack
+    modes: Modes
+    shape_class: tuple[str, ...]
+    verification: Verification
+    pressure: PressureSummary | None
+
+
+def solve(stack_file: Path, output: Path, n_mode: int, tolerance: float, console: Console) -> Solved:
+    """Press the stack of a file where it says how, solve its elastic modes, write both and their pictures."""
     stack = model.read_stack(stack_file)
+    options = {"n_mode": n_mode, "tolerance": tolerance}
+    pressure = None
     with _progress(console) as progress:
-        task = progress.add_task("solve", total=1 + n_mode)
-        system = model.reduce(stack)
-        contact = stack.contact
-        modes = model.solve_modes(
-            system, G_f=contact.G_f, d_f=contact.d_f, n_mode=6 + n_mode, observation=class_grid(stack)
-        ).elastic()
-        write_result(output / "modes.json", modes, inputs=(stack_file,), options={"n_mode": n_mode})
+        task = progress.add_task("press and solve", total=2 + n_mode)
+        if isinstance(stack.pressing, Pressing):
+            field = press(stack)
+            stack, pressure = replace(stack, pressing=field), field.summary()
+            write_result(output / "pressure.json", pressure, inputs=(stack_file,), options={})
+            write_bytes(output / "pressure.png", as_png(pressure_figure(field)))
         progress.advance(task)
-        for r in range(n_mode):
-            picture = mode_png(system, modes, r)
-            write_bytes(output / f"mode_{r + 1:02d}.png", picture)
+        system, every, verification = solve_verified(
+            stack, n_mode=6 + n_mode, observation=class_grid(stack), tolerance=tolerance
+        )
+        modes = every.elastic()
+        verification = replace(verification, error=verification.error[every.n_rigid :])
+        write_result(output / "modes.json", modes, inputs=(stack_file,), options=options)
+        write_result(output / "verification.json", verification, inputs=(stack_file,), options=options)
+        progress.advance(task)
+        for r in range(modes.frequency.size):
+            write_bytes(output / f"mode_{r + 1:02d}.png", mode_png(system, modes, r))
             progress.advance(task)
-    return stack, modes, shape_classes(modes)
+    names = shape_classes(modes) if stack.outline is None else ("",) * modes.frequency.size
+    return Solved(stack=stack, modes=modes, shape_class=names, verification=verification, pressure=pressure)
 
 
 def fit(

@@ -7,6 +7,8 @@ from rich.table import Table
 
 from ema import Comparison, ModalModel
 from model import Modes, Stack
+from model.pressure import PressureSummary
+from model.verified import Verification
 from updating.correlation import correlate
 from updating.fit import Estimate, Fit
 from updating.modal_table import TableFit
@@ -43,14 +45,56 @@ def comparison_table(comparison: Comparison) -> Table:
     return table
 
 
-def model_table(stack: Stack, modes: Modes, names: tuple[str, ...]) -> Table:
-    """List natural frequencies, damping ratios and shape classes of the model."""
-    table = Table(title=f"{stack.name}: {modes.frequency.size} elastic modes", title_justify="left")
-    for name in ("mode", "f [Hz]", "damping [%]"):
+def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification: Verification) -> Table:
+    """List natural frequencies with their estimated errors, damping ratios and shape classes of the model."""
+    worst = f"{100 * verification.first_error:.2g} %"
+    origin = {
+        "first": "They are within the tolerance.",
+        "enriched": f"The first basis was off by {worst}, so it was enriched.",
+        "all laminas": f"The first basis was off by {worst} and enriching did not do, so the frequencies were iterated "
+        "on the equations of all laminas.",
+    }[verification.basis]
+    if not verification.met:
+        origin = (
+            f"[bold red]The tolerance of {100 * verification.tolerance:.2g} % is not met.[/bold red] {origin}"
+        )
+    table = Table(
+        title=f"{stack.name}: {modes.frequency.size} elastic modes",
+        title_justify="left",
+        caption="Errors of f are estimated from the residual of the equations of all "
+        f"{stack.n_lamina} laminas. {origin}",
+        caption_justify="left",
+    )
+    for name in ("mode", "f [Hz]", "error of f [%]", "damping [%]"):
         table.add_column(name, justify="right")
     table.add_column("shape")
-    for r, (f, xi, name) in enumerate(zip(modes.frequency, modes.damping, names, strict=True), start=1):
-        table.add_row(str(r), f"{f:.2f}", f"{100 * xi:.3g}", name)
+    columns = (modes.frequency, verification.error, modes.damping, names)
+    for r, (f, error, xi, name) in enumerate(zip(*columns, strict=True), start=1):
+        table.add_row(str(r), f"{f:.2f}", f"{100 * max(error, 0.0):.5f}", f"{100 * xi:.3g}", name)
+    return table
+
+
+def pressure_table(pressure: PressureSummary) -> Table:
+    """List mean, range and lost contact of the pressure at the bottom, middle and top interface and over all."""
+    table = Table(
+        title="Pressure between the laminas",
+        title_justify="left",
+        caption=f"Clamping force {pressure.force:.4g} N, mean pressure {pressure.mean / 1e3:.4g} kPa; "
+        f"equilibrium to {pressure.residual:.1g}.",
+        caption_justify="left",
+    )
+    table.add_column("interface")
+    for name in ("mean [kPa]", "lowest [kPa]", "highest [kPa]", "lost contact [%]"):
+        table.add_column(name, justify="right")
+    n = pressure.lowest.size
+    kilo = [x / 1e3 for x in (pressure.interface_mean, pressure.lowest, pressure.highest)]
+    for name, k in {"bottom": 0, "middle": n // 2, "top": n - 1}.items():
+        table.add_row(name, *(f"{x[k]:.4g}" for x in kilo), f"{100 * pressure.lost_contact[k]:.3g}")
+    mean, lowest, highest = kilo
+    table.add_row(
+        "all", f"{mean.mean():.4g}", f"{lowest.min():.4g}", f"{highest.max():.4g}",
+        f"{100 * pressure.lost_contact.mean():.3g}",
+    )  # fmt: skip
     return table
 
 

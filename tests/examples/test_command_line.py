@@ -67,8 +67,9 @@ def test_model_prints_modes_and_draws_them(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "torsion 1" in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "mode_01.png", "mode_02.png", "mode_03.png", "modes.json",
+        "mode_01.png", "mode_02.png", "mode_03.png", "modes.json", "verification.json",
     ]  # fmt: skip
+    assert "They are within the" in done.stdout
 
 
 @pytest.mark.parametrize("command", ["ema", "pick", "model", "fit", "report", "simulate", "demo"])
