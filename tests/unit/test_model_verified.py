@@ -1,4 +1,4 @@
-"""Verified modes against full matrices: even and weak stacks, an outline, and tolerances that the first basis misses."""
+"""Verified modes against full matrices: even and weak stacks, an outline, a tolerance that the first basis misses."""
 
 import dataclasses
 
