@@ -39,7 +39,11 @@ _PLATE_POISSON = 0.3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Problem:
-    """Equilibrium of all laminas; a deflection is (n_lamina, n_planar)."""
+    """Equilibrium of all laminas.
+
+    A deflection is (n_lamina, n_planar), counted from uniform compression: the whole of it would carry a rounding
+    error that the bending of thick plates makes larger than the residual sought.
+    """
 
     bending: sp.csr_matrix
     face_bending: sp.csr_matrix
@@ -48,14 +52,15 @@ class _Problem:
     evaluate: sp.csr_matrix
     area: Vector
     law: InterfaceLaw
+    closed: Vector
     is_rigid: bool
 
     def contact(self, w: Vector) -> tuple[Vector, Vector]:
         """Return pressure and tangent modulus at all quadrature points, (n_interface, n_point) each."""
-        return self.law(self.strain(w))
+        return self.law(self.closed[:, None] + self.strain(w))
 
     def strain(self, w: Vector) -> Vector:
-        """Return the compressive strain of the interfaces at all quadrature points."""
+        """Return the compressive strain that a deflection adds to the interfaces at all quadrature points."""
         return -np.diff((self.evaluate @ w.T).T, axis=0) / self.law.spacing[:, None]
 
     def allowed(self, x: Vector) -> Vector:
@@ -168,7 +173,7 @@ def press(stack: Stack) -> PressureField:
     one = plan.interpolate("w", (1.0, 0.0, 0.0))
     closing = law.strain_at(mean) * law.spacing
     heights = np.concatenate([[0.0], -np.cumsum(closing)])
-    w = np.outer(heights - heights.mean(), one)
+    w = np.zeros_like(load)
 
     done, step, residuals, n_step = 0.0, 1.0, [0.0], 0
     while done < 1.0:
@@ -196,7 +201,7 @@ def press(stack: Stack) -> PressureField:
     return PressureField(
         plan=plan,
         law=law,
-        deflection=w,
+        deflection=np.outer(heights - heights.mean(), one) + w,
         pressure=pressure.reshape(shape),
         force=force,
         residual=np.array(residuals),
@@ -220,6 +225,7 @@ def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) ->
         evaluate=plan.at_quadrature("w"),
         area=plan.plate.dx.ravel(),
         law=law,
+        closed=law.strain_at(stack.contact.pressure),
         is_rigid=rigid,
     )
 

@@ -84,7 +84,7 @@ def pressure_table(pressure: PressureSummary) -> Table:
         caption_justify="left",
     )
     table.add_column("interface")
-    for name in ("mean [kPa]", "lowest [kPa]", "highest [kPa]", "lost contact [%]"):
+    for name in (r"mean \[kPa]", r"lowest \[kPa]", r"highest \[kPa]", "lost contact [%]"):
         table.add_column(name, justify="right")
     n = pressure.lowest.size
     kilo = [x / 1e3 for x in (pressure.interface_mean, pressure.lowest, pressure.highest)]
