@@ -149,17 +149,17 @@ def refine(
 
 
 def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Vector:
-    """Estimate the error that the functions of z leave in frequencies, at parameters of a snapshot of the reduction.
+    """Estimate the error that the reduction leaves in frequencies, with little memory.
 
-    There the reduced modes solve the equations with functions of z, so their residual on all laminas is rough over z
-    alone; one step along it, a few modes at a time, takes little memory. `refine` holds everywhere.
+    One step along the preconditioned residual of the equations of all laminas, a few modes at a time. `refine` does the
+    same with all modes together, and goes on.
 
     Parameters
     ----------
     system : ReducedSystem
         The reduced stack.
     G_f : float
-        Contact stiffness parameter of the snapshot, Pa/Pa.
+        Contact stiffness parameter, Pa/Pa.
     n_mode : int
         Number of modes, rigid-body modes included.
 
@@ -172,7 +172,7 @@ def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Ve
     values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     full = system.laminas
     stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
-    correct = _rough_part(system, theta)
+    correct = _preconditioner(system, theta, shifted_factor(system, theta))
     error = np.zeros(n_mode)
     for first in range(n_rigid, n_mode, _AT_ONCE):
         part = slice(first, min(first + _AT_ONCE, n_mode))
