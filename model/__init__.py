@@ -1,22 +1,28 @@
 """Laminated stack to natural frequencies, damping, shapes and FRFs."""
 
 from model.assemble import assemble
-from model.errors import ModelError, SolveError, StackError
+from model.catalogue import catalogue, find_effects, read_effect
+from model.effect import Effect, Parameter, shared_parameters
+from model.errors import EffectError, ModelError, SolveError, StackError
 from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
 from model.observation import Observation, Observed, observe, sample_points
 from model.reduction import ReducedSystem, reduce
 from model.refinement import Refined, refine
 from model.response import frf, frf_direct
-from model.stack import Clamp, Contact, Mesh, Stack
+from model.stack import Clamp, Contact, Instruments, Mesh, Stack
 from model.stack_file import read_stack
 from model.surface import Surface, mode_surface
-from model.system import Assembly, Kron, Monomial, ParameterFactor, Term
+from model.system import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
 
 __all__ = [
     "Assembly",
     "Clamp",
     "Contact",
+    "Effect",
+    "EffectError",
+    "Formula",
+    "Instruments",
     "Kron",
     "Material",
     "Mesh",
@@ -25,6 +31,7 @@ __all__ = [
     "Monomial",
     "Observation",
     "Observed",
+    "Parameter",
     "ParameterFactor",
     "ReducedSystem",
     "Refined",
@@ -34,14 +41,18 @@ __all__ = [
     "Surface",
     "Term",
     "assemble",
+    "catalogue",
     "complex_modes",
+    "find_effects",
     "frf",
     "frf_direct",
     "mode_surface",
     "observe",
+    "read_effect",
     "read_stack",
     "reduce",
     "refine",
     "sample_points",
+    "shared_parameters",
     "solve_modes",
 ]

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 from model.clamping import clamp_terms
 from model.contact import contact_terms
+from model.effect import OMEGA_REFERENCE
 from model.mesh import FIELDS, plan_of
 from model.shell import lamina_terms
 from model.stack import Stack
 from model.support import support_terms
-from model.system import Assembly
+from model.system import OMEGA, Assembly
 
 
 def assemble(stack: Stack) -> Assembly:
-    """Assemble laminas, contact, clamps and supports of a stack.
+    """Assemble laminas, contact, clamps, supports and physical effects of a stack.
 
-    The parameters are `G_f` (Pa/Pa), `d_f` (s/Pa) and the factors `young`, `density`, `normal_modulus` and, with
-    interlayers, `layer_modulus` on the stack's own values (nominal 1). Contact damping is beta = d_f p times
-    the contact stiffness, tangential and normal.
+    The parameters are `G_f` (Pa/Pa), `d_f` (s/Pa), the mean `pressure` (Pa), the factors `young`, `density`,
+    `normal_modulus` and, with interlayers, `layer_modulus` on the stack's own values (nominal 1), and those of
+    the stack's effects. Contact damping is beta = d_f p times the contact stiffness, tangential and normal.
+
+    Raises
+    ------
+    EffectError
+        An effect needs something that the stack does not have.
     """
     plan = plan_of(stack)
     terms = (
@@ -26,7 +32,21 @@ def assemble(stack: Stack) -> Assembly:
         *support_terms(stack, plan),
     )
     contact = stack.contact
-    theta = {"G_f": contact.G_f, "d_f": contact.d_f, "young": 1.0, "density": 1.0, "normal_modulus": 1.0}
+    theta = {
+        "G_f": contact.G_f,
+        "d_f": contact.d_f,
+        "pressure": contact.pressure,
+        "young": 1.0,
+        "density": 1.0,
+        "normal_modulus": 1.0,
+    }
     if stack.interlayers:
         theta["layer_modulus"] = 1.0
-    return Assembly(plan=plan, n_z=dict.fromkeys(FIELDS, stack.n_lamina), terms=terms, theta=theta)
+    base = Assembly(
+        stack=stack, plan=plan, n_z=dict.fromkeys(FIELDS, stack.n_lamina), terms=terms, theta=theta
+    )
+    added = tuple(term for effect in stack.effects for term in effect.terms(base))
+    frequency = (
+        {OMEGA: OMEGA_REFERENCE} if any(effect.frequency_dependent for effect in stack.effects) else {}
+    )
+    return base.with_terms(added, {**stack.effect_values, **frequency})

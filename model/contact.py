@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,54 +14,108 @@ from model.normal_contact import normal_krons
 from model.pressure import separate
 from model.stack import Pressing, Stack
 from model.static import press
-from model.system import Kron, Monomial, Term
+from model.system import Kron, Monomial, Target, Term
 from model.tangential_contact import mean, tangential_krons
 
 SEPARATION = 1e-6  # largest error of a field written as a sum of products, relative to its largest value
 
 Vector = NDArray[np.float64]
 Product = tuple[Vector, Vector | float]  # over the interfaces, over the plan
+ContactQuantity = Literal["pressure", "normal", "pressure squared", "pressure times normal"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactField:
+    """A coefficient of the contact over interfaces and plan, as a short sum of products.
+
+    Attributes
+    ----------
+    stack : Stack
+        What it belongs to.
+    plan : Plan
+        The lamina's mesh.
+    products : sequence of ((n_interface,), float or (n_element, n_point))
+        Factors over the interfaces and over the plan's quadrature points.
+    """
+
+    stack: Stack
+    plan: Plan
+    products: Sequence[Product]
+
+    def tangential(self, modulation: Vector | float = 1.0, axes: str = "xy") -> tuple[Kron, ...]:
+        """Return the tangential stiffness with the field, times a `modulation` over the plan, as shear modulus."""
+        return tuple(
+            kron
+            for over_z, weight in self.products
+            for kron in tangential_krons(
+                self.plan, self.stack.spacing, over_z, _times(weight, modulation), axes
+            )
+        )
+
+    def normal(self, modulation: Vector | float = 1.0) -> tuple[Kron, ...]:
+        """Return the normal stiffness with the field, times a `modulation` over the plan, as tangent modulus."""
+        return tuple(
+            kron
+            for over_z, weight in self.products
+            for kron in normal_krons(self.plan, self.stack.spacing, over_z, _times(weight, modulation))
+        )
+
+    def over_interfaces(self, share: Vector) -> ContactField:
+        """Return the field with each interface multiplied by its `share`, (n_interface,)."""
+        return replace(self, products=[(share * over_z, weight) for over_z, weight in self.products])
+
+
+def _times(weight: Vector | float, modulation: Vector | float) -> Vector | float:
+    return weight if isinstance(modulation, float) and modulation == 1.0 else weight * modulation
+
+
+def contact_fields(stack: Stack, plan: Plan) -> dict[ContactQuantity, ContactField]:
+    """Return the fields that the linearised contact is made of.
+
+    They are "pressure", p over its mean, "normal", the tangent modulus in Pa, "pressure squared" and "pressure times
+    normal". Each is off by at most 1e-6 of its largest value and is 0 where a soft layer takes the place of
+    contact.
+    """
+    spacing = stack.spacing
+    touching = np.ones(spacing.size)
+    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
+    products: list[list[Product]]
+    if stack.pressing is None:
+        normal = stack.contact.normal_modulus * touching
+        products = [[(touching, 1.0)], [(normal, 1.0)], [(touching, 1.0)], [(normal, 1.0)]]
+    else:
+        distribution = press(stack) if isinstance(stack.pressing, Pressing) else stack.pressing
+        points = plan.quadrature_points
+        p, tangent = distribution.at(points.reshape(2, -1).T)
+        p, tangent = p / stack.contact.pressure * touching[:, None], tangent * touching[:, None]
+        products = [_products(value, points.shape[1:]) for value in (p, tangent, p**2, p * tangent)]
+    return {
+        name: ContactField(stack=stack, plan=plan, products=found)
+        for name, found in zip(get_args(ContactQuantity), products, strict=True)
+    }
 
 
 def contact_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     """Return stiffness and damping of the contact: G = G_f p, beta = d_f p, and the normal tangent modulus.
 
-    Under uneven pressure every coefficient is a field over interfaces and plan. It is written as a short sum of
-    products, off by at most 1e-6 of its largest value, and each product is integrated over the area at the plan's
-    quadrature points. Soft layers take the place of contact where they lie.
+    The parameter `pressure` is the mean pressure. Under uneven pressure every coefficient is a field over interfaces
+    and plan, integrated over the area at the plan's quadrature points; its distribution is that at the stack's own
+    mean pressure.
     """
-    spacing = stack.spacing
-    touching = np.ones(spacing.size)
-    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
-    if stack.pressing is None:
-        pressure = stack.contact.pressure * touching
-        normal = stack.contact.normal_modulus * touching
-        fields: list[list[Product]] = [
-            [(value, 1.0)] for value in (pressure, normal, pressure**2, pressure * normal)
-        ]
-    else:
-        distribution = press(stack) if isinstance(stack.pressing, Pressing) else stack.pressing
-        points = plan.quadrature_points
-        p, tangent = distribution.at(points.reshape(2, -1).T)
-        p, tangent = p * touching[:, None], tangent * touching[:, None]
-        fields = [_products(value, points.shape[1:]) for value in (p, tangent, p**2, p * tangent)]
+    field = contact_fields(stack, plan)
 
-    def tangential(products: list[Product]) -> tuple[Kron, ...]:
-        return tuple(
-            k for over_z, weight in products for k in tangential_krons(plan, spacing, over_z, weight)
-        )
+    def term(name: str, target: Target, powers: dict[str, int], krons: tuple[Kron, ...]) -> Term:
+        return Term(name=name, target=target, factor=Monomial(exponent=powers), krons=krons)
 
-    def across(products: list[Product]) -> tuple[Kron, ...]:
-        return tuple(k for over_z, weight in products for k in normal_krons(plan, spacing, over_z, weight))
-
-    def term(name: str, target: str, powers: dict[str, int], krons: tuple[Kron, ...]) -> Term:
-        return Term(name=name, target=target, factor=Monomial(exponent=powers), krons=krons)  # type: ignore[arg-type]
-
+    uniform = stack.pressing is None
+    tangential, normal = field["pressure"].tangential(), field["normal"].normal()
+    squared = tangential if uniform else field["pressure squared"].tangential()
+    mixed = normal if uniform else field["pressure times normal"].normal()
     return (
-        term("tangential contact", "K", {"G_f": 1}, tangential(fields[0])),
-        term("normal contact", "K", {"normal_modulus": 1}, across(fields[1])),
-        term("tangential contact damping", "C", {"d_f": 1, "G_f": 1}, tangential(fields[2])),
-        term("normal contact damping", "C", {"d_f": 1, "normal_modulus": 1}, across(fields[3])),
+        term("tangential contact", "K", {"G_f": 1, "pressure": 1}, tangential),
+        term("normal contact", "K", {"normal_modulus": 1}, normal),
+        term("tangential contact damping", "C", {"d_f": 1, "G_f": 1, "pressure": 2}, squared),
+        term("normal contact damping", "C", {"d_f": 1, "normal_modulus": 1, "pressure": 1}, mixed),
         *interlayer_terms(stack, plan),
     )
 

@@ -2,6 +2,7 @@
 
 ModelError
 ├── StackError   the stack file or description: an unknown key, an impossible value
+├── EffectError  a physical effect: unknown, contradictory, or not possible on this stack
 └── SolveError   the numerical solution: a singular system, no convergence
 """
 
@@ -14,6 +15,10 @@ class ModelError(Exception):
 
 class StackError(ModelError):
     """The description of the stack is incomplete or impossible."""
+
+
+class EffectError(ModelError):
+    """A physical effect is unknown, badly written, contradicts another one, or needs what the stack lacks."""
 
 
 class SolveError(ModelError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,14 @@ from model.arrays import readonly
 from model.errors import SolveError
 from model.observation import Observation, Observed, observe
 from model.reduction import ReducedSystem
+from model.system import OMEGA
 from model.z_basis import shear_shift
 
 _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
 _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
+
+_MOST_STEPS = 30  # of the search for a mode's own frequency
+_CONVERGED = 1e-10  # relative change of that frequency
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,6 +108,7 @@ def solve_modes(
     n_mode: int = 12,
     observation: Observation | Observed,
     parameters: Mapping[str, float] | None = None,
+    by: Collection[str] | None = None,
 ) -> Modes:
     """Solve for the lowest modes at given contact parameters.
 
@@ -128,10 +133,13 @@ def solve_modes(
         Where shapes are wanted; `observe` it once where many solves follow.
     parameters : mapping of str to float, optional
         Values of further parameters that differ from `system.theta`.
+    by : collection of str, optional
+        Parameters whose derivatives are wanted; all by default.
 
     Returns
     -------
     Modes
+        With effects that depend on frequency, each mode is that of the matrices at its own frequency.
 
     Raises
     ------
@@ -141,42 +149,160 @@ def solve_modes(
     """
     theta = full_parameters(system, G_f, d_f, parameters)
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
-    omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, eigenvalues[:n_mode]))
-    coordinate = vectors[:, :n_mode]
-    safe = np.where(omega > 0.0, omega, np.inf)
-    damping_matrix = system.matrix("C", theta)
-    modal_damping = np.einsum("ir,ij,jr->r", coordinate, damping_matrix, coordinate, optimize=True)
     observed = observe(system, observation)
+    names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
+    if OMEGA in theta:
+        own = [
+            _at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in range(n_rigid, n_mode)
+        ]
+        rigid = _mode_derivatives(system, theta, names, eigenvalues, vectors, slice(0, n_rigid))
+        found = _Derivatives.joined([rigid, *own])
+    else:
+        found = _mode_derivatives(system, theta, names, eigenvalues, vectors, slice(0, n_mode))
+    omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, found.eigenvalue))
+    safe = np.where(omega > 0.0, omega, np.inf)
+    d_omega = found.d_eigenvalue / (2.0 * safe[:, None])
+    damping = found.modal_damping / (2.0 * safe)
     rows = observed.reduced_rows
-
-    names = tuple(theta)
-    frequency_gradient = np.zeros((n_mode, len(names)))
-    damping_gradient = np.zeros((n_mode, len(names)))
-    shape_gradient = np.zeros((rows.shape[0], n_mode, len(names)))
-    for j, name in enumerate(names):
-        d_lambda, d_coordinate = _eigen_derivative(system, theta, name, eigenvalues, vectors, n_mode)
-        d_omega = d_lambda / (2.0 * safe)
-        d_modal = 2.0 * np.einsum(
-            "ir,ij,jr->r", d_coordinate, damping_matrix, coordinate, optimize=True
-        ) + np.einsum(
-            "ir,ij,jr->r", coordinate, system.derivative("C", theta, name), coordinate, optimize=True
-        )
-        frequency_gradient[:, j] = d_omega / (2.0 * np.pi)
-        damping_gradient[:, j] = (d_modal - modal_damping * d_omega / safe) / (2.0 * safe)
-        shape_gradient[:, :, j] = rows @ d_coordinate
     return Modes(
         frequency=omega / (2.0 * np.pi),
-        damping=modal_damping / (2.0 * safe),
-        shape=rows @ coordinate,
+        damping=damping,
+        shape=rows @ found.coordinate,
         node=observed.node,
         direction=observed.direction,
         n_rigid=n_rigid,
         parameter=names,
-        frequency_gradient=frequency_gradient,
-        damping_gradient=damping_gradient,
-        shape_gradient=shape_gradient,
-        coordinate=coordinate,
+        frequency_gradient=d_omega / (2.0 * np.pi),
+        damping_gradient=found.d_modal_damping / (2.0 * safe[:, None])
+        - damping[:, None] * d_omega / safe[:, None],
+        shape_gradient=np.einsum("di,irp->drp", rows, found.d_coordinate, optimize=True),
+        coordinate=found.coordinate,
         outside=outside_ranges(system, theta),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Derivatives:
+    """Eigenvalues, vectors and phi' C phi of some modes, with derivatives by each parameter as the last axis."""
+
+    eigenvalue: NDArray[np.float64]
+    coordinate: NDArray[np.float64]
+    modal_damping: NDArray[np.float64]
+    d_eigenvalue: NDArray[np.float64]
+    d_coordinate: NDArray[np.float64]
+    d_modal_damping: NDArray[np.float64]
+
+    @classmethod
+    def joined(cls, parts: list[_Derivatives]) -> _Derivatives:
+        axis = {"coordinate": 1, "d_coordinate": 1}
+        return cls(
+            **{
+                field.name: np.concatenate(
+                    [getattr(part, field.name) for part in parts], axis=axis.get(field.name, 0)
+                )
+                for field in dataclasses.fields(cls)
+            }
+        )
+
+
+def _mode_derivatives(
+    system: ReducedSystem,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    eigenvalues: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    which: slice,
+) -> _Derivatives:
+    """Return modes and their derivatives (Fox and Kapoor 1968); each matrix is projected once for all parameters."""
+    chosen, lam = vectors[:, which], eigenvalues[which]
+    column, row = np.arange(lam.size), np.arange(eigenvalues.size)[which]
+    gap = lam - eigenvalues[:, None]
+    scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
+    apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
+    slopes = {
+        target: {name: np.zeros((eigenvalues.size, lam.size)) for name in names} for target in ("M", "C", "K")
+    }
+    projected: dict[int, NDArray[np.float64]] = {}
+    damped = np.zeros((eigenvalues.size, lam.size))  # V' C of the chosen modes
+    for term in system.terms:
+        shares = {name: term.factor.derivative(theta, name) for name in names}
+        factor = term.factor(theta)
+        if any(shares.values()) or (term.target == "C" and factor):
+            if id(term.matrix) not in projected:
+                projected[id(term.matrix)] = vectors.T @ (term.matrix @ chosen)
+            modal = projected[id(term.matrix)]
+            for name, share in shares.items():
+                if share:
+                    slopes[term.target][name] += share * modal
+            if term.target == "C":
+                damped += factor * modal
+    d_eigenvalue, d_modal = np.zeros((2, lam.size, len(names)))
+    mixing = np.zeros((eigenvalues.size, lam.size, len(names)))
+    for j, name in enumerate(names):
+        coupling = slopes["K"][name] - slopes["M"][name] * lam
+        mixing[:, :, j] = coupling / apart
+        mixing[row, column, j] = -0.5 * slopes["M"][name][row, column]
+        d_eigenvalue[:, j] = coupling[row, column]
+        d_modal[:, j] = 2.0 * np.sum(mixing[:, :, j] * damped, axis=0) + slopes["C"][name][row, column]
+    return _Derivatives(
+        eigenvalue=lam,
+        coordinate=chosen,
+        modal_damping=damped[row, column],
+        d_eigenvalue=d_eigenvalue,
+        d_coordinate=(vectors @ mixing.reshape(eigenvalues.size, -1)).reshape(mixing.shape),
+        d_modal_damping=d_modal,
+    )
+
+
+def _at_own_frequency(
+    system: ReducedSystem,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    eigenvalues: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    mode: int,
+) -> _Derivatives:
+    """Solve for one mode with the matrices at its own frequency, the mode being followed by its shape.
+
+    Its eigenvalue obeys lambda = L(theta, omega) with omega = sqrt(lambda), so by a parameter
+    d lambda = L_theta / (1 - L_omega / (2 omega)), and likewise for all that follows from it.
+
+    Raises
+    ------
+    SolveError
+        The iteration does not converge.
+    """
+    stiffness_follows = bool(np.any(system.derivative("K", theta, OMEGA)))
+    values, basis, index = eigenvalues, vectors, mode
+    for _ in range(_MOST_STEPS):
+        omega = float(np.sqrt(values[index]))
+        here = {**theta, OMEGA: omega}
+        if not stiffness_follows:
+            break
+        mass = system.matrix("M", here)
+        last = basis[:, index]
+        values, basis = la.eigh(system.matrix("K", here), mass)
+        index = int(np.argmax(np.abs(basis.T @ (mass @ last))))
+        if abs(np.sqrt(values[index]) - omega) < _CONVERGED * omega:
+            here = {**theta, OMEGA: float(np.sqrt(values[index]))}
+            break
+    else:
+        message = (
+            f"mode {mode}: its frequency-dependent stiffness does not settle near {omega / 2 / np.pi:.6g} Hz"
+        )
+        raise SolveError(message)
+    found = _mode_derivatives(system, here, (*names, OMEGA), values, basis, slice(index, index + 1))
+    omega = here[OMEGA]
+    slope = found.d_eigenvalue[:, -1] / (2.0 * omega)
+    d_eigenvalue = found.d_eigenvalue[:, :-1] / (1.0 - slope[:, None])
+    d_omega = d_eigenvalue / (2.0 * omega)
+    return _Derivatives(
+        eigenvalue=found.eigenvalue,
+        coordinate=found.coordinate,
+        modal_damping=found.modal_damping,
+        d_eigenvalue=d_eigenvalue,
+        d_coordinate=found.d_coordinate[:, :, :-1] + found.d_coordinate[:, :, -1:] * d_omega,
+        d_modal_damping=found.d_modal_damping[:, :-1] + found.d_modal_damping[:, -1:] * d_omega,
     )
 
 
@@ -222,29 +348,6 @@ def full_parameters(
         message = f"unknown parameters {', '.join(unknown)}; the system has {', '.join(system.theta)}"
         raise SolveError(message)
     return {**system.theta, **given, "G_f": G_f, "d_f": d_f}
-
-
-def _eigen_derivative(
-    system: ReducedSystem,
-    theta: Mapping[str, float],
-    name: str,
-    eigenvalues: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    n_mode: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return d eigenvalue (n_mode,) and d vector (n, n_mode) by a parameter (Fox and Kapoor 1968)."""
-    lowest = vectors[:, :n_mode]
-    stiffness = vectors.T @ system.derivative("K", theta, name) @ lowest
-    mass = vectors.T @ system.derivative("M", theta, name) @ lowest
-    lam = eigenvalues[:n_mode]
-    coupling = stiffness - mass * lam
-    gap = lam - eigenvalues[:, None]
-    scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
-    mixing = np.where(np.abs(gap) > _SAME * scale, coupling / np.where(gap == 0.0, 1.0, gap), 0.0)
-    index = np.arange(n_mode)
-    d_lambda = coupling[index, index]
-    mixing[index, index] = -0.5 * mass[index, index]
-    return d_lambda, vectors @ mixing
 
 
 def complex_modes(

@@ -8,9 +8,10 @@ A solve for new parameters then costs a small dense eigenvalue problem.
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.assemble import assemble
+from model.effect_basis import effect_answers, effect_samples
 from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.low_rank import Factor
@@ -158,7 +160,7 @@ def reduce(
     Parameters
     ----------
     stack : Stack
-        The stack with its mesh.
+        The stack with its mesh. The reduction holds for its effects over the ranges of their parameters.
     G_f_range : (float, float), optional
         Values of G_f for which the reduction shall hold; by default from a quarter to four times the stack's
         own.
@@ -191,9 +193,12 @@ def reduce(
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
     samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
-    over_z = z_basis(stack, laminas, samples[: 2 * len(box)], n_mode, z_tolerance)
+    outer = samples[: 2 * len(box)]
+    over_z = z_basis(
+        stack, laminas, outer + effect_samples(stack, samples[-1]), n_mode, z_tolerance, len(outer)
+    )
     assembly = laminas.project_z(over_z.phi)
-    solver = solver_over_plan(assembly)
+    solver = solver_over_plan(_acting(assembly, samples))
     mass = assembly.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -203,7 +208,7 @@ def reduce(
     basis, mass_basis = orthonormalize(rigid, product)
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
     for i, sample in enumerate(samples):
-        if i < len(over_z.snapshots):
+        if i < len(outer):
             start = over_z.snapshots[i][:, N_RIGID:]
         else:
             stiffness, inertia = (
@@ -217,6 +222,15 @@ def reduce(
         )
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+    answers = effect_answers(assembly, solver, samples[-1], basis, n_mode)
+    if answers.shape[1]:
+        basis = np.hstack([basis, orthonormalize(answers, product, [(basis, mass_basis)])[0]])
+    projected: dict[
+        int, NDArray[np.float64]
+    ] = {}  # terms that differ by their factor only are projected once
+    for term in assembly.terms:
+        if id(term.krons) not in projected:
+            projected[id(term.krons)] = _symmetric(basis.T @ assembly.apply(term.krons, basis))
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
@@ -227,7 +241,7 @@ def reduce(
                 name=term.name,
                 target=term.target,
                 factor=term.factor,
-                matrix=_symmetric(basis.T @ assembly.apply(term.krons, basis)),
+                matrix=projected[id(term.krons)],
             )
             for term in assembly.terms
         ),
@@ -235,6 +249,12 @@ def reduce(
         ranges=box,
         laminas=laminas,
     )
+
+
+def _acting(assembly: Assembly, samples: Sequence[Mapping[str, float]]) -> Assembly:
+    """Return the equations of motion without the terms that vanish at all samples, such as neutral effects'."""
+    terms = tuple(t for t in assembly.terms if any(t.factor(theta) != 0.0 for theta in samples))
+    return dataclasses.replace(assembly, terms=terms)
 
 
 def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str, float]) -> None:

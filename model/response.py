@@ -14,7 +14,7 @@ from model.errors import SolveError
 from model.modes import full_parameters
 from model.observation import Observation, observe
 from model.reduction import ReducedSystem, shifted_factor
-from model.system import Target
+from model.system import OMEGA, Target, Term
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 
@@ -76,6 +76,8 @@ def frf(
     theta = full_parameters(system, G_f, d_f, parameters)
     rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
     assembly = system.assembly
+    if OMEGA in theta:
+        theta = {**theta, OMEGA: 2.0 * np.pi * float(np.median(frequency))}
     krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
 
     factor = shifted_factor(system, theta)
@@ -94,6 +96,7 @@ def frf(
         matrix[system.size :] = added.T
         reduced[target] = matrix
 
+    following = _following_terms(system, theta, basis)
     load = (rows_in @ basis).T
     response = rows_out @ basis
     omega = 2.0 * np.pi * frequency
@@ -101,9 +104,27 @@ def frf(
     for first in range(0, omega.size, _LINES_AT_ONCE):
         lines = omega[first : first + _LINES_AT_ONCE, None, None]
         dynamic = reduced["K"] + 1j * lines * reduced["C"] - lines**2 * reduced["M"]
+        for term, matrix in following:
+            at = [term.factor({**theta, OMEGA: float(line)}) for line in lines.ravel()]
+            change = np.array(at)[:, None, None] - term.factor(theta)
+            power = {"K": 0, "C": 1, "M": 2}[term.target]
+            dynamic += change * (1j * lines) ** power * matrix
         solved = np.linalg.solve(dynamic, np.broadcast_to(load, (lines.size, *load.shape)))
         value[:, :, first : first + _LINES_AT_ONCE] = (response @ solved).transpose(1, 2, 0)
     return value * (1j * omega) ** get_args(Quantity).index(quantity)
+
+
+def _following_terms(
+    system: ReducedSystem, theta: Mapping[str, float], basis: NDArray[np.float64]
+) -> list[tuple[Term, NDArray[np.float64]]]:
+    """Return the terms whose factor depends on frequency, with their matrices in a basis."""
+    if OMEGA not in theta:
+        return []
+    return [
+        (term, basis.T @ system.assembly.apply(term.krons, basis))
+        for term in system.assembly.terms
+        if term.factor.derivative(theta, OMEGA) != 0.0
+    ]
 
 
 def frf_direct(
@@ -127,11 +148,15 @@ def frf_direct(
         m/N.
     """
     theta = full_parameters(system, G_f, d_f, parameters)
-    stiffness, damping, mass = (system.assembly.matrix(target, theta) for target in ("K", "C", "M"))
+    assembly = system.assembly
+    stiffness, damping, mass = (assembly.matrix(target, theta) for target in ("K", "C", "M"))
     rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
     load = rows_in.T.toarray().astype(complex)
     value = np.empty((rows_out.shape[0], rows_in.shape[0], np.size(frequency)), dtype=complex)
     for i, omega in enumerate(2.0 * np.pi * np.asarray(frequency, dtype=float)):
+        if OMEGA in theta:
+            here = {**theta, OMEGA: float(omega)}
+            stiffness, damping, mass = (assembly.matrix(target, here) for target in ("K", "C", "M"))
         dynamic = (stiffness + 1j * omega * damping - omega**2 * mass).tocsc()
         value[:, :, i] = rows_out @ splinalg.splu(dynamic).solve(load)
     return value

@@ -7,14 +7,18 @@ height, in which the laminas are stacked.
 from __future__ import annotations
 
 import dataclasses
+import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import readonly
 from model.curve import CompressionCurve
-from model.errors import StackError
+from model.effect import Effect, shared_parameters
+from model.errors import EffectError, StackError
 from model.material import Material
 from model.outline import Outline, Triangulation
 
@@ -244,6 +248,25 @@ class PatchSupport:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Instruments:
+    """Where the test's instruments touch the stack; what effects of their mass and stiffness need.
+
+    Attributes
+    ----------
+    shaker : (x, y, z)
+        Where the stinger is fixed, m.
+    sensor : (n, 3) float
+        Points over which the accelerometers rove, m.
+    """
+
+    shaker: tuple[float, float, float]
+    sensor: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sensor", readonly("Instruments", "sensor", self.sensor, (None, 3)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Mesh:
     """Fineness of the mesh of one lamina: number of elements along x and y.
 
@@ -285,6 +308,12 @@ class Stack:
         What makes the pressure uneven: how the clamps press, or the field itself. None is uniform pressure.
     supports : tuple of EdgeSupport or PatchSupport
         What holds it to the ground; without any it floats.
+    effects : tuple of Effect
+        Physical effects beyond the base model; `with_effects` adds them.
+    effect_values : mapping of str to float
+        Values of the effects' parameters.
+    instruments : Instruments or None
+        Where the test's instruments touch it; None where no test is known.
     """
 
     name: str
@@ -300,6 +329,9 @@ class Stack:
     pressing: Pressing | PressureDistribution | None = None
     supports: tuple[EdgeSupport | PatchSupport, ...] = ()
     outline: Outline | Triangulation | None = None
+    effects: tuple[Effect, ...] = ()
+    effect_values: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    instruments: Instruments | None = None
 
     def __post_init__(self) -> None:
         _require_positive("stack", self, "length", "width", "height", "n_lamina")
@@ -376,3 +408,40 @@ class Stack:
     def with_contact(self, **values: float) -> Stack:
         """Return the stack with some of `G_f`, `d_f`, `pressure`, `normal_modulus` replaced."""
         return dataclasses.replace(self, contact=dataclasses.replace(self.contact, **values))
+
+    def with_effects(self, *effects: Effect | str, **values: float) -> Stack:
+        """Return the stack with further effects, and with values of effects' parameters.
+
+        Parameters
+        ----------
+        *effects : Effect or str
+            Effects, or names of the catalogue. One that the stack has already stays once.
+        **values : float
+            Values by parameter name. Those of a new effect that are not given are neutral: it changes
+            nothing until it is fitted or given a strength.
+
+        Raises
+        ------
+        EffectError
+            An effect or parameter is unknown, or effects disagree about a shared parameter.
+        """
+        from model.catalogue import catalogue, find_effects  # here: effects are made of stacks
+
+        known = catalogue() if any(isinstance(effect, str) for effect in effects) else {}
+        chosen = {effect.name: effect for effect in self.effects}
+        for effect in effects:
+            found = find_effects([effect], known)[0] if isinstance(effect, str) else effect
+            chosen[found.name] = found
+        parameters = shared_parameters(chosen.values())
+        for name in values:
+            if name not in parameters:
+                close = difflib.get_close_matches(name, parameters, n=1)
+                hint = (
+                    f"did you mean {close[0]}?" if close else f"there are {', '.join(parameters) or 'none'}"
+                )
+                message = f"no effect of the stack has a parameter {name!r}; {hint}"
+                raise EffectError(message)
+        neutral = {name: parameter.neutral for name, parameter in parameters.items()}
+        return dataclasses.replace(
+            self, effects=tuple(chosen.values()), effect_values={**neutral, **self.effect_values, **values}
+        )

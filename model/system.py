@@ -8,7 +8,7 @@ replaces Z by Phi' Z Phi and leaves everything else as it is.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -16,10 +16,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from model.errors import SolveError
 from model.mesh import FIELDS, Field, Plan
+from model.stack import Stack
 
 Target = Literal["M", "C", "K"]
 Matrix = Any  # scipy sparse or numpy dense; scipy has no common type for the two
+
+Theta = Mapping[str, Any]
+"""Parameters by name: real, or complex in a complex step."""
+
+OMEGA = "omega"
+"""The parameter, rad/s, of factors that depend on frequency: modes are solved at their own, responses line by line."""
+_STEP = 1e-30  # of the complex step, which loses nothing to rounding however small it is
 
 
 class ParameterFactor(Protocol):
@@ -55,6 +64,28 @@ class Monomial:
             return 0.0
         rest = {other: power for other, power in self.exponent.items() if other != name}
         return n * theta[name] ** (n - 1) * Monomial(exponent=rest)(theta)
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """The factor of a term as an analytic function of the parameters, with derivatives by a complex step.
+
+    Attributes
+    ----------
+    function : callable
+        From a mapping of parameter names to values, real or complex, to the factor; no `abs`, `min` or
+        comparison of complex values inside, which are not analytic (Squire and Trapp 1998).
+    """
+
+    function: Callable[[Theta], Any]
+
+    def __call__(self, theta: Mapping[str, float]) -> float:
+        """Return the value at the parameters `theta`."""
+        return float(np.real(self.function(theta)))
+
+    def derivative(self, theta: Mapping[str, float], name: str) -> float:
+        """Return the derivative by the parameter `name` at `theta`."""
+        return float(np.imag(self.function({**theta, name: theta[name] + 1j * _STEP})) / _STEP)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,6 +127,8 @@ class Assembly:
 
     Attributes
     ----------
+    stack : Stack
+        What is described.
     plan : Plan
         The lamina's mesh and spaces.
     n_z : mapping of field to int
@@ -106,6 +139,7 @@ class Assembly:
         The parameters and their nominal values.
     """
 
+    stack: Stack
     plan: Plan
     n_z: Mapping[Field, int]
     terms: tuple[Term, ...]
@@ -125,16 +159,31 @@ class Assembly:
             start = stop
         return found
 
+    def term(self, name: str) -> Term:
+        """Return the term of a name.
+
+        Raises
+        ------
+        SolveError
+            There is none.
+        """
+        for term in self.terms:
+            if term.name == name:
+                return term
+        message = f"no term {name!r}; there are {', '.join(term.name for term in self.terms)}"
+        raise SolveError(message)
+
     def with_terms(self, terms: tuple[Term, ...], theta: Mapping[str, float]) -> Assembly:
         """Return the assembly with further terms and the nominal values of their parameters."""
         return dataclasses.replace(self, terms=self.terms + terms, theta={**self.theta, **theta})
 
     def krons(self, target: Target, theta: Mapping[str, float]) -> tuple[Kron, ...]:
-        """Return all Kronecker products of a matrix with their factors multiplied in."""
+        """Return all Kronecker products of a matrix with their factors multiplied in; those with factor 0 are left out."""
+        factors = [(term, term.factor(theta)) for term in self.terms if term.target == target]
         return tuple(
-            dataclasses.replace(kron, z=term.factor(theta) * kron.z)
-            for term in self.terms
-            if term.target == target
+            dataclasses.replace(kron, z=factor * kron.z)
+            for term, factor in factors
+            if factor != 0.0
             for kron in term.krons
         )
 
@@ -176,16 +225,17 @@ class Assembly:
         return y
 
     def project_z(self, phi: Mapping[Field, NDArray[np.float64]]) -> Assembly:
-        """Return the Galerkin projection on x = sum over j of phi[field][:, j] x_j, for each field."""
-        terms = tuple(
-            dataclasses.replace(
-                term,
-                krons=tuple(
+        """Return the Galerkin projection on x = sum over j of phi[field][:, j] x_j, for each field.
+
+        Terms that share their products still do.
+        """
+        projected: dict[int, tuple[Kron, ...]] = {}
+        for term in self.terms:
+            if id(term.krons) not in projected:
+                projected[id(term.krons)] = tuple(
                     dataclasses.replace(kron, z=phi[kron.row].T @ (kron.z @ phi[kron.column]))
                     for kron in term.krons
-                ),
-            )
-            for term in self.terms
-        )
+                )
+        terms = tuple(dataclasses.replace(term, krons=projected[id(term.krons)]) for term in self.terms)
         n_z = {field: phi[field].shape[1] for field in FIELDS}
         return dataclasses.replace(self, n_z=n_z, terms=terms)

@@ -50,11 +50,18 @@ def test_reduced_modes_agree_with_the_full_matrices(system, G_f):
 
 
 def test_derivatives_agree_with_finite_differences(system):
-    step = {"G_f": 1e-2, "d_f": 1e-16, "young": 1e-4, "density": 1e-4, "normal_modulus": 1e-4}
+    step = {
+        "G_f": 1e-2,
+        "d_f": 1e-16,
+        "pressure": 1.0,
+        "young": 1e-4,
+        "density": 1e-4,
+        "normal_modulus": 1e-4,
+    }
     observed = model.observe(system, CORNERS)
 
     def solve(theta):
-        rest = {name: theta[name] for name in ("young", "density", "normal_modulus")}
+        rest = {name: theta[name] for name in ("pressure", "young", "density", "normal_modulus")}
         return model.solve_modes(
             system, G_f=theta["G_f"], d_f=theta["d_f"], observation=observed, parameters=rest
         ).elastic()

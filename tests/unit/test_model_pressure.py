@@ -26,9 +26,11 @@ STACK = model.Stack(
 )
 
 
-def energy(assembly: model.Assembly, name: str, x: np.ndarray) -> float:
-    krons = next(term for term in assembly.terms if term.name == name).krons
-    return float(x @ assembly.apply(krons, x[:, None])[:, 0])
+def energy(assembly, name, x):
+    """Return twice the energy of a term where G_f and d_f are 1."""
+    term = assembly.term(name)
+    factor = term.factor({**assembly.theta, "G_f": 1.0, "d_f": 1.0})
+    return factor * float(x @ assembly.apply(term.krons, x[:, None])[:, 0])
 
 
 def stretched(assembly: model.Assembly, stack: model.Stack, field: str) -> np.ndarray:

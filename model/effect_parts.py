@@ -1,0 +1,175 @@
+"""Parts that many effects are made of: masses, springs and dashpots at places, and changes of the pressure field."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.clamping import footprint_points
+from model.contact import contact_fields
+from model.errors import EffectError
+from model.mesh import Derivative, Field
+from model.stack import Clamp, Instruments, Stack
+from model.system import Assembly, Formula, Kron, Term, Theta
+
+Vector = NDArray[np.float64]
+
+N_STATION = 11
+"""Stations of accelerometers along the stack where no test is known: with four edges the 44 points of the paper."""
+
+
+def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
+    """Return the stack's clamps.
+
+    Raises
+    ------
+    EffectError
+        It has none.
+    """
+    if not assembly.stack.clamps:
+        message = (
+            f"{effect}: the stack has no clamps; add [[clamps]] to its file, with mass_kg = 0 if need be"
+        )
+        raise EffectError(message)
+    return assembly.stack.clamps
+
+
+def instruments_of(stack: Stack) -> Instruments:
+    """Return the stack's instruments; by default the paper's test.
+
+    By default there are 44 points on the four long edges, and the shaker under the corner at the highest x and y.
+    """
+    if stack.instruments is not None:
+        return stack.instruments
+    x = np.linspace(-0.5, 0.5, N_STATION) * stack.length
+    edges = itertools.product(
+        x, (-stack.width / 2.0, stack.width / 2.0), (-stack.height / 2.0, stack.height / 2.0)
+    )
+    return Instruments(
+        shaker=(stack.length / 2.0, stack.width / 2.0, -stack.height / 2.0), sensor=np.array(list(edges))
+    )
+
+
+def every_lamina(stack: Stack) -> sp.csr_array:
+    """Return the matrix over the laminas that gives each an equal share of one."""
+    return sp.eye_array(stack.n_lamina, format="csr") / stack.n_lamina
+
+
+def tie(stack: Stack) -> sp.csr_array:
+    """Return the matrix over the laminas of a spring from the bottom to the top of the stack.
+
+    It takes the mean strain over the height, which is what a stiff bar on either face feels; the faces' laminas
+    alone would give way under it.
+    """
+    row = stack.lamina_z / np.sum(stack.lamina_z**2) * np.ptp(stack.lamina_z)
+    return sp.csr_array(np.outer(row, row))
+
+
+def mean_over(
+    assembly: Assembly,
+    field: Field,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    slope: Derivative = "",
+) -> sp.csr_matrix:
+    """Return the row that takes the mean of a field, or of its slope, over a rectangle of the plan."""
+    points, weights = footprint_points(centre, size, assembly.plan)
+    return sp.csr_matrix(weights @ assembly.plan.point_rows(field, points, slope))
+
+
+def square(field: Field, row: sp.csr_matrix, z: sp.csr_array, strength: float = 1.0) -> Kron:
+    """Return strength times the square of what a row takes of a field."""
+    return Kron(row=field, column=field, z=strength * z, planar=(row.T @ row).tocsr())
+
+
+def point_rows(assembly: Assembly, field: Field, points: Vector) -> sp.csr_matrix:
+    """Return one row for each point (n, 2) that takes the field there."""
+    return assembly.plan.point_rows(field, points)
+
+
+def centred(weight: Vector, dx: Vector) -> Vector:
+    """Return a change of pressure that keeps the force: without mean, and -1 where pressure falls most."""
+    change = weight - float(np.sum(weight * dx) / np.sum(dx))
+    return np.asarray(change / -change.min())
+
+
+def pressure_change(
+    assembly: Assembly,
+    effect: str,
+    amplitude: str,
+    shape: Callable[[Vector, Vector], Vector],
+) -> tuple[Term, ...]:
+    """Return the terms of a pressure p (1 + a f(x, y)) in place of p, with the amplitude a.
+
+    The shear modulus G_f p and the damping d_f p change with it; the normal modulus stays.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    effect : str
+        Its name.
+    amplitude : str
+        Name of the parameter a.
+    shape : callable
+        From x and y, (n_element, n_point) m, to the change of pressure before `centred` keeps the clamping force.
+    """
+    plan = assembly.plan
+    x, y = plan.quadrature_points
+    f = centred(shape(x, y), np.asarray(plan.membrane.dx))
+    field = contact_fields(assembly.stack, plan)
+
+    def stiffness(t: Theta) -> Any:
+        return t["G_f"] * t["pressure"] * t[amplitude]
+
+    def loss(t: Theta) -> Any:
+        return 2.0 * t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t[amplitude]
+
+    def loss_squared(t: Theta) -> Any:
+        return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t[amplitude] ** 2
+
+    def normal_loss(t: Theta) -> Any:
+        return t["d_f"] * t["normal_modulus"] * t["pressure"] * t[amplitude]
+
+    return (
+        Term(
+            name=f"{effect} stiffness",
+            target="K",
+            factor=Formula(stiffness),
+            krons=field["pressure"].tangential(f),
+        ),
+        Term(
+            name=f"{effect} damping",
+            target="C",
+            factor=Formula(loss),
+            krons=field["pressure squared"].tangential(f),
+        ),
+        Term(
+            name=f"{effect} damping, squared",
+            target="C",
+            factor=Formula(loss_squared),
+            krons=field["pressure squared"].tangential(f**2),
+        ),
+        Term(
+            name=f"{effect} normal damping",
+            target="C",
+            factor=Formula(normal_loss),
+            krons=field["pressure times normal"].normal(f),
+        ),
+    )
+
+
+def hats(position: Any, grid: Vector) -> list[Any]:
+    """Return the piecewise linear functions of a grid at a position, real or complex: they sum to 1."""
+    real = float(np.real(position))
+    last = len(grid) - 2
+    i = min(max(int(np.searchsorted(grid, real, side="right")) - 1, 0), last)
+    part = (position - grid[i]) / (grid[i + 1] - grid[i])
+    values: list[Any] = [0.0] * len(grid)
+    values[i], values[i + 1] = 1.0 - part, part
+    return values

@@ -1,0 +1,1 @@
+"""Physical effects beyond the base model, one a file; each file ends in ``EFFECT = Effect(...)``."""

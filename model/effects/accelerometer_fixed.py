@@ -1,0 +1,48 @@
+"""Accelerometer mass, fixed: a reference accelerometer that stays on the stack for all runs.
+
+It sits at the corner opposite to the shaker, on top.
+
+Enters: mass matrix at one point of the plan, spread over the height, all directions; affine.
+Range: 0 to 0.05 kg: miniature accelerometers weigh 1 to 50 g with cable and mounting.
+Does: lowers modes by at most 0.2 %, those that move at that corner; tilts shapes a little. The same between
+    torques.
+Mistaken for: noise; stinger_mass, which sits elsewhere; a small change of density.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import every_lamina, instruments_of, point_rows, square
+from model.mesh import FIELDS
+from model.system import Assembly, Monomial, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return a mass of 1 kg at the corner opposite to the shaker."""
+    x, y, _ = instruments_of(assembly.stack).shaker
+    place = np.array([[-x, -y]])
+    at = every_lamina(assembly.stack)
+    krons = tuple(square(field, point_rows(assembly, field, place), at) for field in FIELDS)
+    factor = Monomial(exponent={"fixed_sensor_mass": 1})
+    return (Term(name="accelerometer_fixed", target="M", factor=factor, krons=krons),)
+
+
+EFFECT = Effect(
+    name="accelerometer_fixed",
+    family="inertia",
+    summary="Mass of an accelerometer that stays in place",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="fixed_sensor_mass",
+            unit="kg",
+            nominal=0.02,
+            lower=0.0,
+            upper=0.05,
+            source="data sheets of general-purpose accelerometers with mounting",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,48 @@
+"""Accelerometer mass, roving: the two sensors load another place in each run.
+
+In the mean over all runs each measured point carries its share of the sensors' mass, and that is what a global
+frequency sees to first order. The shift from run to run is `ema`'s to find.
+
+Enters: mass matrix at all measured points, 2 m / n_point each, spread over the height, all directions; affine.
+Range: 0 to 0.05 kg a sensor.
+Does: lowers all modes by a similar small amount, most those with large motion at the edges; scatter from run to
+    run. The same between torques.
+Mistaken for: density, fill factor, clamp_mass.
+"""
+
+from __future__ import annotations
+
+from model.effect import Effect, Parameter
+from model.effect_parts import every_lamina, instruments_of, point_rows, square
+from model.mesh import FIELDS
+from model.system import Assembly, Monomial, Term
+
+_SENSORS = 2
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the mean over the runs of two masses of 1 kg."""
+    sensor = instruments_of(assembly.stack).sensor
+    share = _SENSORS / len(sensor) * every_lamina(assembly.stack)
+    krons = tuple(square(field, point_rows(assembly, field, sensor[:, :2]), share) for field in FIELDS)
+    factor = Monomial(exponent={"roving_sensor_mass": 1})
+    return (Term(name="accelerometer_roving", target="M", factor=factor, krons=krons),)
+
+
+EFFECT = Effect(
+    name="accelerometer_roving",
+    family="inertia",
+    summary="Mass of the accelerometers that rove over the points",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="roving_sensor_mass",
+            unit="kg",
+            nominal=0.02,
+            lower=0.0,
+            upper=0.05,
+            source="data sheets of general-purpose accelerometers with mounting",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,46 @@
+"""Adhesive at the edges: glue that crept between the laminas along both long edges.
+
+Enters: shear modulus times thickness share in strips of a tenth of the width along both edges; affine.
+Range: 0 to 5e8 Pa of effective modulus: epoxy of 1 GPa filling up to half of the strip.
+Does: raises all modes, torsion most, more at low torque.
+Mistaken for: edge_pressure, weld_seam, contact_offset.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Monomial, Term
+from model.tangential_contact import tangential_krons
+
+_STRIP = 0.1
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return a modulus of 1 Pa that fades from both edges over a tenth of the width."""
+    stack = assembly.stack
+    y = assembly.plan.quadrature_points[1]
+    inward = (stack.width / 2.0 - np.abs(y)) / (_STRIP * stack.width)
+    krons = tangential_krons(assembly.plan, stack.spacing, np.ones(stack.n_lamina - 1), np.exp(-inward))
+    factor = Monomial(exponent={"adhesive_modulus": 1})
+    return (Term(name="adhesive_edges", target="K", factor=factor, krons=krons),)
+
+
+EFFECT = Effect(
+    name="adhesive_edges",
+    family="treatments",
+    summary="Glue between the laminas along the long edges",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="adhesive_modulus",
+            unit="Pa",
+            nominal=100000000.0,
+            lower=0.0,
+            upper=500000000.0,
+            source="epoxy with a shear modulus of 1 GPa that fills part of the strip",
+        ),
+    ),
+    terms=terms,
+)

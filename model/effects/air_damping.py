@@ -1,0 +1,43 @@
+"""Air and mass-proportional damping: what slows all motion alike.
+
+Enters: damping matrix alpha M of the laminas; affine.
+Range: radiation, cables and suspension together.
+Does: damping falls with frequency: most in T1. Frequencies stay.
+Mistaken for: support_loss.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _loss(t: Theta) -> Any:
+    return t["mass_damping"] * t["density"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return what dissipates."""
+    krons = assembly.term("lamina mass").krons
+    return (Term(name="air_damping", target="C", factor=Formula(_loss), krons=krons),)
+
+
+EFFECT = Effect(
+    name="air_damping",
+    family="damping",
+    summary="Air and mass-proportional damping",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="mass_damping",
+            unit="1/s",
+            nominal=6.0,
+            lower=0.0,
+            upper=40.0,
+            source="radiation, cables and suspension together",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,55 @@
+"""Pressure under the clamps: the pressure is high near the clamps and low between them.
+
+Enters: pressure p (1 + a f(x, y)), f a bell of width height / 2 plus half of the footprint about each clamp,
+    less its mean. Stiffness is affine in a, damping a polynomial of it.
+Range: a from 0 (even) to 0.95 (hardly any pressure far from the clamps).
+Does: lowers modes that shear where pressure is lost, at the ends; T and B differ by where they shear. The same
+    between torques in proportion.
+Mistaken for: lost_contact_ends, a lower G_f.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import Vector, clamps_of, pressure_change
+from model.system import Assembly, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the change of the pressure field."""
+    stack = assembly.stack
+    clamps = clamps_of(assembly, "clamp_width")
+
+    def shape(x: Vector, y: Vector) -> Vector:
+        bells = [
+            clamp.share
+            * np.exp(
+                -0.5 * ((x - clamp.x) / (stack.height / 2.0 + clamp.footprint[0] / 2.0)) ** 2
+                - 0.5 * ((y - clamp.y) / (stack.height / 2.0 + clamp.footprint[1] / 2.0)) ** 2
+            )
+            for clamp in clamps
+        ]
+        return np.asarray(np.sum(bells, axis=0))
+
+    return pressure_change(assembly, "clamp_width", "pressure_concentration", shape)
+
+
+EFFECT = Effect(
+    name="clamp_width",
+    family="pressure field",
+    summary="Pressure under the clamps",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="pressure_concentration",
+            unit="1",
+            nominal=0.5,
+            lower=0.0,
+            upper=0.95,
+            source="a from 0 (even) to 0.95 (hardly any pressure far from the clamps)",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,66 @@
+"""Direction-dependent contact: laminas slip more easily along the rolling marks than across.
+
+G_yz = r G_xz: grinding and rolling leave grooves along x.
+
+Enters: tangential contact stiffness and damping in y, times (r - 1); affine.
+Range: r from 0.4 to 2.5.
+Does: r below 1 lowers torsion (T1, T2, which shear both planes) against bending (B1, B2, which shear x-z only).
+    The same between torques.
+Mistaken for: clamp_inertia, lost contact at the edges, waviness.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.contact import contact_fields
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["G_f"] * t["pressure"] * (t["G_yz_ratio"] - 1.0)
+
+
+def _damping(t: Theta) -> Any:
+    return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * (t["G_yz_ratio"] - 1.0)
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the tangential contact in y alone."""
+    field = contact_fields(assembly.stack, assembly.plan)
+    return (
+        Term(
+            name="contact_direction",
+            target="K",
+            factor=Formula(_stiffness),
+            krons=field["pressure"].tangential(axes="y"),
+        ),
+        Term(
+            name="contact_direction damping",
+            target="C",
+            factor=Formula(_damping),
+            krons=field["pressure squared"].tangential(axes="y"),
+        ),
+    )
+
+
+EFFECT = Effect(
+    name="contact_direction",
+    family="contact law",
+    summary="Tangential contact stiffness differs between x and y",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="G_yz_ratio",
+            unit="1",
+            nominal=0.75,
+            lower=0.4,
+            upper=2.5,
+            neutral=1.0,
+            scale="log",
+            source="friction along and across rolling marks",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,45 @@
+"""Hysteretic contact loss: friction takes the same energy per cycle at all frequencies.
+
+Enters: damping matrix eta K_contact / omega of the tangential contact; affine in eta, depends on frequency.
+Range: loss factors of 0.005 to 0.08 of dry joints.
+Does: equal damping in all modes that shear, instead of growth with frequency; the same at both torques.
+    Frequencies stay.
+Mistaken for: steel_loss, lubricant.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _loss(t: Theta) -> Any:
+    return t["contact_eta"] * t["G_f"] * t["pressure"] / t["omega"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return what dissipates."""
+    krons = assembly.term("tangential contact").krons
+    return (Term(name="contact_loss", target="C", factor=Formula(_loss), krons=krons),)
+
+
+EFFECT = Effect(
+    name="contact_loss",
+    family="damping",
+    summary="Hysteretic contact loss",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="contact_eta",
+            unit="1",
+            nominal=0.01,
+            lower=0.0,
+            upper=0.08,
+            source="loss factors of 0.005 to 0.08 of dry joints",
+        ),
+    ),
+    terms=terms,
+    frequency_dependent=True,
+)

@@ -1,0 +1,45 @@
+"""Contact offset: shear stiffness that is there without pressure.
+
+G = G_f p + G0: coating, burrs or interlocking hold the laminas together even when nothing presses.
+
+Enters: tangential contact stiffness G0 on all interfaces; affine.
+Range: 0 to 1.5e8 Pa, up to about the G_f p of the paper's M1.
+Does: nothing with one torque that G_f cannot do; between torques the modes rise by less than sqrt(p) asks for.
+Mistaken for: pressure_exponent, clamp_frame; with one torque G_f itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Monomial, Term
+from model.tangential_contact import tangential_krons
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return a shear modulus of 1 Pa on all interfaces that touch."""
+    stack = assembly.stack
+    touching = np.ones(stack.n_lamina - 1)
+    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
+    krons = tangential_krons(assembly.plan, stack.spacing, touching)
+    return (Term(name="contact_offset", target="K", factor=Monomial(exponent={"G0": 1}), krons=krons),)
+
+
+EFFECT = Effect(
+    name="contact_offset",
+    family="contact law",
+    summary="Shear stiffness without pressure",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="G0",
+            unit="Pa",
+            nominal=50000000.0,
+            lower=0.0,
+            upper=150000000.0,
+            source="up to G_f p at M1 of Table 6",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,45 @@
+"""Edge pressure: burrs of the cut carry the pressure at the long edges.
+
+Enters: pressure p (1 + a f(x, y)), f grows with the square of y, less its mean. Stiffness is affine in a,
+    damping a polynomial of it.
+Range: a from -0.9 (bowed sheets touch in the middle) to 0.95 (burrs carry).
+Does: raises torsion, which shears at the edges, against bending; the same between torques in proportion.
+Mistaken for: contact_direction, adhesive_edges.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import Vector, pressure_change
+from model.system import Assembly, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the change of the pressure field."""
+    stack = assembly.stack
+
+    def shape(x: Vector, y: Vector) -> Vector:
+        return np.asarray((2.0 * y / stack.width) ** 2 + 0.0 * x)
+
+    return pressure_change(assembly, "edge_pressure", "edge_excess", shape)
+
+
+EFFECT = Effect(
+    name="edge_pressure",
+    family="pressure field",
+    summary="Edge pressure",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="edge_excess",
+            unit="1",
+            nominal=0.4,
+            lower=-0.9,
+            upper=0.95,
+            source="a from -0.9 (bowed sheets touch in the middle) to 0.95 (burrs carry)",
+        ),
+    ),
+    terms=terms,
+)

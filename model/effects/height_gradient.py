@@ -1,0 +1,57 @@
+"""Pressure gradient over the height: friction on rods and in the press lets pressure fade downwards.
+
+Enters: pressure p (1 + a (2 k - N) / N) at interface k of N, affine in a; damping too, to first order in a.
+Range: a from -0.9 to 0.9.
+Does: hardly anything to first order, for what the top gains the bottom loses; couples stretching to bending.
+    The same between torques.
+Mistaken for: a lower G_f; often not visible at all.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.contact import contact_fields
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["G_f"] * t["pressure"] * t["height_excess"]
+
+
+def _damping(t: Theta) -> Any:
+    return 2.0 * t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t["height_excess"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the change over the interfaces."""
+    field = contact_fields(assembly.stack, assembly.plan)
+    share = np.linspace(-1.0, 1.0, assembly.stack.n_lamina - 1)
+    stiffness = field["pressure"].over_interfaces(share).tangential()
+    damping = field["pressure squared"].over_interfaces(share).tangential()
+    return (
+        Term(name="height_gradient", target="K", factor=Formula(_stiffness), krons=stiffness),
+        Term(name="height_gradient damping", target="C", factor=Formula(_damping), krons=damping),
+    )
+
+
+EFFECT = Effect(
+    name="height_gradient",
+    family="pressure field",
+    summary="Pressure differs between top and bottom",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="height_excess",
+            unit="1",
+            nominal=0.4,
+            lower=-0.9,
+            upper=0.9,
+            source="friction along rods of stamped stacks",
+        ),
+    ),
+    terms=terms,
+)

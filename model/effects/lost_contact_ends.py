@@ -1,0 +1,45 @@
+"""Lost contact at the ends: pressure fades towards both ends of the stack.
+
+Enters: pressure p (1 + a f(x, y)), f falls with the square of x, less its mean. Stiffness is affine in a,
+    damping a polynomial of it.
+Range: a from 0 to 0.95 of the pressure lost at the ends.
+Does: lowers B2 and T2, which shear near the ends, against T1.
+Mistaken for: clamp_width, suspension.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import Vector, pressure_change
+from model.system import Assembly, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the change of the pressure field."""
+    stack = assembly.stack
+
+    def shape(x: Vector, y: Vector) -> Vector:
+        return np.asarray(-((2.0 * x / stack.length) ** 2) + 0.0 * y)
+
+    return pressure_change(assembly, "lost_contact_ends", "end_loss", shape)
+
+
+EFFECT = Effect(
+    name="lost_contact_ends",
+    family="pressure field",
+    summary="Lost contact at the ends",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="end_loss",
+            unit="1",
+            nominal=0.4,
+            lower=0.0,
+            upper=0.95,
+            source="a from 0 to 0.95 of the pressure lost at the ends",
+        ),
+    ),
+    terms=terms,
+)

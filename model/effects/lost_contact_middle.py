@@ -1,0 +1,46 @@
+"""Lost contact in the middle: laminas do not touch in the middle of the stack.
+
+Enters: pressure p (1 + a f(x, y)), f a bell of a sixth of the length about x = 0, turned down, less its mean.
+    Stiffness is affine in a, damping a polynomial of it.
+Range: a from 0 to 0.95 of the pressure lost in the middle.
+Does: lowers T1 (its shear is largest in the middle) and raises B1 and B2 against it (they shear off the
+    middle).
+Mistaken for: clamp_width, waviness, contact_direction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import Vector, pressure_change
+from model.system import Assembly, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the change of the pressure field."""
+    stack = assembly.stack
+
+    def shape(x: Vector, y: Vector) -> Vector:
+        return np.asarray(-np.exp(-0.5 * (x / (stack.length / 6.0)) ** 2) + 0.0 * y)
+
+    return pressure_change(assembly, "lost_contact_middle", "middle_loss", shape)
+
+
+EFFECT = Effect(
+    name="lost_contact_middle",
+    family="pressure field",
+    summary="Lost contact in the middle",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="middle_loss",
+            unit="1",
+            nominal=0.4,
+            lower=0.0,
+            upper=0.95,
+            source="a from 0 to 0.95 of the pressure lost in the middle",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,63 @@
+"""Micro-slip: at the force level of the test part of each interface slips.
+
+Iwan's model with Segalman's power law: the slipping share kappa takes stiffness away and dissipates. Kappa is
+stated at p_ref = 160 kPa and falls as 1 / p, for pressure holds; it is that of the test's one force level.
+
+Enters: tangential contact, stiffness times -kappa p_ref / p and loss factor (4 / pi) kappa p_ref / (3 p);
+    depends on frequency in the damping. Amplitude itself is not a variable of this linear model: another level
+    is another kappa.
+Range: kappa from 0 to 0.25.
+Does: lowers all modes and adds damping, both more at low torque than at high.
+Mistaken for: pressure_exponent above 1 in frequencies, contact_loss in damping; a second force level tells it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from model.effect import PRESSURE_REFERENCE, Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+_LOSS = 4.0 / (3.0 * math.pi)  # energy lost in a cycle over 2 pi times the stored, for small slip
+
+
+def _slip(t: Theta) -> Any:
+    return t["slip_share"] * PRESSURE_REFERENCE / t["pressure"]
+
+
+def _stiffness(t: Theta) -> Any:
+    return -t["G_f"] * t["pressure"] * _slip(t)
+
+
+def _damping(t: Theta) -> Any:
+    return _LOSS * t["G_f"] * t["pressure"] * _slip(t) / t["omega"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the tangential contact once more."""
+    krons = assembly.term("tangential contact").krons
+    return (
+        Term(name="micro_slip", target="K", factor=Formula(_stiffness), krons=krons),
+        Term(name="micro_slip damping", target="C", factor=Formula(_damping), krons=krons),
+    )
+
+
+EFFECT = Effect(
+    name="micro_slip",
+    family="amplitude",
+    summary="Part of each interface slips at the force of the test",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="slip_share",
+            unit="1",
+            nominal=0.08,
+            lower=0.0,
+            upper=0.25,
+            source="Segalman 2005: micro-slip up to a quarter of the macro-slip stiffness",
+        ),
+    ),
+    terms=terms,
+    frequency_dependent=True,
+)

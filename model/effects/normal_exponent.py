@@ -1,0 +1,58 @@
+"""Normal contact stiffness that grows with pressure.
+
+E_z = E_z0 (p / p_ref)^m with p_ref = 160 kPa; the base model's modulus does not change between torques unless a
+compression curve says so.
+
+Enters: normal contact stiffness, times (p / p_ref)^m - 1; one matrix with an exact factor.
+Range: m from 0 to 1; 1/2 is usual of rough stacks.
+Does: little at one torque; between torques the modes that squeeze the stack (T2, B2) rise by more.
+Mistaken for: normal_stiffness with one torque, pressure_exponent.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.effect import PRESSURE_REFERENCE, Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _law(t: Theta) -> Any:
+    return np.exp(t["normal_exponent"] * np.log(t["pressure"] / PRESSURE_REFERENCE)) - 1.0
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["normal_modulus"] * _law(t)
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return what the power law adds to the normal contact."""
+    return (
+        Term(
+            name="normal_exponent",
+            target="K",
+            factor=Formula(_stiffness),
+            krons=assembly.term("normal contact").krons,
+        ),
+    )
+
+
+EFFECT = Effect(
+    name="normal_exponent",
+    family="contact law",
+    summary="Normal contact stiffness grows with pressure",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="normal_exponent",
+            unit="1",
+            nominal=0.5,
+            lower=0.0,
+            upper=1.0,
+            source="E_z of rough stacks grows about as the root of pressure",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,62 @@
+"""Normal contact stiffness: the compression curve's tangent is not what the base model says.
+
+Enters: normal contact stiffness and damping, times (r - 1); affine.
+Range: r from 0.2 to 5: compression curves of steel stacks differ by this between coatings.
+Does: a softer stack across lowers torsion and short bending (T2, B2) most; hardly T1 and B1. The same between
+    torques.
+Mistaken for: clamp_rods, contact_direction at small changes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["normal_modulus"] * (t["normal_ratio"] - 1.0)
+
+
+def _damping(t: Theta) -> Any:
+    return t["d_f"] * t["pressure"] * t["normal_modulus"] * (t["normal_ratio"] - 1.0)
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the normal contact once more."""
+    return (
+        Term(
+            name="normal_stiffness",
+            target="K",
+            factor=Formula(_stiffness),
+            krons=assembly.term("normal contact").krons,
+        ),
+        Term(
+            name="normal_stiffness damping",
+            target="C",
+            factor=Formula(_damping),
+            krons=assembly.term("normal contact damping").krons,
+        ),
+    )
+
+
+EFFECT = Effect(
+    name="normal_stiffness",
+    family="contact law",
+    summary="Normal contact is stiffer or softer than the curve says",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="normal_ratio",
+            unit="1",
+            nominal=0.5,
+            lower=0.2,
+            upper=5.0,
+            neutral=1.0,
+            scale="log",
+            source="spread of compression curves between coatings",
+        ),
+    ),
+    terms=terms,
+)

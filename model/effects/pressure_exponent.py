@@ -1,0 +1,72 @@
+"""Pressure exponent: contact stiffness grows as p^n instead of p.
+
+G = G_f p_ref (p / p_ref)^n with p_ref = 160 kPa. Rough surfaces that slip on asperities give exponents well
+below 1.
+
+Enters: tangential contact stiffness and damping, times (p / p_ref)^(n - 1). Not affine in n: under uniform
+    pressure one matrix with an exact factor; under uneven pressure the mean pressure's power is taken and the
+    field's shape kept.
+Range: n from 0.2 to 1.3; 1/3 to 1 for rough and Hertzian contacts (Greenwood and Williamson 1966; Mindlin
+    1949).
+Does: nothing at p_ref that G_f cannot do; between torques the modes rise by less than sqrt(p) asks for.
+Mistaken for: with one torque G_f itself; with two contact_offset and clamp_frame; torque error.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.effect import PRESSURE_REFERENCE, Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _law(t: Theta) -> Any:
+    return np.exp((t["exponent"] - 1.0) * np.log(t["pressure"] / PRESSURE_REFERENCE)) - 1.0
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["G_f"] * t["pressure"] * _law(t)
+
+
+def _damping(t: Theta) -> Any:
+    return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * _law(t)
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return what the power law adds to the proportional one."""
+    return (
+        Term(
+            name="pressure_exponent",
+            target="K",
+            factor=Formula(_stiffness),
+            krons=assembly.term("tangential contact").krons,
+        ),
+        Term(
+            name="pressure_exponent damping",
+            target="C",
+            factor=Formula(_damping),
+            krons=assembly.term("tangential contact damping").krons,
+        ),
+    )
+
+
+EFFECT = Effect(
+    name="pressure_exponent",
+    family="contact law",
+    summary="G grows as p^n",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="exponent",
+            unit="1",
+            nominal=0.5,
+            lower=0.2,
+            upper=1.3,
+            neutral=1.0,
+            source="Greenwood and Williamson 1966; Mindlin 1949",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,45 @@
+"""Steel loss: the sheets and their coating dissipate in stretching and bending.
+
+Enters: damping matrix eta K_lamina / omega; affine in eta, depends on frequency.
+Range: 1e-4 for steel up to 0.02 for coated sheet.
+Does: damping in proportion to the energy in the sheets, a small part here; more at high torque. Frequencies
+    stay.
+Mistaken for: contact_loss.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _loss(t: Theta) -> Any:
+    return t["steel_eta"] * t["young"] / t["omega"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return what dissipates."""
+    krons = assembly.term("laminas").krons
+    return (Term(name="steel_loss", target="C", factor=Formula(_loss), krons=krons),)
+
+
+EFFECT = Effect(
+    name="steel_loss",
+    family="damping",
+    summary="Steel loss",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="steel_eta",
+            unit="1",
+            nominal=0.003,
+            lower=0.0,
+            upper=0.02,
+            source="1e-4 for steel up to 0.02 for coated sheet",
+        ),
+    ),
+    terms=terms,
+    frequency_dependent=True,
+)

@@ -1,0 +1,47 @@
+"""Stinger and force-cell mass: what hangs on the stack behind the force sensor's crystal.
+
+Half of the force cell, its stud and the end of the stinger move with the driving point.
+
+Enters: mass matrix at the shaker's point of the plan, spread over the height, all directions; affine.
+Range: 0 to 0.15 kg: force cells of 20 to 60 g, adaptor and half of a stinger.
+Does: lowers modes that move at the driving point, a corner for torsion; spoils the driving point's anti-
+    resonances. The same between torques.
+Mistaken for: accelerometer_fixed, stinger_stiffness (opposite sign), clamp_mass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import every_lamina, instruments_of, point_rows, square
+from model.mesh import FIELDS
+from model.system import Assembly, Monomial, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return a mass of 1 kg at the shaker's point."""
+    x, y, _ = instruments_of(assembly.stack).shaker
+    at = every_lamina(assembly.stack)
+    krons = tuple(square(field, point_rows(assembly, field, np.array([[x, y]])), at) for field in FIELDS)
+    factor = Monomial(exponent={"stinger_moving_mass": 1})
+    return (Term(name="stinger_mass", target="M", factor=factor, krons=krons),)
+
+
+EFFECT = Effect(
+    name="stinger_mass",
+    family="inertia",
+    summary="Mass of force cell and stinger at the driving point",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="stinger_moving_mass",
+            unit="kg",
+            nominal=0.05,
+            lower=0.0,
+            upper=0.15,
+            source="data sheets of force cells; a steel stinger of 2 mm weighs 25 g per metre",
+        ),
+    ),
+    terms=terms,
+)

@@ -1,0 +1,58 @@
+"""Stinger stiffness: the stinger holds the driving point sideways and against turning.
+
+The force cell measures the axial force, so the stinger's axial stiffness does not enter the FRFs; its bending
+does, as forces that nobody measures.
+
+Enters: springs to the ground on u, v (k) and on the slopes (k l**2/3, l = 50 mm) at the shaker's point of the
+    plan, spread over the height; affine.
+Range: 0 to 1e5 N/m: 3 E I / l**3 of a steel stinger of 2 to 5 mm over 50 to 150 mm.
+Does: raises modes that turn the driving point a little; puts low suspension modes in. The same between torques.
+Mistaken for: suspension, stinger_mass (opposite sign).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import every_lamina, instruments_of, mean_over, square
+from model.system import Assembly, Monomial, Term
+
+_LENGTH = 0.05
+_PAD = (0.03, 0.03)  # a thin lamina alone would twist under the stud
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return springs of 1 N/m at the shaker's point."""
+    x, y, _ = instruments_of(assembly.stack).shaker
+    at, place, row = every_lamina(assembly.stack), np.array([[x, y]]), assembly.plan.point_rows
+    krons = (
+        square("u", row("u", place), at),
+        square("v", row("v", place), at),
+        *(
+            square("w", mean_over(assembly, "w", (x, y), _PAD, slope), at, _LENGTH**2 / 3.0)
+            for slope in ("x", "y")
+        ),
+    )
+    factor = Monomial(exponent={"stinger_lateral": 1})
+    return (Term(name="stinger_stiffness", target="K", factor=factor, krons=krons),)
+
+
+EFFECT = Effect(
+    name="stinger_stiffness",
+    family="boundary",
+    summary="Bending stiffness of the stinger at the driving point",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="stinger_lateral",
+            unit="N/m",
+            nominal=30000.0,
+            lower=0.0,
+            upper=100000.0,
+            source="3 E I / l**3 of a steel stinger of 2 to 5 mm over 50 to 150 mm",
+        ),
+    ),
+    terms=terms,
+    grounded=True,
+)

@@ -1,0 +1,46 @@
+"""Support loss: cords, foam, cables and the shaker's coil take energy at places.
+
+Dashpots at the four suspension points.
+
+Enters: damping matrix on w at four points of the plan, spread over the height; affine.
+Range: 0 to 500 N s/m each.
+Does: damps the modes that move there, less at higher frequency. The same between torques. Frequencies stay.
+Mistaken for: air_damping.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.effect import Effect, Parameter
+from model.effect_parts import every_lamina, point_rows, square
+from model.system import Assembly, Monomial, Term
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return four dashpots of 1 N s/m under the stack."""
+    stack = assembly.stack
+    x, y = 0.28 * stack.length, 0.3 * stack.width
+    rows = point_rows(assembly, "w", np.array([[-x, -y], [-x, y], [x, -y], [x, y]]))
+    krons = (square("w", rows, every_lamina(stack)),)
+    return (Term(name="support_loss", target="C", factor=Monomial(exponent={"dashpot": 1}), krons=krons),)
+
+
+EFFECT = Effect(
+    name="support_loss",
+    family="damping",
+    summary="Dashpots at the suspension",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="dashpot",
+            unit="N s/m",
+            nominal=60.0,
+            lower=0.0,
+            upper=500.0,
+            source="foam and cords under a stack of some 15 kg",
+        ),
+    ),
+    terms=terms,
+    grounded=True,
+)

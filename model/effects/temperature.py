@@ -1,0 +1,45 @@
+"""Temperature: warm steel is softer.
+
+Enters: stiffness of the laminas, times -2.5e-4 per kelvin; affine.
+Range: -15 to 40 K against the temperature at which E was measured.
+Does: next to nothing here, for contact sets these modes. The same between torques unless the laboratory warms.
+Mistaken for: Young's modulus itself: it is one with that nuisance.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.effect import Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+_PER_KELVIN = -2.5e-4  # of Young's modulus of ferritic steel about room temperature
+
+
+def _softening(t: Theta) -> Any:
+    return t["young"] * _PER_KELVIN * t["warming"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the laminas' stiffness once more."""
+    krons = assembly.term("laminas").krons
+    return (Term(name="temperature", target="K", factor=Formula(_softening), krons=krons),)
+
+
+EFFECT = Effect(
+    name="temperature",
+    family="steel",
+    summary="Warm steel is softer",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="warming",
+            unit="K",
+            nominal=15.0,
+            lower=-15.0,
+            upper=40.0,
+            source="laboratories in winter and summer, shaker heat",
+        ),
+    ),
+    terms=terms,
+)

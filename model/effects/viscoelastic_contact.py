@@ -1,0 +1,61 @@
+"""Viscoelastic contact: coating between the laminas stiffens with frequency.
+
+A fractional (spring-pot) law: G(omega) = G_f p (omega / omega_ref)^alpha, omega_ref = 2 pi 500 Hz, with the
+loss factor tan(pi alpha / 2) that belongs to it.
+
+Enters: tangential contact stiffness and damping; depends on frequency, not affine in alpha: one matrix with an
+    exact factor.
+Range: alpha from 0 to 0.15.
+Does: raises high modes (T2, B2) against low ones and damps all alike. The same between torques.
+Mistaken for: contact_loss in damping, normal_stiffness in frequencies.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.effect import OMEGA_REFERENCE, Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+
+
+def _growth(t: Theta) -> Any:
+    return np.exp(t["fraction"] * np.log(t["omega"] / OMEGA_REFERENCE))
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["G_f"] * t["pressure"] * (_growth(t) - 1.0)
+
+
+def _damping(t: Theta) -> Any:
+    return t["G_f"] * t["pressure"] * _growth(t) * np.tan(np.pi * t["fraction"] / 2.0) / t["omega"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the tangential contact once more."""
+    krons = assembly.term("tangential contact").krons
+    return (
+        Term(name="viscoelastic_contact", target="K", factor=Formula(_stiffness), krons=krons),
+        Term(name="viscoelastic_contact damping", target="C", factor=Formula(_damping), krons=krons),
+    )
+
+
+EFFECT = Effect(
+    name="viscoelastic_contact",
+    family="damping",
+    summary="Contact stiffens with frequency",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="fraction",
+            unit="1",
+            nominal=0.03,
+            lower=0.0,
+            upper=0.15,
+            source="fractional orders of coatings and varnish in their glassy range",
+        ),
+    ),
+    terms=terms,
+    frequency_dependent=True,
+)

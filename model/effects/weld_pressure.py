@@ -1,0 +1,66 @@
+"""Residual pressure of welds: seams that shrink press the laminas where they run, whatever the bolts do.
+
+Two seams on the long sides at x = +-L/4.
+
+Enters: a pressure a p_ref f(x, y) that does not change with torque (p_ref = 160 kPa), f a bell of half of the
+    height about each seam; shear stiffness G_f times it, affine in a for a given G_f.
+Range: a from 0 to 6.
+Does: raises modes that shear near the seams, more at low torque than at high.
+Mistaken for: weld_seam, contact_offset, clamp_frame.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.effect import PRESSURE_REFERENCE, Effect, Parameter
+from model.system import Assembly, Formula, Term, Theta
+from model.tangential_contact import tangential_krons
+
+
+def _stiffness(t: Theta) -> Any:
+    return t["G_f"] * PRESSURE_REFERENCE * t["weld_residual"]
+
+
+def _damping(t: Theta) -> Any:
+    return t["d_f"] * t["G_f"] * PRESSURE_REFERENCE * t["pressure"] * t["weld_residual"]
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return the tangential contact under the seams' own pressure."""
+    stack = assembly.stack
+    x, y = assembly.plan.quadrature_points
+    reach = stack.height / 2.0
+    weight = sum(
+        np.exp(-0.5 * ((x - sx) / reach) ** 2 - 0.5 * ((y - sy) / reach) ** 2)
+        for sx in (-stack.length / 4.0, stack.length / 4.0)
+        for sy in (-stack.width / 2.0, stack.width / 2.0)
+    )
+    touching = np.ones(stack.n_lamina - 1)
+    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
+    krons = tangential_krons(assembly.plan, stack.spacing, touching, np.asarray(weight))
+    return (
+        Term(name="weld_pressure", target="K", factor=Formula(_stiffness), krons=krons),
+        Term(name="weld_pressure damping", target="C", factor=Formula(_damping), krons=krons),
+    )
+
+
+EFFECT = Effect(
+    name="weld_pressure",
+    family="pressure field",
+    summary="Residual pressure of welds",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="weld_residual",
+            unit="1",
+            nominal=1.0,
+            lower=0.0,
+            upper=6.0,
+            source="shrinking seams keep pressures of the order of the bolts'",
+        ),
+    ),
+    terms=terms,
+)

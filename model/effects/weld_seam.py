@@ -1,0 +1,53 @@
+"""Weld seam: a bead that ties the edges of all laminas where it runs down the side.
+
+Two beads, in the middle of both long sides.
+
+Enters: shear stiffness k per height between neighbouring laminas at both places, along x and y; affine.
+Range: 0 to 3e6 N: G A of a bead of up to 6 x 6 mm, softened by the thin lamina edge that it holds.
+Does: raises modes that slip at the middle of the sides: T1 most. More at low torque.
+Mistaken for: weld_pressure, adhesive_edges, edge_pressure.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from model.effect import Effect, Parameter
+from model.effect_parts import mean_over, square
+from model.system import Assembly, Monomial, Term
+from model.tangential_contact import jump
+
+_BEAD = 0.01
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return beads of G A = 1 N."""
+    stack = assembly.stack
+    slip = jump(stack.n_lamina)
+    z = sp.csr_array(slip.T @ sp.diags_array(1.0 / stack.spacing) @ slip)
+    krons = tuple(
+        square(field, mean_over(assembly, field, (0.0, side), (_BEAD, _BEAD)), z)
+        for side in np.array([-0.5, 0.5]) * (stack.width - _BEAD)
+        for field in ("u", "v")
+    )
+    return (Term(name="weld_seam", target="K", factor=Monomial(exponent={"bead_shear": 1}), krons=krons),)
+
+
+EFFECT = Effect(
+    name="weld_seam",
+    family="treatments",
+    summary="Beads tie the laminas at the middle of both sides",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="bead_shear",
+            unit="N",
+            nominal=500000.0,
+            lower=0.0,
+            upper=3000000.0,
+            source="G A of a bead of up to 6 x 6 mm",
+        ),
+    ),
+    terms=terms,
+)
