@@ -178,7 +178,7 @@ class Assembly:
         return dataclasses.replace(self, terms=self.terms + terms, theta={**self.theta, **theta})
 
     def krons(self, target: Target, theta: Mapping[str, float]) -> tuple[Kron, ...]:
-        """Return all Kronecker products of a matrix with their factors multiplied in; those with factor 0 are left out."""
+        """Return the Kronecker products of a matrix, factors multiplied in; those with factor 0 are left out."""
         factors = [(term, term.factor(theta)) for term in self.terms if term.target == target]
         return tuple(
             dataclasses.replace(kron, z=factor * kron.z)
