@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -66,8 +66,13 @@ def tie(stack: Stack) -> sp.csr_array:
     It takes the mean strain over the height, which is what a stiff bar on either face feels; the faces' laminas
     alone would give way under it.
     """
-    row = stack.lamina_z / np.sum(stack.lamina_z**2) * np.ptp(stack.lamina_z)
-    return sp.csr_array(np.outer(row, row))
+    row = reach(stack)
+    return sp.csr_array(row.T @ row)
+
+
+def reach(stack: Stack) -> Vector:
+    """Return the row over the laminas, (1, n_lamina), that takes the mean strain over the height times the height."""
+    return np.asarray(stack.lamina_z / np.sum(stack.lamina_z**2) * np.ptp(stack.lamina_z))[None]
 
 
 def mean_over(
@@ -80,6 +85,39 @@ def mean_over(
     """Return the row that takes the mean of a field, or of its slope, over a rectangle of the plan."""
     points, weights = footprint_points(centre, size, assembly.plan)
     return sp.csr_matrix(weights @ assembly.plan.point_rows(field, points, slope))
+
+
+def shear_spring(
+    assembly: Assembly,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    axis: Literal["x", "y"],
+    over_z: tuple[Any, Any],
+) -> tuple[Kron, ...]:
+    """Return a spring of stiffness 1 against shear at a rectangle of the plan.
+
+    Its elongations are slip times u (v along y) plus turned times dw/dx (dw/dy), both in the mean over the
+    rectangle: without the turning of the laminas a stack that turns as a whole would stretch it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    centre, size : (float, float)
+        The rectangle, m.
+    axis : "x" or "y"
+        Direction of the shear.
+    over_z : (slip, turned)
+        Matrices over the laminas, (n_spring, n_lamina) each.
+    """
+    slip, turned = (sp.csr_array(matrix) for matrix in over_z)
+    field: Field = "u" if axis == "x" else "v"
+    along, slope = mean_over(assembly, field, centre, size), mean_over(assembly, "w", centre, size, axis)
+    return (
+        square(field, along, slip.T @ slip),
+        Kron(row=field, column="w", z=slip.T @ turned, planar=(along.T @ slope).tocsr()),
+        square("w", slope, turned.T @ turned),
+    )
 
 
 def square(field: Field, row: sp.csr_matrix, z: sp.csr_array, strength: float = 1.0) -> Kron:

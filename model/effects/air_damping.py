@@ -40,4 +40,5 @@ EFFECT = Effect(
         ),
     ),
     terms=terms,
+    grounded=True,
 )

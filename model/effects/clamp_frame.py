@@ -3,8 +3,8 @@
 The rods stand in clearance holes or beside the stack; their bending between the bars holds top against bottom
 sideways.
 
-Enters: stiffness between u (and v) of top and bottom at the footprint of each clamp, by the mean strain over
-    the height; affine.
+Enters: stiffness against the way, along x and y, by which the top runs ahead of the bottom at the footprint of
+    each clamp, by the mean shear strain over the height, turning of the laminas included; affine.
 Range: 0 to 2e7 N/m a clamp: 12 E I / l**3 for two to four rods of 10 to 16 mm over 64 to 100 mm.
 Does: raises all modes that shear the stack, B1 and B2 at clamps off the middle; more at low torque, where the
     contact is softer.
@@ -13,18 +13,23 @@ Mistaken for: contact_offset, which does not depend on pressure either; a higher
 
 from __future__ import annotations
 
+import numpy as np
+
 from model.effect import Effect, Parameter
-from model.effect_parts import clamps_of, mean_over, square, tie
+from model.effect_parts import clamps_of, reach, shear_spring
 from model.system import Assembly, Monomial, Term
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return a spring of 1 N/m between the faces, along x and y, at each clamp."""
-    across = tie(assembly.stack)
+    stack = assembly.stack
+    ahead = reach(stack)
+    turned = np.full((1, stack.n_lamina), np.ptp(stack.lamina_z) / stack.n_lamina)
     krons = tuple(
-        square(field, mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint), across)
+        kron
         for clamp in clamps_of(assembly, "clamp_frame")
-        for field in ("u", "v")
+        for axis in ("x", "y")
+        for kron in shear_spring(assembly, (clamp.x, clamp.y), clamp.footprint, axis, (ahead, turned))
     )
     return (
         Term(name="clamp_frame", target="K", factor=Monomial(exponent={"frame_stiffness": 1}), krons=krons),

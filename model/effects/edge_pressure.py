@@ -2,7 +2,7 @@
 
 Enters: pressure p (1 + a f(x, y)), f grows with the square of y, less its mean. Stiffness is affine in a,
     damping a polynomial of it.
-Range: a from -0.9 (bowed sheets touch in the middle) to 0.95 (burrs carry).
+Range: a from -0.45 (bowed sheets touch in the middle) to 0.95 (burrs carry).
 Does: raises torsion, which shears at the edges, against bending; the same between torques in proportion.
 Mistaken for: contact_direction, adhesive_edges.
 """
@@ -36,7 +36,7 @@ EFFECT = Effect(
             name="edge_excess",
             unit="1",
             nominal=0.4,
-            lower=-0.9,
+            lower=-0.45,
             upper=0.95,
             source="a from -0.9 (bowed sheets touch in the middle) to 0.95 (burrs carry)",
         ),

@@ -1,6 +1,7 @@
 """Pressure gradient over the height: friction on rods and in the press lets pressure fade downwards.
 
-Enters: pressure p (1 + a (2 k - N) / N) at interface k of N, affine in a; damping too, to first order in a.
+Enters: pressure p (1 + a (2 k - N) / N) at interface k of N, affine in a; damping a polynomial
+    of it.
 Range: a from -0.9 to 0.9.
 Does: hardly anything to first order, for what the top gains the bottom loses; couples stretching to bending.
     The same between torques.
@@ -26,15 +27,26 @@ def _damping(t: Theta) -> Any:
     return 2.0 * t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t["height_excess"]
 
 
+def _damping_squared(t: Theta) -> Any:
+    return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t["height_excess"] ** 2
+
+
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change over the interfaces."""
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.linspace(-1.0, 1.0, assembly.stack.n_lamina - 1)
     stiffness = field["pressure"].over_interfaces(share).tangential()
     damping = field["pressure squared"].over_interfaces(share).tangential()
+    squared = field["pressure squared"].over_interfaces(share**2).tangential()
     return (
         Term(name="height_gradient", target="K", factor=Formula(_stiffness), krons=stiffness),
         Term(name="height_gradient damping", target="C", factor=Formula(_damping), krons=damping),
+        Term(
+            name="height_gradient damping, squared",
+            target="C",
+            factor=Formula(_damping_squared),
+            krons=squared,
+        ),
     )
 
 

@@ -50,4 +50,5 @@ EFFECT = Effect(
         ),
     ),
     terms=terms,
+    grounded=True,
 )

@@ -2,7 +2,8 @@
 
 Two beads, in the middle of both long sides.
 
-Enters: shear stiffness k per height between neighbouring laminas at both places, along x and y; affine.
+Enters: shear stiffness G A against the shear strain between neighbouring laminas at both places, along x and y;
+    affine.
 Range: 0 to 3e6 N: G A of a bead of up to 6 x 6 mm, softened by the thin lamina edge that it holds.
 Does: raises modes that slip at the middle of the sides: T1 most. More at low torque.
 Mistaken for: weld_pressure, adhesive_edges, edge_pressure.
@@ -14,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from model.effect import Effect, Parameter
-from model.effect_parts import mean_over, square
+from model.effect_parts import shear_spring
 from model.system import Assembly, Monomial, Term
-from model.tangential_contact import jump
+from model.tangential_contact import jump, mean
 
 _BEAD = 0.01
 
@@ -24,12 +25,16 @@ _BEAD = 0.01
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return beads of G A = 1 N."""
     stack = assembly.stack
-    slip = jump(stack.n_lamina)
-    z = sp.csr_array(slip.T @ sp.diags_array(1.0 / stack.spacing) @ slip)
+    root = sp.diags_array(np.sqrt(stack.spacing))
+    slip, turned = (
+        sp.diags_array(1.0 / np.sqrt(stack.spacing)) @ jump(stack.n_lamina),
+        root @ mean(stack.n_lamina),
+    )
     krons = tuple(
-        square(field, mean_over(assembly, field, (0.0, side), (_BEAD, _BEAD)), z)
+        kron
         for side in np.array([-0.5, 0.5]) * (stack.width - _BEAD)
-        for field in ("u", "v")
+        for axis in ("x", "y")
+        for kron in shear_spring(assembly, (0.0, side), (_BEAD, _BEAD), axis, (slip, turned))
     )
     return (Term(name="weld_seam", target="K", factor=Monomial(exponent={"bead_shear": 1}), krons=krons),)
 
