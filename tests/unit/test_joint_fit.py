@@ -1,0 +1,204 @@
+"""Several configurations fitted at once: what was put in comes out, with the derivatives that are claimed."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model import read_stack
+from model.stack import Mesh
+from updating.errors import FitError
+from updating.joint_fit import joint_fit
+from updating.joint_problem import Problem
+from updating.prepared import prepare, solve_target
+from updating.sensitivity import Scatter
+from updating.target import Target, target_of_table
+
+ROOT = Path(__file__).parents[2]
+CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
+TRUE = {"clamp_roll_inertia": 0.004, "clamp_station": 0.7}
+G_F = {"A": 1300.0, "B": 900.0}
+D_F = {"A": 1.5e-10, "B": 0.8e-10}
+
+
+@pytest.fixture(scope="module")
+def stack():
+    found = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
+    return dataclasses.replace(found, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects("clamp_inertia")
+
+
+def blank(stack, name, pressure):
+    return target_of_table(
+        stack.with_contact(pressure=pressure), CLASSES, np.full(4, 500.0), name=name, damping=np.full(4, 0.01)
+    )
+
+
+@pytest.fixture(scope="module")
+def prepared(stack):
+    """Two torques of one stack, their modes those of the model with the true parameters."""
+    found = []
+    for one in prepare([blank(stack, "A", 160e3), blank(stack, "B", 320e3)], n_snapshot=3):
+        name = one.target.name
+        modes, column = solve_target(one, {**TRUE, "G_f": G_F[name], "d_f": D_F[name]}, ())
+        target = dataclasses.replace(
+            one.target, frequency=modes.frequency[column], damping=modes.damping[column]
+        )
+        found.append(dataclasses.replace(one, target=target))
+    return tuple(found)
+
+
+@pytest.fixture(scope="module")
+def fitted(prepared):
+    return joint_fit(prepared)
+
+
+def with_shapes(one):
+    """Return the target with the shapes of its modes in place of their classes."""
+    name = one.target.name
+    modes, column = solve_target(one, {**TRUE, "G_f": G_F[name], "d_f": D_F[name]}, ())
+    shape = modes.shape[:, column] / np.linalg.norm(modes.shape[:, column], axis=0)
+    values = {f.name: getattr(one.target, f.name) for f in dataclasses.fields(Target)}
+    values |= {"shape_class": (), "shape": shape, "shape_std": np.full(shape.shape, 1e-3)}
+    return dataclasses.replace(one, target=Target(**values))
+
+
+def problem_of(prepared):
+    return Problem(
+        prepared,
+        effects=None,
+        scope={},
+        fixed={},
+        bounds={},
+        priors={"G_f": (1000.0, 300.0)},
+        hold_out={},
+        damping=True,
+        scatter=Scatter(),
+    )
+
+
+def test_targets_that_differ_by_pressure_share_one_reduction(prepared):
+    assert prepared[0].system is prepared[1].system
+
+
+def test_true_parameters_are_found_from_exact_data(fitted):
+    for name, value in TRUE.items():
+        assert fitted.value(name) == pytest.approx(value, rel=1e-4)
+    for name in "AB":
+        assert fitted.value("G_f", name) == pytest.approx(G_F[name], rel=1e-4)
+        assert fitted.value("d_f", name) == pytest.approx(D_F[name], rel=1e-4)
+    assert fitted.error() < 1e-5
+    assert fitted.error(before=True) > 0.01
+    assert all(p.determined and not p.at_bound for p in fitted.parameter)
+
+
+def test_the_record_of_each_start_falls(fitted):
+    best = fitted.start[0]
+    assert best.converged
+    assert best.objective[-1] == pytest.approx(fitted.chi_square / 2, abs=1e-9)
+    assert best.objective[-1] < 1e-3 * best.objective[0]
+    assert len(fitted.start) == 4
+
+
+@pytest.mark.parametrize("shapes", [False, True])
+def test_derivatives_agree_with_differences(prepared, shapes):
+    problem = problem_of([with_shapes(one) for one in prepared] if shapes else prepared)
+    x = problem.starts(1)[0]
+    station = next(j for j, f in enumerate(problem.free) if f.name == "clamp_station")
+    x[station] = 0.65  # between the effect's fixed places, where its derivative jumps
+    _, jacobian = problem.evaluate(x)
+    for j in range(x.size):
+        step = 1e-5 * (problem.high - problem.low)[j]
+        ahead, behind = (problem.evaluate(x + s * step * np.eye(x.size)[j])[0] for s in (1.0, -1.0))
+        difference = (ahead - behind) / (2.0 * step)
+        assert np.abs(jacobian[:, j] - difference).max() < 1e-4 * np.abs(difference).max()
+
+
+def test_shapes_are_fitted_as_vectors(prepared):
+    found = joint_fit([with_shapes(one) for one in prepared], n_start=2)
+    assert found.value("clamp_station") == pytest.approx(TRUE["clamp_station"], rel=1e-3)
+    assert all(np.all(c.mac > 0.9999) for c in found.configuration)
+
+
+def test_a_parameter_of_the_specimen_is_one_for_both_torques(prepared):
+    same = [dataclasses.replace(p, target=dataclasses.replace(p.target, specimen="S")) for p in prepared]
+    found = joint_fit(same, effects=(), scope={"G_f": "specimen"}, damping=False)
+    assert [(p.name, p.group) for p in found.parameter] == [("G_f", "S")]
+
+
+def test_the_covariance_predicts_the_scatter_of_estimates(prepared):
+    """Estimates from noisy frequencies lie as far from the truth as their standard deviations say."""
+    random, distances = np.random.default_rng(3), []
+    for _ in range(12):
+        noisy = [
+            dataclasses.replace(
+                p,
+                target=dataclasses.replace(
+                    p.target,
+                    frequency=p.target.frequency * np.exp(0.003 * random.standard_normal(4)),
+                ),
+            )
+            for p in prepared
+        ]
+        found = joint_fit(
+            noisy,
+            damping=False,
+            fixed={"clamp_station": 0.7},
+            scatter=Scatter(frequency=0.003),
+            n_start=1,
+        )
+        std = np.sqrt(np.diag(found.covariance))
+        truth = np.array([G_F["A"], G_F["B"], TRUE["clamp_roll_inertia"]])
+        estimate = np.array([p.value for p in found.parameter])
+        assert std == pytest.approx([p.std for p in found.parameter])
+        distances.append((estimate - truth) / std)
+    # 36 distances, correlated within each draw, and each std estimated from five degrees of freedom or the stated one
+    assert 0.5 < np.sqrt(np.mean(np.square(distances))) < 1.5
+
+
+def test_modes_held_out_are_predicted_not_fitted(prepared):
+    wrong = prepared[0].target.frequency * [1.0, 1.0, 1.0, 1.5]
+    spoilt = (
+        dataclasses.replace(prepared[0], target=dataclasses.replace(prepared[0].target, frequency=wrong)),
+        prepared[1],
+    )
+    found = joint_fit(spoilt, hold_out={"A": [3]}, n_start=2)
+    assert found.value("clamp_station") == pytest.approx(TRUE["clamp_station"], rel=1e-3)
+    assert found.error() < 1e-4
+    assert found.error(held_out=True) == pytest.approx(1.0 - 1.0 / 1.5, rel=1e-3)
+
+
+def test_a_prior_draws_the_estimate(prepared):
+    found = joint_fit(prepared, fixed={"clamp_station": 0.7}, priors={"clamp_roll_inertia": (0.006, 1e-5)})
+    assert found.value("clamp_roll_inertia") == pytest.approx(0.006, rel=1e-2)
+
+
+def test_an_estimate_at_its_bound_says_so(prepared):
+    found = joint_fit(prepared, bounds={"clamp_roll_inertia": (0.0, 0.002)}, n_start=2)
+    inertia = next(p for p in found.parameter if p.name == "clamp_roll_inertia")
+    assert inertia.at_bound
+    assert not inertia.determined
+    assert inertia.std == 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"effects": ["clamp_inertias"]}, "did you mean clamp_inertia"),
+        ({"priors": {"G_ff": (1.0, 1.0)}}, "did you mean G_f"),
+        ({"hold_out": {"C": [0]}}, "configuration 'C' is unknown"),
+        ({"hold_out": {"A": range(4)}}, "all its modes are held out"),
+        (
+            {"hold_out": {"A": range(4), "B": range(4)}, "scope": {"G_f": "all", "d_f": "all"}},
+            "no mode is left",
+        ),
+    ],
+)
+def test_what_cannot_be_fitted_is_said(prepared, options, message):
+    with pytest.raises(FitError, match=message):
+        joint_fit(prepared, **options)
+
+
+def test_names_of_configurations_are_unique(stack):
+    with pytest.raises(FitError, match="a name each"):
+        prepare([blank(stack, "A", 160e3), blank(stack, "A", 320e3)])
