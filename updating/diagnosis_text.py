@@ -1,0 +1,118 @@
+"""A diagnosis in plain sentences, the answer first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from updating.evidence import Explanation
+from updating.experiment import NextTest
+
+if TYPE_CHECKING:
+    from updating.diagnosis import Ranked, Verdict
+
+_WORTH = 3.0
+
+
+def sentences(
+    verdict: Verdict,
+    p_value: float,
+    base: Explanation,
+    left: Sequence[Explanation],
+    ranking: Sequence[Ranked],
+    not_visible: Sequence[str],
+    tests: Sequence[NextTest],
+) -> tuple[str, ...]:
+    """Write the verdict, what supports it, what stays open and what to measure next."""
+    ranked = {x.effects: x for x in ranking}
+    error = ranked[()].frequency_error
+    text = []
+    if verdict == "nothing missing":
+        text.append(
+            "Nothing is missing that these data can show: the base model meets frequencies within "
+            f"{error:.2%} in the mean, and no effect of the catalogue improves it beyond chance (p = {p_value:.2g})."
+        )
+    else:
+        text.append(_where(base, error))
+    if verdict == "identified":
+        own = ranked[left[0].effects]
+        text.append(
+            f"{_named(left[0].effects)} explains it: with {_estimates(own)} the mean frequency error falls from "
+            f"{error:.2%} to {own.frequency_error:.2%}, and no other explanation comes within a distance of 3."
+        )
+    if verdict == "one of":
+        own = ranked[left[0].effects]
+        text.append(
+            f"These data cannot tell apart: {'; '.join(_named(x.effects) for x in left)}. Each brings the mean "
+            f"frequency error from {error:.2%} to about {own.frequency_error:.2%}."
+        )
+        text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
+    if verdict == "unlike anything":
+        closest = [x for x in ranking if x.effects][:1]
+        tail = (
+            f" The closest, {_named(closest[0].effects)}, leaves {closest[0].frequency_error:.2%}."
+            if closest
+            else ""
+        )
+        text.append(
+            "This is unlike anything in the catalogue: no effect and no pair of effects brings the model within the "
+            f"measurement's scatter.{tail}"
+        )
+    for x in left:
+        bound = [p.name for p, hit in zip(x.parameter, x.at_bound, strict=True) if hit]
+        if bound:
+            text.append(
+                f"Beware: {', '.join(bound)} of {_named(x.effects)} lies at the end of its plausible range, so the "
+                "explanation is doubtful."
+            )
+    useful = [t for t in tests if t.distance > max(t.now, 1.0)]
+    if useful and useful[0].distance >= _WORTH:
+        text.append(
+            f"To separate them, {useful[0].instruction}: the distance would grow from {useful[0].now:.1f} to "
+            f"{useful[0].distance:.1f}."
+        )
+    elif tests:
+        text.append(
+            "None of the further tests that were considered would separate them beyond a distance of 3."
+        )
+    if not_visible:
+        text.append(f"Not visible in these data at any plausible strength: {', '.join(not_visible)}.")
+    return tuple(text)
+
+
+def _named(effects: Sequence[str]) -> str:
+    return " with ".join(effects) if effects else "the base model"
+
+
+def _estimates(own: Ranked) -> str:
+    return ", ".join(
+        f"{p.name} = {p.value:.4g}{'' if p.unit == '1' else ' ' + p.unit} (90 %: {p.lower:.4g} to {p.upper:.4g})"
+        for p in own.parameter
+    )
+
+
+def _where(base: Explanation, error: float) -> str:
+    """Say which data the base model misses most."""
+    parts = []
+    for kind in ("frequency", "damping"):
+        inside = np.flatnonzero(base.residual.kind == kind)
+        value = base.residual.value[inside]
+        worst = inside[np.argsort(-np.abs(value))[:3]]
+        far = [
+            f"{base.residual.label[i]} ({'measured higher' if base.residual.value[i] > 0 else 'measured lower'})"
+            for i in worst
+            if abs(base.residual.value[i]) > _WORTH
+        ]
+        if far:
+            name = "frequencies" if kind == "frequency" else "damping ratios"
+            parts.append(f"{name} of {', '.join(far)}")
+    held = np.flatnonzero((base.residual.kind == "prior") & (np.abs(base.residual.value) > _WORTH))
+    parts += [
+        f"{base.residual.label[i]}, which would have to leave what is known of it by "
+        f"{abs(base.residual.value[i]):.0f} standard deviations"
+        for i in held[:2]
+    ]
+    tail = f" It fails most at {'; '.join(parts)}." if parts else ""
+    return f"The base model misses the measured frequencies by {error:.2%} in the mean.{tail}"
