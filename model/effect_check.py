@@ -74,10 +74,11 @@ def effect_faults(effect: Effect) -> tuple[str, ...]:
     found = list(_text_faults(effect))
     try:
         base, assembly = _assembled(effect)
-        for check in (_structure, _neutral, _symmetry, _definiteness, _rigid, _frequency, _derivatives):
+        structure = list(_structure(effect, base, assembly))
+        if structure:  # the matrices cannot be formed
+            return (*found, *structure)
+        for check in (_neutral, _symmetry, _definiteness, _rigid, _frequency, _derivatives):
             found += check(effect, base, assembly)
-            if found and check is _structure:
-                return tuple(found)
         if not found:
             found += _gradients(effect, base.stack)
     except Exception as error:  # what a user's own terms raise

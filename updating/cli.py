@@ -42,6 +42,16 @@ CampaignFile = Annotated[
 ]
 
 
+EffectFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effect-file",
+        metavar="FILE",
+        help="Python file that ends in EFFECT = Effect(...); may be given several times.",
+    ),
+]
+
+
 @app.command(epilog="Example: lamella ema data/demo_stack/campaign.toml -o out/demo")
 def ema(
     campaign: CampaignFile,
@@ -93,18 +103,73 @@ def model(
     tolerance: Annotated[
         float, typer.Option(min=1e-7, max=1e-2, help="Relative error that a frequency may have.")
     ] = 1e-4,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:parameter=value,...]",
+            help="Physical effect, at its nominal strength but for the values given; may be given several times.",
+        ),
+    ] = None,
+    effect_file: EffectFiles = None,
 ) -> None:
     """Solve the model of a stack: natural frequencies, damping ratios, shapes, and the pressure between laminas.
 
     Each frequency has an error estimated from the equations of all laminas; where it exceeds the tolerance, the basis
     is enriched or all laminas are solved, and the table says so. Where the stack file has a table [pressing], the
     static stage comes first. Writes modes.json, verification.json, pressure.json and pictures.
+    Physical effects beyond the base model are added with --effect; **lamella effects** lists them.
     """
-    solved = jobs.solve(stack, output, modes, tolerance, _OUT)
+    added = jobs.AddedEffects(option=tuple(effect or ()), file=tuple(effect_file or ()))
+    solved = jobs.solve(stack, output, modes, tolerance, _OUT, added)
     if solved.pressure is not None:
         _OUT.print(tables.pressure_table(solved.pressure))
     _OUT.print(tables.model_table(solved.stack, solved.modes, solved.shape_class, solved.verification))
     _OUT.print(f"Results in [bold]{output}[/bold]")
+
+
+@app.command(
+    epilog="Example: lamella effects clamp_inertia --stack data/demo_stack/stack.toml -o out/effects"
+)
+def effects(
+    name: Annotated[
+        str | None, typer.Argument(metavar="EFFECT", help="Effect to explain.", show_default=False)
+    ] = None,
+    stack: Annotated[
+        Path | None, typer.Option(metavar="STACK", help="Stack file (TOML) on which the effect is tried.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the picture.")
+    ] = None,
+    effect_file: EffectFiles = None,
+) -> None:
+    """List the physical effects that a stack can have beyond the base model, or explain one.
+
+    With the name of an effect: what it is, where it enters, its parameters, and what it is mistaken for. With a stack
+    file too: what it does to the first modes of that stack at 160 and 320 kPa (M1 and M2 of the paper), computed at its
+    nominal strength; with -o a picture of it. An effect of your own file is checked as well.
+    """
+    if name is None:
+        if stack is not None or output is not None:
+            message = "which effect? give its name with --stack and -o, such as lamella effects clamp_inertia"
+            raise typer.BadParameter(message)
+        for table in tables.effect_tables(jobs.known_effects(effect_file or ())):
+            _OUT.print(table)
+        _OUT.print("More about one: lamella effects NAME --stack STACK")
+        return
+    if stack is None and output is not None:
+        message = "-o needs a stack for the picture; give it with --stack"
+        raise typer.BadParameter(message)
+    explained = jobs.explain(name, stack, output, effect_file or (), _OUT)
+    _OUT.print(tables.effect_text(explained.effect), markup=False, highlight=False)
+    _OUT.print(tables.parameter_table(explained.effect))
+    for fault in explained.faults:
+        _OUT.print(f"Fault: {fault}", style="bold red", markup=False, highlight=False)
+    if explained.signature is None:
+        _OUT.print("What it does to your stack: add --stack STACK")
+    else:
+        _OUT.print(tables.signature_table(explained.signature))
+    if explained.faults:
+        raise typer.Exit(1)
 
 
 @app.command(epilog="Example: lamella fit data/pirnat2013/campaign.toml -o out/pirnat2013")
@@ -128,6 +193,40 @@ def fit(
         _OUT.print(tables.fit_table(found.modal_model, fitted))
         _print_findings(found)
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
+
+
+@app.command(epilog="Example: lamella diagnose data/hidden_effect/a/campaign.toml -o out/a")
+def diagnose(
+    campaign: CampaignFile,
+    output: Folder,
+    effect_file: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE", help="Python file of an effect of your own; its code runs.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
+
+    All configurations of the campaign count together. Writes diagnosis.json.
+    """
+    found = jobs.diagnose(campaign, output, effect_file or [], _OUT)
+    for sentence in found.sentences:
+        _OUT.print(sentence, highlight=False)
+    _OUT.print(tables.diagnosis_table(found))
+    _OUT.print(f"Results in [bold]{output}[/bold]")
+
+
+@app.command(
+    name="next-test", epilog="Example: lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
+)
+def next_test(campaign: CampaignFile, output: Folder) -> None:
+    """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open."""
+    found = jobs.diagnose(campaign, output, [], _OUT)
+    if not found.next_tests:
+        _OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
+        return
+    _OUT.print(tables.next_test_table(found))
 
 
 @app.command(epilog="Example: lamella report out/demo")

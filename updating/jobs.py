@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,13 +26,17 @@ from ema import identify as identify_campaign
 from ema.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.picking import pick_poles, read_poles, write_poles
 from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
-from model import Modes, Stack
+from model import Effect, Modes, Stack
+from model.effect_check import effect_faults
 from model.plot import mode_png
 from model.pressure import PressureSummary
 from model.pressure_plot import pressure_figure
 from model.stack import Pressing
 from model.static import press
 from model.verified import Verification, solve_verified
+from updating.diagnosis import Diagnosis
+from updating.diagnosis import diagnose as diagnose_stack
+from updating.effect_option import with_named_effects
 from updating.errors import FitError, StoreError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
@@ -41,6 +45,7 @@ from updating.plot import as_png
 from updating.quality import quality
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
+from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, write_bytes, write_frf, write_result
 from updating.virtual_test import read_virtual_test, write_virtual_test
 
@@ -94,10 +99,22 @@ class Solved:
     pressure: PressureSummary | None
 
 
-def solve(stack_file: Path, output: Path, n_mode: int, tolerance: float, console: Console) -> Solved:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AddedEffects:
+    """Effects that the user adds to a stack: as in `with_named_effects`, and files of the user's own."""
+
+    option: tuple[str, ...] = ()
+    file: tuple[Path, ...] = ()
+
+
+def solve(
+    stack_file: Path, output: Path, n_mode: int, tolerance: float, console: Console, effects: AddedEffects
+) -> Solved:
     """Press the stack of a file where it says how, solve its elastic modes, write both and their pictures."""
     stack = model.read_stack(stack_file)
-    options = {"n_mode": n_mode, "tolerance": tolerance}
+    if effects.option or effects.file:
+        stack = with_named_effects(stack, effects.option, model.catalogue(effects.file))
+    options = {"n_mode": n_mode, "tolerance": tolerance, "effects": dict(stack.effect_values)}
     pressure = None
     with _progress(console) as progress:
         task = progress.add_task("press and solve", total=2 + n_mode)
@@ -169,6 +186,33 @@ def fit_modal_table(campaign_file: Path, output: Path, console: Console) -> tupl
     return tuple(results)
 
 
+def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:
+    """Identify a campaign, diagnose its model, and write diagnosis.json."""
+    campaign = read_campaign(campaign_file)
+    if campaign.stack is None:
+        message = f'{campaign_file}: a diagnosis needs the model\'s stack; add stack = "stack.toml" under [structure]'
+        raise FitError(message)
+    stack, known = model.read_stack(campaign.stack), model.catalogue(effect_files)
+    tested = []
+    with _progress(console) as progress:
+        task = progress.add_task("identify and diagnose", total=len(campaign.configurations) + 1)
+        for configuration, found in _identified(campaign, output, {}):
+            pressure = configuration.pressure
+            tested.append(
+                (
+                    configuration.name,
+                    stack.contact.pressure if pressure is None else pressure,
+                    found.modal_model,
+                )
+            )
+            progress.advance(task)
+        diagnosis = diagnose_stack(stack, tested, known)
+        progress.advance(task)
+    inputs = (campaign_file, campaign.stack, *effect_files)
+    write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})
+    return diagnosis
+
+
 def report(folder: Path) -> Path:
     """Make the page of a results folder."""
     return write_report(folder)
@@ -177,6 +221,42 @@ def report(folder: Path) -> Path:
 def simulate(specification: Path, output: Path) -> None:
     """Play a virtual test and write its campaign."""
     write_virtual_test(read_virtual_test(specification), output)
+
+
+def known_effects(files: Iterable[Path]) -> dict[str, Effect]:
+    """Return the catalogue's effects and those of the user's files."""
+    return model.catalogue(files)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explained:
+    """An effect as `explain` finds it.
+
+    `signature` is None without a stack; `faults` are those of an effect that does not ship.
+    """
+
+    effect: Effect
+    faults: tuple[str, ...]
+    signature: Signature | None
+
+
+def explain(
+    name: str, stack_file: Path | None, output: Path | None, files: Iterable[Path], console: Console
+) -> Explained:
+    """Find an effect, check it if it is the user's own, and try it on the stack; with `output` draw that."""
+    shipped = model.catalogue()
+    (effect,) = model.find_effects([name], model.catalogue(files))
+    with _progress(console) as progress:
+        task = progress.add_task("explain", total=2)
+        faults = () if effect.name in shipped else effect_faults(effect)
+        progress.advance(task)
+        found = None
+        if stack_file is not None and not faults:
+            found = signature(model.read_stack(stack_file), effect)
+            if output is not None:
+                write_bytes(output / f"{effect.name}.png", as_png(signature_figure(found)))
+        progress.advance(task)
+    return Explained(effect=effect, faults=faults, signature=found)
 
 
 def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, NDArray[np.complex128]]:

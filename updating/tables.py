@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import textwrap
+from typing import get_args
+
 import numpy as np
 from rich.table import Table
 
 from ema import Comparison, ModalModel
-from model import Modes, Stack
+from model import Effect, Modes, Parameter, Stack
+from model.effect import Family
 from model.pressure import PressureSummary
 from model.verified import Verification
 from updating.correlation import correlate
 from updating.fit import Estimate, Fit
 from updating.modal_table import TableFit
+from updating.signature import Signature
+
+_WIDTH = 98
+_SAME_SHAPE = 0.95  # cross-orthogonality of a mode with itself
+
+_MOST_EXPLANATIONS = 8
 
 
 def modes_table(measured: ModalModel) -> Table:
@@ -96,6 +106,78 @@ def pressure_table(pressure: PressureSummary) -> Table:
         f"{100 * pressure.lost_contact.mean():.3g}",
     )  # fmt: skip
     return table
+
+
+def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
+    """List effects, one table a family, with their parameters."""
+    tables = []
+    for family in get_args(Family):
+        members = [effect for effect in known.values() if effect.family == family]
+        table = Table(title=family, title_justify="left", width=_WIDTH)
+        table.add_column("effect", width=20)
+        table.add_column("what it is", ratio=1)
+        table.add_column("parameter, range and unit", ratio=1)
+        for effect in members:
+            table.add_row(
+                effect.name, effect.summary, "\n".join(f"{p.name} {_range(p)}" for p in effect.parameters)
+            )
+        if members:
+            tables.append(table)
+    return tuple(tables)
+
+
+def effect_text(effect: Effect) -> str:
+    """Write what an effect is, its paragraphs filled to the width of the terminal's tables."""
+    paragraphs: list[str] = []
+    for line in effect.description.strip().splitlines():
+        if line.startswith((" ", "\t")) or (paragraphs and line and paragraphs[-1] and line[0].islower()):
+            paragraphs[-1] += f" {line.strip()}"
+        else:
+            paragraphs.append(line.strip())
+    filled = (textwrap.fill(text, _WIDTH, subsequent_indent="    ") for text in paragraphs)
+    return f"{effect.name} ({effect.family})\n\n" + "\n".join(filled) + "\n"
+
+
+def parameter_table(effect: Effect) -> Table:
+    """List the parameters of an effect with unit, range and source."""
+    table = Table(title="Parameters", title_justify="left", width=_WIDTH)
+    for name in ("parameter", "range and unit", "nominal", "neutral"):
+        table.add_column(name, no_wrap=True)
+    table.add_column("source", ratio=1)
+    for p in effect.parameters:
+        table.add_row(p.name, _range(p), f"{p.nominal:g}", f"{p.neutral:g}", p.source)
+    return table
+
+
+def signature_table(found: Signature) -> Table:
+    """List what an effect does to the first modes at each pressure."""
+    values = ", ".join(f"{name} = {value:g}" for name, value in found.strength.items())
+    turned = [
+        name for name, like in zip(found.mode, found.likeness.T, strict=True) if like.min() < _SAME_SHAPE
+    ]
+    table = Table(
+        title=f"What it does at {values}",
+        title_justify="left",
+        caption=f"The shape of {', '.join(turned)} changes: MAC in mass below {_SAME_SHAPE**2:.2g}."
+        if turned
+        else None,
+        caption_justify="left",
+    )
+    table.add_column("pressure", justify="right")
+    table.add_column("change of")
+    for name, f in zip(found.mode, found.base_frequency.T, strict=True):
+        table.add_column(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz", justify="right")
+    rows = zip(found.pressure, 100.0 * found.frequency_change, 100.0 * found.damping_change, strict=True)
+    for pressure, frequency, damping in rows:
+        at = f"{pressure / 1e3:g} kPa"
+        table.add_row(at, r"frequency \[%]", *(f"{x:+.2f}" for x in frequency))
+        table.add_row("", r"damping ratio \[% points]", *(f"{x:+.3f}" for x in damping))
+    return table
+
+
+def _range(parameter: Parameter) -> str:
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.lower:g} to {parameter.upper:g}{unit}"
 
 
 def fit_table(measured: ModalModel, fit: Fit) -> Table:
@@ -186,3 +268,13 @@ def estimate_text(estimate: Estimate) -> str:
 
 def _band(measured: ModalModel) -> str:
     return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
+
+
+def next_test_table(diagnosis: Diagnosis) -> Table:
+    """Return the further tests, the one that separates best first."""
+    table = Table(title="Further tests", title_justify="left")
+    for name, justify in (("test", "left"), ("smallest distance", "right"), ("now", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for test in diagnosis.next_tests:
+        table.add_row(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}")
+    return table
