@@ -1,6 +1,7 @@
 """Measurement and model side by side: pairing, fitting, diagnosis, reports."""
 
 from updating.correlation import Correlation, correlate
+from updating.diagnosis import Diagnosis, diagnose
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fit import Estimate, Fit, fit
 from updating.objective import frequency_error, opt_d, opt_G
@@ -12,6 +13,7 @@ from updating.store import read_result, write_result
 __all__ = [
     "LAMELLA_ERRORS",
     "Correlation",
+    "Diagnosis",
     "Estimate",
     "Fit",
     "FitError",
@@ -21,6 +23,7 @@ __all__ = [
     "StoreError",
     "UpdatingError",
     "correlate",
+    "diagnose",
     "fit",
     "frequency_error",
     "opt_G",

@@ -18,14 +18,17 @@ from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 from model import Effect, Stack
+from updating.errors import FitError
 from updating.evidence import (
     Campaigned,
     Evidence,
     Explanation,
     Scatter,
     bounds_of,
+    candidate_model,
     explain,
     gather,
+    instruments_of,
     residual,
 )
 from updating.experiment import NextTest, aids, rank_tests
@@ -180,7 +183,12 @@ def diagnose(
     FitError
         No measured mode resembles one of the model.
     """
-    return conclude(gather(stack, tested, effects, aids=aids(), scatter=scatter))
+    if not tested:
+        message = "nothing to diagnose: no configuration was identified"
+        raise FitError(message)
+    instruments = instruments_of(tested[0][2])
+    candidates = candidate_model(stack, instruments, effects, aids())
+    return conclude(gather(candidates, tested, scatter=scatter))
 
 
 def conclude(evidence: Evidence) -> Diagnosis:
@@ -289,21 +297,21 @@ def _best_pairs(
         high = np.concatenate([bounds[0][1][a.strength], bounds[1][1][b.strength]])
         c = np.hstack([a.column, b.column])
         step = _bounded(c, r, low, high)
-        start = [a.coordinate.copy(), b.coordinate.copy()]
-        start[0][a.strength], start[1][b.strength] = step[: a.strength.size], step[a.strength.size :]
-        scored.append((float(np.sum((r + c @ step) ** 2)), (a.effect, b.effect), np.concatenate(start)))
+        first, second = a.coordinate.copy(), b.coordinate.copy()
+        first[a.strength], second[b.strength] = step[: a.strength.size], step[a.strength.size :]
+        scored.append(
+            (float(np.sum((r + c @ step) ** 2)), (a.effect, b.effect), np.concatenate([first, second]))
+        )
     scored.sort(key=lambda item: item[0])
     chosen = {names: start for _, names, start in scored[:N_REFIT_PAIR]}
     if singles:  # beside the best single effect, whose full fit tells more than its first step
         best = min(singles, key=lambda x: x.misfit).effects[0]
         beside = [item for item in scored if best in item[1]][: N_REFIT_PAIR // 2]
         for _, names, start in beside:
-            first = len(evidence.parameters([names[0]]))
+            n_first = len(evidence.parameters([names[0]]))
             full = start.copy()
-            if names[0] == best:
-                full[:first] = fitted[best].coordinate
-            else:
-                full[first:] = fitted[best].coordinate
+            own_part = slice(None, n_first) if names[0] == best else slice(n_first, None)
+            full[own_part] = fitted[best].coordinate
             chosen[names] = full
     return list(chosen.items())
 

@@ -7,7 +7,7 @@ cannot be expected to meet better than, such as mesh and dimensions, is a scatte
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -65,9 +65,9 @@ class Scatter:
         Of what the stack file says of the steel and of the contact across.
     """
 
-    frequency: float = 1.5e-3
+    frequency: float = 1e-3
     damping: float = 0.03
-    shape: float = 0.015
+    shape: float = 0.01
     stiffness: float = 0.03
     loss: float = 0.06
     young: float = 0.02
@@ -209,26 +209,81 @@ class Residual:
     label: tuple[str, ...]
 
 
-def gather(
-    stack: Stack,
-    tested: Sequence[Campaigned],
-    effects: Mapping[str, Effect],
-    *,
-    aids: Sequence[Effect] = (),
-    scatter: Scatter | None = None,
-) -> Evidence:
-    """Reduce the model with all effects that the stack can have and find the measured modes that it has.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CandidateModel:
+    """The reduced model of a stack with all effects that it can have.
+
+    Attributes
+    ----------
+    stack : Stack
+        Without effects.
+    system : ReducedSystem
+        With all of them, neutral.
+    effects : mapping of str to Effect
+        Those that this stack can have.
+    impossible : mapping of str to str
+        Why the others cannot be.
+    """
+
+    stack: Stack
+    system: ReducedSystem
+    effects: Mapping[str, Effect]
+    impossible: Mapping[str, str]
+
+
+def candidate_model(
+    stack: Stack, instruments: Instruments, effects: Mapping[str, Effect], aids: Sequence[Effect] = ()
+) -> CandidateModel:
+    """Reduce the model of a stack so that it holds for all effects that the stack can have.
 
     Parameters
     ----------
     stack : Stack
         Of the stack file.
-    tested : sequence of (str, float, ModalModel)
-        Name, pressure in Pa and identified modes of each configuration.
+    instruments : Instruments
+        Where the test's instruments touch it.
     effects : mapping of str to Effect
         What to consider.
     aids : sequence of Effect
         What further tests could do to the stack; the reduction holds for them too.
+    """
+    base = replace(stack, instruments=instruments)
+    small = replace(base, mesh=replace(base.mesh, n_x=2, n_y=1))
+    possible, impossible = {}, {}
+    for name, effect in effects.items():
+        try:
+            assemble(small.with_effects(effect))
+            possible[name] = effect
+        except EffectError as error:
+            impossible[name] = str(error)
+    system = reduce(
+        base.with_effects(*possible.values(), *aids),
+        G_f_range=G_F_RANGE,
+        n_snapshot=N_SNAPSHOT,
+        n_mode=N_MODEL,
+    )
+    return CandidateModel(stack=base, system=system, effects=possible, impossible=impossible)
+
+
+def instruments_of(modes: ModalModel) -> Instruments:
+    """Return where the instruments of a test touched the stack."""
+    place = {int(n): i for i, n in enumerate(modes.geometry.node)}
+    x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
+    sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
+    return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
+
+
+def gather(
+    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: Scatter | None = None
+) -> Evidence:
+    """Put measured configurations beside a model and find the measured modes that it has.
+
+    Parameters
+    ----------
+    candidates : CandidateModel
+        The model.
+    tested : sequence of (str, float, ModalModel)
+        Name, pressure in Pa and identified modes of each configuration.
     scatter : Scatter, optional
         What separates a right model from a right measurement.
 
@@ -242,40 +297,19 @@ def gather(
     if not tested:
         message = "nothing to compare: no configuration was identified"
         raise FitError(message)
-    _, pressure, first = tested[0]
-    place = {int(n): i for i, n in enumerate(first.geometry.node)}
-    sensor = first.geometry.coordinate[[place[int(n)] for n in first.node]]
-    shaker = first.geometry.coordinate[place[int(first.input.node[0])]]
-    base = replace(
-        stack.with_contact(pressure=pressure),
-        instruments=Instruments(shaker=(float(shaker[0]), float(shaker[1]), float(shaker[2])), sensor=sensor),
-    )
-    possible, impossible = {}, {}
-    small = replace(base, mesh=replace(base.mesh, n_x=2, n_y=1))
-    for name, effect in effects.items():
-        try:
-            assemble(small.with_effects(effect))
-            possible[name] = effect
-        except EffectError as error:
-            impossible[name] = str(error)
-    system = reduce(
-        base.with_effects(*possible.values(), *aids),
-        G_f_range=G_F_RANGE,
-        n_snapshot=N_SNAPSHOT,
-        n_mode=N_MODEL,
-    )
+    base = candidates.stack
     observed = tuple(
-        observe(system, register(base, modes.geometry, modes.node, modes.direction).observation)
+        observe(candidates.system, register(base, modes.geometry, modes.node, modes.direction).observation)
         for _, _, modes in tested
     )
     evidence = Evidence(
         stack=base,
         tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
         used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
-        system=system,
+        system=candidates.system,
         observed=observed,
-        effects=possible,
-        impossible=impossible,
+        effects=candidates.effects,
+        impossible=candidates.impossible,
         scatter=scatter or Scatter(),
         start=np.zeros(0),
     )
@@ -436,12 +470,7 @@ def residual(
 
 
 def _shape_difference(
-    measured: Identified,
-    r: int,
-    modes: Modes,
-    m: int,
-    spread,
-    scatter: float,  # type: ignore[no-untyped-def]
+    measured: Identified, r: int, modes: Modes, m: int, spread: Callable[[Vector], Vector], scatter: float
 ) -> tuple[Vector, Vector]:
     """Return the whitened difference of a measured and a modelled shape, both of unit length, and its derivatives.
 
