@@ -268,13 +268,3 @@ def estimate_text(estimate: Estimate) -> str:
 
 def _band(measured: ModalModel) -> str:
     return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
-
-
-def next_test_table(diagnosis: Diagnosis) -> Table:
-    """Return the further tests, the one that separates best first."""
-    table = Table(title="Further tests", title_justify="left")
-    for name, justify in (("test", "left"), ("smallest distance", "right"), ("now", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for test in diagnosis.next_tests:
-        table.add_row(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}")
-    return table
