@@ -45,7 +45,8 @@ from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, write_bytes, write_frf, write_result
-from updating.virtual_test import read_virtual_test, write_virtual_test
+from updating.virtual_campaign import write_virtual_test
+from updating.virtual_test_file import read_virtual_test
 
 
 def identify(

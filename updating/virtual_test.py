@@ -1,35 +1,56 @@
-"""A vibration test played on a model: noisy FRFs of two roving accelerometers, and the sealed truth beside them."""
+"""A vibration test played on a model: the test as data, what truly stood on the bench, and the true modes."""
 
 from __future__ import annotations
 
-import json
-import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 import model
-from ema import write_uff
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from model import Mesh, Modes, Observation, Stack
+from ema.geometry import Geometry
+from model import Effect, Instruments, Observation, Stack
 from updating.errors import FitError
-from updating.store import write_bytes, write_result
+
+STRUCTURE = ("young", "density", "length", "width", "height", "G_f", "d_f")
+"""Deviations of the structure: one number for all configurations."""
+ASSEMBLY = ("torque", "reassembly")
+"""Deviations of each assembly: pressure by the error of the torque wrench, G_f by the scatter of reassembly."""
+
+_DRAWS = 1  # stream of random numbers of what is tested; noise has one of its own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class VirtualConfiguration:
-    """One stack state to be tested: bolt torque (N m), pressure (Pa) and the true contact parameters."""
+    """One stack state to be tested: bolt torque (N m), pressure (Pa) and the contact parameters."""
 
     name: str
     torque: float
     pressure: float
     G_f: float
     d_f: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Averaging:
+    """How the analyser estimates FRFs, H1 with coherence, from records of a burst-random force.
+
+    Attributes
+    ----------
+    n_average : int
+        Number of records.
+    force_noise : float
+        Noise of the force channel over the force, both as root mean squares over the band.
+    response_noise : float
+        Noise floor of the accelerometers over the root mean square response of all points and lines.
+    """
+
+    n_average: int
+    force_noise: float
+    response_noise: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,9 +66,9 @@ class VirtualTest:
     stack_file : str
         The model's stack file, relative to that file.
     stack : Stack
-        The stack with the test's own, finer mesh.
+        The nominal stack with the test's own, finer mesh.
     geometry : Geometry
-        Measured points and the shaker's point.
+        Measured points and the shaker's point, on the nominal stack.
     shaker : Observation
         Force DOF.
     band : (float, float)
@@ -55,11 +76,31 @@ class VirtualTest:
     step : float
         Line spacing, Hz.
     noise : float
-        Standard deviation of the noise on each FRF as a ratio to that FRF's root mean square over the band.
+        Without averaging: standard deviation of the noise on each FRF as a ratio to that FRF's root mean
+        square over the band.
     seed : int
-        Seed of the noise.
+        Seed of the noise and of what is drawn.
     configurations : tuple of VirtualConfiguration
-        What is tested.
+        What is tested, as the operator believes.
+    effects : tuple of Effect
+        Physical effects that the user's stack file lacks.
+    effect_values : mapping of str to float
+        Values of their parameters; the others are nominal.
+    deviation : mapping of str to tuple of float
+        True values over nominal, less one: one value for names of `STRUCTURE`, one a configuration for
+        names of `ASSEMBLY`.
+    spread : mapping of str to float
+        Standard deviations from which the seed draws further ones.
+    sensor_mass : float
+        Mass of each of the two roving accelerometers, kg.
+    force_cell_mass : float
+        Mass between the force cell's crystal and the stack, kg.
+    stinger_stiffness : float
+        Lateral stiffness of the stinger, N/m.
+    averaging : Averaging or None
+        How FRFs are estimated; None puts `noise` on them as they are.
+    file_format : "uff" or "csv"
+        What the FRFs are written to.
     """
 
     name: str
@@ -73,107 +114,126 @@ class VirtualTest:
     noise: float
     seed: int
     configurations: tuple[VirtualConfiguration, ...]
+    effects: tuple[Effect, ...] = ()
+    effect_values: Mapping[str, float] = field(default_factory=dict)
+    deviation: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    spread: Mapping[str, float] = field(default_factory=dict)
+    sensor_mass: float = 0.0
+    force_cell_mass: float = 0.0
+    stinger_stiffness: float = 0.0
+    averaging: Averaging | None = None
+    file_format: Literal["uff", "csv"] = "uff"
+
+    def __post_init__(self) -> None:
+        n = {**dict.fromkeys(STRUCTURE, 1), **dict.fromkeys(ASSEMBLY, len(self.configurations))}
+        for name in (*self.deviation, *self.spread):
+            if name not in n:
+                message = f"deviation {name!r}: unknown; there are {', '.join(n)}"
+                raise FitError(message)
+            if name in self.deviation and name in self.spread:
+                message = f"deviation {name!r}: either given or drawn from a spread, not both"
+                raise FitError(message)
+        for name, values in self.deviation.items():
+            if len(values) != n[name]:
+                message = f"deviation {name!r}: needs {n[name]} value(s), got {len(values)}"
+                raise FitError(message)
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Frequency lines, Hz."""
+        return np.arange(self.band[0], self.band[1] + self.step / 2, self.step)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Truth:
-    """What a virtual test was played with, for those who score an identification or a fit afterwards.
+class Specimen:
+    """What truly stands on the bench in one configuration.
 
     Attributes
     ----------
-    configurations : tuple of VirtualConfiguration
-        The true contact parameters.
-    modes : tuple of Modes
-        The true elastic modes of each configuration at the measured DOFs.
-    band : (float, float)
-        First and last frequency line, Hz.
-    seed : int
-        Seed of the noise.
+    configuration : VirtualConfiguration
+        True pressure and contact parameters.
+    stack : Stack
+        The true stack with its effects and instruments.
+    output : Observation
+        The measured DOFs.
+    shaker : Observation
+        The force DOF.
     """
 
-    configurations: tuple[VirtualConfiguration, ...]
-    modes: tuple[Modes, ...]
-    band: tuple[float, float]
-    seed: int
+    configuration: VirtualConfiguration
+    stack: Stack
+    output: Observation
+    shaker: Observation
 
 
-def read_virtual_test(path: Path) -> VirtualTest:
-    """Read the description of a virtual test (TOML) and the stack file that it names.
+def drawn_deviations(test: VirtualTest) -> dict[str, tuple[float, ...]]:
+    """Return all deviations of a test: those given, and those that the seed draws, normally distributed."""
+    rng = np.random.default_rng([_DRAWS, test.seed])
+    found = dict(test.deviation)
+    for name in (*STRUCTURE, *ASSEMBLY):  # in an order of its own, so that the file's does not matter
+        size = len(test.configurations) if name in ASSEMBLY else 1
+        values = rng.standard_normal(size)
+        if name in test.spread:
+            found[name] = tuple(float(v) for v in test.spread[name] * values)
+    return found
 
-    Raises
-    ------
-    FitError
-        The file is missing, is not TOML, or has a key that is unknown, missing or impossible.
-    """
-    try:
-        given = _File.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
-        raise FitError(message) from error
-    except tomllib.TOMLDecodeError as error:
-        message = f"{path}: not valid TOML: {error}"
-        raise FitError(message) from error
-    except ValidationError as error:
-        found = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        message = f"{path}: {found}"
-        raise FitError(message) from error
+
+def specimens(test: VirtualTest) -> tuple[Specimen, ...]:
+    """Return what truly stands on the bench, configuration by configuration."""
+    deviation = drawn_deviations(test)
+
+    def factor(name: str, i: int = 0) -> float:
+        return 1.0 + deviation[name][i] if name in deviation else 1.0
+
+    nominal = test.stack
+    if nominal.outline is not None and {"length", "width"} & set(deviation):
+        message = "deviations of length and width need a rectangular plan; an outline has its own size"
+        raise FitError(message)
+    size = np.array([factor("length"), factor("width"), factor("height")])
     stack = replace(
-        model.read_stack(path.parent / given.structure.stack),
-        mesh=Mesh(n_x=given.structure.mesh[0], n_y=given.structure.mesh[1]),
-    )
-    edges = four_edge_points(stack, given.points.n_station)
-    place = np.array([[1e-3 * c for c in given.shaker.place_mm]])
-    geometry = Geometry(
-        node=np.append(edges.node, edges.node.size + 1),
-        coordinate=np.vstack([edges.coordinate, place]),
-        line=edges.line,
-    )
-    return VirtualTest(
-        name=given.campaign.name,
-        source=path,
-        stack_file=given.structure.stack,
-        stack=stack,
-        geometry=geometry,
-        shaker=Observation(
-            node=geometry.node[-1:],
-            location=model.sample_points(stack, place)[0],
-            direction=np.array([[0.0, 0.0, 1.0]]),
-        ),
-        band=given.measurement.band_Hz,
-        step=given.measurement.step_Hz,
-        noise=given.measurement.noise,
-        seed=given.measurement.seed,
-        configurations=tuple(
-            VirtualConfiguration(
-                name=c.name, torque=c.torque_Nm, pressure=1e3 * c.pressure_kPa, G_f=c.G_f, d_f=c.d_f_s_per_Pa
-            )
-            for c in given.configuration
+        nominal,
+        length=size[0] * nominal.length,
+        width=size[1] * nominal.width,
+        height=size[2] * nominal.height,
+        material=replace(
+            nominal.material,
+            young=factor("young") * nominal.material.young,
+            density=factor("density") * nominal.material.density,
         ),
     )
-
-
-def write_virtual_test(test: VirtualTest, folder: Path) -> None:
-    """Play a test and write its campaign: one universal file a run, the points, the campaign file, and the truth.
-
-    Raises
-    ------
-    StoreError
-        The folder cannot be written.
-    """
-    played = play(test)
-    write_bytes(folder / "points.csv", _points_text(test.geometry).encode())
-    for name, (frf, _) in played.items():
-        (folder / name).mkdir(parents=True, exist_ok=True)
-        for run in np.unique(frf.run):
-            write_uff(folder / name / f"run_{run + 1:02d}.uff", test.geometry, _select(frf, frf.run == run))
-    truth = Truth(
-        configurations=test.configurations,
-        modes=tuple(modes for _, modes in played.values()),
-        band=test.band,
-        seed=test.seed,
+    place = size * test.geometry.coordinate
+    at_shaker = test.geometry.node == test.shaker.node[0]
+    stack = replace(
+        stack, instruments=Instruments(shaker=tuple(place[at_shaker][0]), sensor=place[~at_shaker])
     )
-    write_result(folder / "truth.json", truth, inputs=(test.source,), options={})
-    write_bytes(folder / "campaign.toml", _campaign_text(test).encode())
+    stack = _with_effects(test, stack)
+    node = test.geometry.node[~at_shaker]
+    output = Observation(
+        node=node,
+        location=model.sample_points(stack, place[~at_shaker])[0],
+        direction=np.tile([0.0, 0.0, 1.0], (node.size, 1)),
+    )
+    shaker = replace(test.shaker, location=model.sample_points(stack, place[at_shaker])[0])
+    found = []
+    for i, given in enumerate(test.configurations):
+        true = replace(
+            given,
+            torque=given.torque * factor("torque", i),
+            pressure=given.pressure * factor("torque", i),
+            G_f=given.G_f * factor("G_f") * factor("reassembly", i),
+            d_f=given.d_f * factor("d_f"),
+        )
+        pressed = stack.with_contact(pressure=true.pressure, G_f=true.G_f, d_f=true.d_f)
+        found.append(Specimen(configuration=true, stack=pressed, output=output, shaker=shaker))
+    return tuple(found)
+
+
+def _with_effects(test: VirtualTest, stack: Stack) -> Stack:
+    """Add the effects at their strengths."""
+    if not test.effects:
+        return stack
+    nominal = {p.name: p.nominal for effect in test.effects for p in effect.parameters}
+    return stack.with_effects(*test.effects, **{**nominal, **test.effect_values})
 
 
 def four_edge_points(stack: Stack, n_station: int) -> Geometry:
@@ -189,140 +249,3 @@ def four_edge_points(stack: Stack, n_station: int) -> Geometry:
     along = [(4 * i + c, 4 * (i + 1) + c) for i in range(n_station - 1) for c in range(4)]
     around = [(4 * i + a, 4 * i + b) for i in range(n_station) for a, b in ((0, 1), (1, 3), (3, 2), (2, 0))]
     return Geometry(node=node, coordinate=coordinate, line=np.array(along + around) + 1)
-
-
-def play(test: VirtualTest) -> dict[str, tuple[FRF, Modes]]:
-    """Compute the noisy FRFs and the true modes of every configuration.
-
-    Two accelerometers rove: in run i they stand on the points 2i + 1 and 2i + 2 of the geometry, both in +z.
-    """
-    rng = np.random.default_rng(test.seed)
-    roving = test.geometry.node != test.shaker.node[0]
-    node, location = test.geometry.node[roving], test.geometry.coordinate[roving]
-    output = Observation(
-        node=node,
-        location=model.sample_points(test.stack, location)[0],
-        direction=np.tile([0.0, 0.0, 1.0], (node.size, 1)),
-    )
-    frequency = np.arange(test.band[0], test.band[1] + test.step / 2, test.step)
-    played = {}
-    for c in test.configurations:
-        system = model.reduce(test.stack.with_contact(pressure=c.pressure))
-        clean = model.frf(
-            system,
-            G_f=c.G_f,
-            d_f=c.d_f,
-            frequency=frequency,
-            output=output,
-            input=test.shaker,
-            quantity="accelerance",
-        )
-        played[c.name] = (
-            FRF(
-                frequency=frequency,
-                value=clean + _noise(rng, clean, test.noise),
-                quantity="accelerance",
-                output=Dofs(node=node, direction=output.direction),
-                input=Dofs(node=test.shaker.node, direction=test.shaker.direction),
-                run=np.arange(node.size) // 2,
-                source=tuple(f"virtual test, point {n}" for n in node),
-            ),
-            model.solve_modes(system, G_f=c.G_f, d_f=c.d_f, n_mode=22, observation=output).elastic(),
-        )
-    return played
-
-
-def _noise(rng: np.random.Generator, clean: NDArray[np.complex128], level: float) -> NDArray[np.complex128]:
-    """Complex white noise; `level` is its standard deviation over the root mean square of each FRF."""
-    rms = np.sqrt(np.mean(np.abs(clean) ** 2, axis=-1, keepdims=True))
-    real, imaginary = rng.standard_normal((2, *clean.shape))
-    return level * rms * (real + 1j * imaginary) / np.sqrt(2)
-
-
-def _select(frf: FRF, output: NDArray[np.bool_]) -> FRF:
-    return replace(
-        frf,
-        value=frf.value[output],
-        output=Dofs(node=frf.output.node[output], direction=frf.output.direction[output]),
-        run=frf.run[output],
-        source=tuple(s for s, chosen in zip(frf.source, output, strict=True) if chosen),
-    )
-
-
-def _points_text(geometry: Geometry) -> str:
-    rows = (
-        f"{n},{','.join(f'{1e3 * c:.3f}' for c in place)}"
-        for n, place in zip(geometry.node, geometry.coordinate, strict=True)
-    )
-    return "\n".join(("node,x,y,z", *rows, ""))
-
-
-def _campaign_text(test: VirtualTest) -> str:
-    lines = ", ".join(f"[{a}, {b}]" for a, b in test.geometry.line)
-    head = f"""[campaign]
-name = {json.dumps(test.name, ensure_ascii=False)}
-
-[structure]
-stack = "{test.stack_file}"        # the model's stack file: planform, steel, contact, clamps
-
-[points]
-file = "points.csv"          # node,x,y,z with the origin in the centre of the stack, z in stacking direction
-unit = "mm"
-lines = [{lines}]            # trace lines, for drawing
-"""
-    parts = [
-        f"""
-[[configuration]]
-name = "{c.name}"
-torque_Nm = {c.torque:g}
-pressure_kPa = {c.pressure / 1e3:g}
-files = ["{c.name}/run_*.uff"]   # one universal file a run: two roving accelerometers over the shaker's force
-"""
-        for c in test.configurations
-    ]
-    return head + "".join(parts)
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _Name(_Strict):
-    name: str
-
-
-class _Structure(_Strict):
-    stack: str
-    mesh: tuple[int, int]
-
-
-class _Points(_Strict):
-    n_station: Annotated[int, Field(ge=2)]
-
-
-class _Shaker(_Strict):
-    place_mm: tuple[float, float, float]
-
-
-class _Measurement(_Strict):
-    band_Hz: tuple[float, float]
-    step_Hz: Annotated[float, Field(gt=0)]
-    noise: Annotated[float, Field(ge=0)]
-    seed: int
-
-
-class _Configuration(_Strict):
-    name: str
-    torque_Nm: Annotated[float, Field(gt=0)]
-    pressure_kPa: Annotated[float, Field(gt=0)]
-    G_f: Annotated[float, Field(gt=0)]
-    d_f_s_per_Pa: Annotated[float, Field(ge=0)]
-
-
-class _File(_Strict):
-    campaign: _Name
-    structure: _Structure
-    points: _Points
-    shaker: _Shaker
-    measurement: _Measurement
-    configuration: Annotated[list[_Configuration], Field(min_length=1)]
