@@ -2,7 +2,8 @@
 
 Enters: shear modulus times thickness share in strips of a tenth of the width along both edges; affine.
 Range: 0 to 5e8 Pa of effective modulus: epoxy of 1 GPa filling up to half of the strip.
-Does: raises all modes, torsion most, more at low torque.
+Does: raises T1 by 8 %, B1 and B2 by 4 % and T2 by 2 % at low torque, half of it at twice the pressure. (Demo
+    stack, nominal strength.)
 Mistaken for: edge_pressure, weld_seam, contact_offset.
 """
 

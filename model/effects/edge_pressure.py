@@ -3,7 +3,8 @@
 Enters: pressure p (1 + a f(x, y)), f grows with the square of y, less its mean. Stiffness is affine in a,
     damping a polynomial of it.
 Range: a from -0.45 (bowed sheets touch in the middle) to 0.95 (burrs carry).
-Does: raises torsion, which shears at the edges, against bending; the same between torques in proportion.
+Does: burrs raise T1 by 14 %, T2 by 0 to 4 %, and lower bending by 0.1 to 0.2 %; damping of T1 grows too.
+    (Demo stack, nominal strength.)
 Mistaken for: contact_direction, adhesive_edges.
 """
 

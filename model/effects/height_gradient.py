@@ -3,8 +3,8 @@
 Enters: pressure p (1 + a (2 k - N) / N) at interface k of N, affine in a; damping a polynomial
     of it.
 Range: a from -0.9 to 0.9.
-Does: hardly anything to first order, for what the top gains the bottom loses; couples stretching to bending.
-    The same between torques.
+Does: lowers all four modes by 0.2 to 0.5 %: the first order cancels, the second does not. Nearly the same
+    between torques. (Demo stack, nominal strength.)
 Mistaken for: a lower G_f; often not visible at all.
 """
 

@@ -3,7 +3,8 @@
 Enters: damping matrix of the tangential contact with a viscosity c per spacing, G'' = c omega; affine.
 Range: 0 to 5e4 Pa s of effective viscosity over the pitch (film of oil of 0.1 Pa s, a thousandth of the pitch
     thick).
-Does: damping ratios grow with frequency, and fall from low to high torque instead of growing; frequencies stay.
+Does: adds damping that grows with frequency, 0.26 % to T1 and 0.44 % to T2, and by a third to a half less at
+    twice the pressure. Frequencies stay. (Demo stack, nominal strength.)
 Mistaken for: steel_loss, contact_loss; at one torque partly d_f.
 """
 

@@ -8,7 +8,8 @@ Enters: tangential contact stiffness and damping, times (p / p_ref)^(n - 1). Not
     field's shape kept.
 Range: n from 0.2 to 1.3; 1/3 to 1 for rough and Hertzian contacts (Greenwood and Williamson 1966; Mindlin
     1949).
-Does: nothing at p_ref that G_f cannot do; between torques the modes rise by less than sqrt(p) asks for.
+Does: nothing at p_ref that G_f cannot do; at twice the pressure T1, B1 and B2 are 15 % and T2 7 % lower than
+    with n = 1. (Demo stack, nominal strength.)
 Mistaken for: with one torque G_f itself; with two contact_offset and clamp_frame; torque error.
 """
 

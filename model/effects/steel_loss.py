@@ -2,8 +2,8 @@
 
 Enters: damping matrix eta K_lamina / omega; affine in eta, depends on frequency.
 Range: 1e-4 for steel up to 0.02 for coated sheet.
-Does: damping in proportion to the energy in the sheets, a small part here; more at high torque. Frequencies
-    stay.
+Does: adds 0.09 % damping to T2 and about 0.01 % to the others, whose energy is in the contact. Frequencies
+    stay. (Demo stack, nominal strength.)
 Mistaken for: contact_loss.
 """
 

@@ -6,7 +6,8 @@ loss factor tan(pi alpha / 2) that belongs to it.
 Enters: tangential contact stiffness and damping; depends on frequency, not affine in alpha: one matrix with an
     exact factor.
 Range: alpha from 0 to 0.15.
-Does: raises high modes (T2, B2) against low ones and damps all alike. The same between torques.
+Does: lowers T1 and B1 by 0.8 to 1.0 % and raises T2 by 0.4 % at low torque, as they lie below and above 500
+    Hz; adds 2.2 % damping, 1 % to T2. (Demo stack, nominal strength.)
 Mistaken for: contact_loss in damping, normal_stiffness in frequencies.
 """
 
