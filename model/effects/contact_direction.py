@@ -4,7 +4,8 @@ G_yz = r G_xz: grinding and rolling leave grooves along x.
 
 Enters: tangential contact stiffness and damping in y, times (r - 1); affine.
 Range: r from 0.4 to 2.5.
-Does: r = 0.75 lowers T2 by 3 % at low and 1 % at high torque and T1 by 0.4 %, and leaves bending, which shears x-z only. (Demo stack, nominal strength.)
+Does: r = 0.75 lowers T2 by 3 % at low and 1 % at high torque and T1 by 0.4 %, and leaves bending, which
+    shears x-z only. (Demo stack, nominal strength.)
 Mistaken for: clamp_inertia, lost contact at the edges, waviness.
 """
 

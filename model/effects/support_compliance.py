@@ -5,8 +5,8 @@ A support that the stack file calls clamped, pinned or elastic has a compliance 
 Enters: stiffness of the supports, k / (1 + c k / k_ref) in place of k, where k_ref is the bending stiffness of
     a lamina over one element of its mesh; not affine in c, but one matrix with a rational factor.
 Range: c from 0 (as the stack file says) to 1.
-Does: lowers all modes of a held stack, eight laminas clamped at one end by 0.04 to 0.24 % at the nominal compliance and
-    by 15 to 23 % at the upper one, no mode much more than another.
+Does: lowers all modes of a held stack, eight laminas clamped at one end by 0.04 to 0.24 % at the nominal
+    compliance and by 15 to 23 % at the upper one, no mode much more than another.
 Mistaken for: a lower Young's modulus, temperature.
 """
 

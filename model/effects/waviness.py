@@ -3,7 +3,8 @@
 Enters: pressure p (1 + a f(x, y)), f a cosine of four waves over the length. Stiffness is affine in a, damping
     a polynomial of it.
 Range: a from 0 to 0.95; IEC 60404-9 allows wave factors of 2 to 3 %, far above the compression of the stack.
-Does: lowers B1 by 9 %, B2 by 7 %, T1 by 4 % and T2 by 3 %. The same between torques. (Demo stack, nominal strength.)
+Does: lowers B1 by 9 %, B2 by 7 %, T1 by 4 % and T2 by 3 %. The same between torques. (Demo stack, nominal
+    strength.)
 Mistaken for: a lower G_f, lost_contact_middle.
 """
 
