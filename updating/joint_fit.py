@@ -209,6 +209,7 @@ def joint_fit(
     damping: bool = True,
     scatter: Scatter | None = None,
     n_start: int = 4,
+    first: Mapping[str, float] | None = None,
 ) -> JointFit:
     """Fit contact parameters and effects to several configurations at once.
 
@@ -235,6 +236,8 @@ def joint_fit(
     n_start : int
         Descents: from the effects' nominal values, from near their neutral ones, and from points of a Sobol
         sequence. Each begins with the best G_f of a scan. Without effects there is one.
+    first : mapping of str to float, optional
+        Values of effects' parameters from which the first descent begins, in place of the nominal ones.
 
     Raises
     ------
@@ -253,7 +256,7 @@ def joint_fit(
         scatter=scatter or Scatter(),
     )
     starts = []
-    for first in problem.starts(n_start if problem.has_effects else 1):
+    for begin in problem.starts(n_start if problem.has_effects else 1, first or {}):
         history: list[float] = []
 
         def residual(x: NDArray[np.float64], record: list[float] = history) -> NDArray[np.float64]:
@@ -263,7 +266,7 @@ def joint_fit(
 
         found = least_squares(
             residual,
-            first,
+            begin,
             jac=lambda x: problem.evaluate(x)[1],
             bounds=(problem.low, problem.high),
             x_scale="jac",
@@ -271,7 +274,7 @@ def joint_fit(
             ftol=1e-10,
             max_nfev=100,
         )
-        starts.append((found.cost, found.x, first, history, found.status > 0))
+        starts.append((found.cost, found.x, begin, history, found.status > 0))
     starts.sort(key=lambda s: s[0])
     if not starts[0][-1]:
         message = f"the fit did not converge in {len(starts[0][3])} evaluations; fix or bound a parameter"
@@ -281,12 +284,12 @@ def joint_fit(
         starts[0][1],
         tuple(
             Start(
-                first=problem.value(first),
+                first=problem.value(begin),
                 last=problem.value(last),
                 objective=np.array(history),
                 converged=converged,
             )
-            for _, last, first, history, converged in starts
+            for _, last, begin, history, converged in starts
         ),
     )
 

@@ -21,6 +21,9 @@ from updating.sensitivity import Scatter, whitened_residual
 Scope = Literal["all", "specimen", "configuration"]
 """Who shares a parameter: all configurations, those of one stack, or nobody."""
 
+Differences = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Weighted differences (n_residual,) and their derivatives (n_residual, n_variable)."""
+
 _SCAN = 15  # values of G_f tried before each descent
 
 
@@ -83,6 +86,9 @@ class Problem:
         if not any(np.any(used) for used in self.used):
             message = "no mode is left to fit"
             raise FitError(message)
+        self._latest: tuple[NDArray[np.float64], Differences] | None = (
+            None  # asked for twice: values, derivatives
+        )
         self.free: list[Free] = []
         self.column: list[dict[str, int]] = [{} for _ in self.prepared]
         candidates = [
@@ -135,6 +141,8 @@ class Problem:
 
     def evaluate(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the weighted differences of all configurations and priors at x, and their derivatives by x."""
+        if self._latest is not None and np.array_equal(self._latest[0], x):
+            return self._latest[1]
         value = self.value(x)
         slope = np.array([f.slope(v) for f, v in zip(self.free, value, strict=True)])
         residuals, jacobians = [], []
@@ -156,9 +164,11 @@ class Problem:
             row[0, j] = slope[j] / std
             residuals.append(np.array([(value[j] - mean) / std]))
             jacobians.append(row)
-        return np.concatenate(residuals), np.vstack(jacobians)
+        found = np.concatenate(residuals), np.vstack(jacobians)
+        self._latest = (x.copy(), found)
+        return found
 
-    def starts(self, n: int) -> list[NDArray[np.float64]]:
+    def starts(self, n: int, first: Mapping[str, float]) -> list[NDArray[np.float64]]:
         """Return n points to descend from; see `joint_fit`."""
         shared = [j for j, f in enumerate(self.free) if f.name not in ("G_f", "d_f")]
         stiffness = [j for j, f in enumerate(self.free) if f.name == "G_f"]
@@ -175,7 +185,9 @@ class Problem:
             x = np.array([f.inward(f.nominal) for f in self.free])
             for m, j in enumerate(shared):
                 nominal, neutral = x[j], self.free[j].inward(self.free[j].neutral)
-                if k == 1:
+                if k == 0 and self.free[j].name in first:
+                    x[j] = self.free[j].inward(first[self.free[j].name])
+                elif k == 1:
                     x[j] = neutral + 0.05 * (nominal - neutral)
                 elif k > 1:
                     x[j] = self.low[j] + sobol[k - 2, m] * (self.high[j] - self.low[j])

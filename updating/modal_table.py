@@ -196,7 +196,19 @@ def fit_row(row: TableRow, shape_class: tuple[str, ...]) -> TableFit:
     FitError
         The model has no mode of a wanted class at a G_f of the scan.
     """
-    predict = _predictor(row, shape_class)
+    return fit_row_by(row, _predictor(row, shape_class))
+
+
+def fit_row_by(row: TableRow, predict: Callable[[float], Prediction]) -> TableFit:
+    """Fit G_f of one row as `fit_row` does, with a model that is there already.
+
+    Parameters
+    ----------
+    row : TableRow
+        The configuration.
+    predict : callable
+        Model frequencies (n_mode,) and their derivatives by G_f at a value of G_f.
+    """
     no_std = np.zeros(row.frequency.size)
     G_f = estimate_stiffness(predict, row.frequency, no_std, bounds=G_F_BOUNDS)
     G_f_to_published = estimate_stiffness(predict, row.published_frequency, no_std, bounds=G_F_BOUNDS)

@@ -103,7 +103,7 @@ def test_the_record_of_each_start_falls(fitted):
 @pytest.mark.parametrize("shapes", [False, True])
 def test_derivatives_agree_with_differences(prepared, shapes):
     problem = problem_of([with_shapes(one) for one in prepared] if shapes else prepared)
-    x = problem.starts(1)[0]
+    x = problem.starts(1, {})[0]
     station = next(j for j, f in enumerate(problem.free) if f.name == "clamp_station")
     x[station] = 0.65  # between the effect's fixed places, where its derivative jumps
     _, jacobian = problem.evaluate(x)
