@@ -209,12 +209,13 @@ def simulate(
         Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False)
     ],
     output: Folder,
+    effect_file: EffectFiles = None,
 ) -> None:
     """Play a vibration test on a model and write its FRFs as a test system would.
 
     The truth goes to truth.json, which no other command reads. The same file and seed give the same bytes.
     """
-    jobs.simulate(specification, output)
+    jobs.simulate(specification, output, effect_file or ())
     _OUT.print(f"Campaign: [bold]{output / 'campaign.toml'}[/bold]")
 
 

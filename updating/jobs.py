@@ -190,9 +190,9 @@ def report(folder: Path) -> Path:
     return write_report(folder)
 
 
-def simulate(specification: Path, output: Path) -> None:
+def simulate(specification: Path, output: Path, effect_files: Iterable[Path]) -> None:
     """Play a virtual test and write its campaign."""
-    write_virtual_test(read_virtual_test(specification), output)
+    write_virtual_test(read_virtual_test(specification, effect_files), output)
 
 
 def known_effects(files: Iterable[Path]) -> dict[str, Effect]:
