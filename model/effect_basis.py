@@ -20,7 +20,7 @@ from model.system import Assembly, Term
 from model.z_basis import N_RIGID, shear_shift
 
 _EFFECTS_AT_ONCE = 8  # in one sample of the modes over z
-_ENERGY = 1e-6  # of a mode: an answer with less is left out; a frequency misses half of it
+_ENERGY = 1e-5  # of a mode: an answer with less is left out; a frequency misses half of it
 
 
 def effect_samples(stack: Stack, theta: Mapping[str, float]) -> list[dict[str, float]]:

@@ -151,14 +151,24 @@ def solve_modes(
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     observed = observe(system, observation)
     names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
-    if OMEGA in theta:
-        own = [
-            _at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in range(n_rigid, n_mode)
-        ]
-        rigid = _mode_derivatives(system, theta, names, eigenvalues, vectors, slice(0, n_rigid))
-        found = _Derivatives.joined([rigid, *own])
-    else:
-        found = _mode_derivatives(system, theta, names, eigenvalues, vectors, slice(0, n_mode))
+    rigid = _mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid))
+    if OMEGA not in theta:
+        elastic = _mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
+    elif any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
+        elastic = _Derivatives.joined(
+            [_at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in range(n_rigid, n_mode)]
+        )
+    else:  # only damping follows frequency: the undamped modes are the same for all
+        elastic = _mode_derivatives(
+            system,
+            theta,
+            (*names, OMEGA),
+            eigenvalues,
+            vectors,
+            range(n_rigid, n_mode),
+            np.sqrt(eigenvalues[n_rigid:n_mode]),
+        ).without_omega()
+    found = _Derivatives.joined([rigid, elastic])
     omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, found.eigenvalue))
     safe = np.where(omega > 0.0, omega, np.inf)
     d_omega = found.d_eigenvalue / (2.0 * safe[:, None])
@@ -192,6 +202,22 @@ class _Derivatives:
     d_coordinate: NDArray[np.float64]
     d_modal_damping: NDArray[np.float64]
 
+    def without_omega(self) -> _Derivatives:
+        """Return the derivatives along the modes' own frequency, which was the last parameter.
+
+        The eigenvalue obeys lambda = L(theta, omega) with omega = sqrt(lambda), so by a parameter
+        d lambda = L_theta / (1 - L_omega / (2 omega)), and likewise for all that follows from it.
+        """
+        omega = np.sqrt(self.eigenvalue)[:, None]
+        d_eigenvalue = self.d_eigenvalue[:, :-1] / (1.0 - self.d_eigenvalue[:, -1:] / (2.0 * omega))
+        d_omega = d_eigenvalue / (2.0 * omega)
+        return dataclasses.replace(
+            self,
+            d_eigenvalue=d_eigenvalue,
+            d_coordinate=self.d_coordinate[:, :, :-1] + self.d_coordinate[:, :, -1:] * d_omega,
+            d_modal_damping=self.d_modal_damping[:, :-1] + self.d_modal_damping[:, -1:] * d_omega,
+        )
+
     @classmethod
     def joined(cls, parts: list[_Derivatives]) -> _Derivatives:
         axis = {"coordinate": 1, "d_coordinate": 1}
@@ -211,11 +237,15 @@ def _mode_derivatives(
     names: tuple[str, ...],
     eigenvalues: NDArray[np.float64],
     vectors: NDArray[np.float64],
-    which: slice,
+    which: range,
+    omega: NDArray[np.float64] | None = None,
 ) -> _Derivatives:
-    """Return modes and their derivatives (Fox and Kapoor 1968); each matrix is projected once for all parameters."""
-    chosen, lam = vectors[:, which], eigenvalues[which]
-    column, row = np.arange(lam.size), np.arange(eigenvalues.size)[which]
+    """Return modes and their derivatives (Fox and Kapoor 1968); each matrix is projected once for all parameters.
+
+    With `omega`, (n_mode,) rad/s, factors are taken at each mode's own.
+    """
+    row, column = np.array(which, dtype=np.intp), np.arange(len(which))
+    chosen, lam = vectors[:, row], eigenvalues[row]
     gap = lam - eigenvalues[:, None]
     scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
     apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
@@ -225,15 +255,17 @@ def _mode_derivatives(
     projected: dict[int, NDArray[np.float64]] = {}
     damped = np.zeros((eigenvalues.size, lam.size))  # V' C of the chosen modes
     for term in system.terms:
-        shares = {name: term.factor.derivative(theta, name) for name in names}
-        factor = term.factor(theta)
-        if any(shares.values()) or (term.target == "C" and factor):
+        used = term.factor.names(theta)
+        here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
+        shares = {n: np.array([term.factor.derivative(t, n) for t in here]) for n in names if n in used}
+        shares = {name: share for name, share in shares.items() if share.any()}
+        factor = np.array([term.factor(t) for t in here])
+        if shares or (term.target == "C" and factor.any()):
             if id(term.matrix) not in projected:
                 projected[id(term.matrix)] = vectors.T @ (term.matrix @ chosen)
             modal = projected[id(term.matrix)]
             for name, share in shares.items():
-                if share:
-                    slopes[term.target][name] += share * modal
+                slopes[term.target][name] += share * modal
             if term.target == "C":
                 damped += factor * modal
     d_eigenvalue, d_modal = np.zeros((2, lam.size, len(names)))
@@ -264,21 +296,15 @@ def _at_own_frequency(
 ) -> _Derivatives:
     """Solve for one mode with the matrices at its own frequency, the mode being followed by its shape.
 
-    Its eigenvalue obeys lambda = L(theta, omega) with omega = sqrt(lambda), so by a parameter
-    d lambda = L_theta / (1 - L_omega / (2 omega)), and likewise for all that follows from it.
-
     Raises
     ------
     SolveError
         The iteration does not converge.
     """
-    stiffness_follows = bool(np.any(system.derivative("K", theta, OMEGA)))
     values, basis, index = eigenvalues, vectors, mode
     for _ in range(_MOST_STEPS):
         omega = float(np.sqrt(values[index]))
         here = {**theta, OMEGA: omega}
-        if not stiffness_follows:
-            break
         mass = system.matrix("M", here)
         last = basis[:, index]
         values, basis = la.eigh(system.matrix("K", here), mass)
@@ -291,19 +317,8 @@ def _at_own_frequency(
             f"mode {mode}: its frequency-dependent stiffness does not settle near {omega / 2 / np.pi:.6g} Hz"
         )
         raise SolveError(message)
-    found = _mode_derivatives(system, here, (*names, OMEGA), values, basis, slice(index, index + 1))
-    omega = here[OMEGA]
-    slope = found.d_eigenvalue[:, -1] / (2.0 * omega)
-    d_eigenvalue = found.d_eigenvalue[:, :-1] / (1.0 - slope[:, None])
-    d_omega = d_eigenvalue / (2.0 * omega)
-    return _Derivatives(
-        eigenvalue=found.eigenvalue,
-        coordinate=found.coordinate,
-        modal_damping=found.modal_damping,
-        d_eigenvalue=d_eigenvalue,
-        d_coordinate=found.d_coordinate[:, :, :-1] + found.d_coordinate[:, :, -1:] * d_omega,
-        d_modal_damping=found.d_modal_damping[:, :-1] + found.d_modal_damping[:, -1:] * d_omega,
-    )
+    derivatives = _mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
+    return derivatives.without_omega()
 
 
 def reduced_eigenpairs(

@@ -40,6 +40,9 @@ class ParameterFactor(Protocol):
     def derivative(self, theta: Mapping[str, float], name: str) -> float:
         """Return the derivative by the parameter `name` at `theta`."""
 
+    def names(self, theta: Mapping[str, float]) -> frozenset[str]:
+        """Return the parameters on which it depends at `theta`."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Monomial:
@@ -65,6 +68,22 @@ class Monomial:
         rest = {other: power for other, power in self.exponent.items() if other != name}
         return n * theta[name] ** (n - 1) * Monomial(exponent=rest)(theta)
 
+    def names(self, theta: Mapping[str, float]) -> frozenset[str]:  # noqa: ARG002
+        """Return the parameters on which it depends."""
+        return frozenset(name for name, power in self.exponent.items() if power)
+
+
+class _Recorded(dict[str, Any]):
+    """Parameters that note which of them were asked for."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        super().__init__(values)
+        self.asked: set[str] = set()
+
+    def __getitem__(self, name: str) -> Any:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
 
 @dataclass(frozen=True, eq=False)
 class Formula:
@@ -86,6 +105,12 @@ class Formula:
     def derivative(self, theta: Mapping[str, float], name: str) -> float:
         """Return the derivative by the parameter `name` at `theta`."""
         return float(np.imag(self.function({**theta, name: theta[name] + 1j * _STEP})) / _STEP)
+
+    def names(self, theta: Mapping[str, float]) -> frozenset[str]:
+        """Return the parameters that the function asks for at `theta`."""
+        recorded = _Recorded(theta)
+        self.function(recorded)
+        return frozenset(recorded.asked)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
