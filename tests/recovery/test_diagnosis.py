@@ -1,0 +1,75 @@
+"""Diagnoses of virtual tests whose hidden effect is known to the test alone."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import model
+from updating.blind import NOISE, blind_test, candidates_of
+from updating.diagnosis import conclude
+from updating.evidence import gather
+from updating.virtual_measurement import play_modes
+
+SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
+CONSIDERED = (
+    "clamp_mass",
+    "contact_direction",
+    "pressure_exponent",
+    "contact_loss",
+    "clamp_rods",
+    "temperature",
+)
+
+
+@pytest.fixture(scope="module")
+def catalogue():
+    return {name: effect for name, effect in model.catalogue().items() if name in CONSIDERED}
+
+
+@pytest.fixture(scope="module")
+def candidates(catalogue):
+    return candidates_of(SPECIFICATION, catalogue)
+
+
+def diagnosed(candidates, effects, values, seed):
+    test = blind_test(SPECIFICATION, seed, effects, values)
+    played = play_modes(test, NOISE)
+    return conclude(
+        gather(candidates, [(c.name, c.pressure, played[c.name][0]) for c in test.configurations])
+    )
+
+
+def test_nothing_is_missing_where_nothing_is_hidden(candidates):
+    found = diagnosed(candidates, (), {}, 11)
+    assert found.verdict == "nothing missing"
+    assert found.candidates == ()
+    assert found.p_value > 0.01
+    assert {"clamp_rods", "temperature"} <= set(found.not_visible)
+    assert found.sentences[0].startswith("Nothing is missing that these data can show")
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("contact_direction", {"G_yz_ratio": 0.8}), ("pressure_exponent", {"exponent": 0.5})],
+)
+def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue, name, values):
+    found = diagnosed(candidates, (catalogue[name],), values, 12)
+    assert found.verdict == "identified"
+    assert found.candidates == ((name,),)
+    best = next(x for x in found.ranking if x.effects == (name,))
+    (parameter,) = best.parameter
+    assert parameter.lower < values[parameter.name] < parameter.upper
+    assert best.frequency_error < 0.3 * next(x for x in found.ranking if not x.effects).frequency_error or (
+        name
+        == "pressure_exponent"  # which the deviations between torques take up, at the cost of their priors
+    )
+
+
+def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confidence(candidates, catalogue):
+    offered = replace(
+        candidates, effects={k: v for k, v in candidates.effects.items() if k != "contact_direction"}
+    )
+    found = diagnosed(offered, (catalogue["contact_direction"],), {"G_yz_ratio": 0.6}, 13)
+    assert found.verdict == "unlike anything"
+    assert found.candidates == ()
