@@ -191,3 +191,30 @@ def loaded_response(
             here = value[group, first : first + omega.size].T[:, :, None]
             value[group, first : first + omega.size] = np.linalg.solve(system, here)[:, :, 0].T
     return value
+
+
+def added_response(
+    before: Dynamics,
+    after: Dynamics,
+    frequency: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    force: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Return the change of receptances from one state of the stack to another, (n_output, n_frequency).
+
+    Parameters
+    ----------
+    before, after : Dynamics
+        The two states.
+    frequency : (n_frequency,) float
+        Lines, Hz.
+    rows : (n_output, n) float
+        Observed displacements in reduced coordinates.
+    force : (n,) float
+        The unit force in reduced coordinates.
+    """
+    change = [
+        np.linalg.solve(after.at(s), force) - np.linalg.solve(before.at(s), force)
+        for s in 2j * np.pi * frequency
+    ]
+    return np.asarray(rows @ np.array(change).T)

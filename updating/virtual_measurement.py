@@ -12,7 +12,14 @@ from ema.frf import FRF
 from ema.geometry import Dofs
 from ema.modes import ModalModel
 from model import Mesh, Observation, ReducedSystem
-from updating.virtual_dynamics import Dynamics, dynamics, loaded_response, poles, response_with_shaker
+from updating.virtual_dynamics import (
+    Dynamics,
+    added_response,
+    dynamics,
+    loaded_response,
+    poles,
+    response_with_shaker,
+)
 from updating.virtual_test import Averaging, Specimen, VirtualTest, specimens
 
 QUICK_MESH = Mesh(n_x=20, n_y=5)
@@ -42,8 +49,7 @@ class TrueModes:
     run_frequency, run_damping : (n_run, n_mode) float
         The same with the accelerometers where they stand in each run.
     tested_frequency, tested_damping : (n_mode,) float
-        Means over the runs, weighted by the squared response of each run's sensors: what one pole for all
-        runs, fitted by least squares, stands for.
+        Means over the runs: what one pole for all runs stands for.
     strength : (n_mode,) float
         Largest accelerance at resonance, (m/s2)/N; weak ones do not show in FRFs.
     """
@@ -151,11 +157,11 @@ def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> 
     run_pole = np.tile(pole, (run.max() + 1, 1))
     if test.sensor_mass > 0.0:
         rows = model.observe(system, _sensors(specimen)).reduced_rows
-        for k, row in enumerate(run_pole):
+        if test.dummy_masses:
+            run_pole[:] = poles(bare.with_parts(rows, test.sensor_mass), pole, vector.real)[0]
+        for k, row in enumerate(run_pole if not test.dummy_masses else ()):
             own = rows[np.repeat(run, 3) == k]
             row[:] = poles(bare.with_parts(own, test.sensor_mass), pole, vector.real)[0]
-    power = np.array([np.sum(modes.shape[run == k] ** 2, axis=0) for k in range(run.max() + 1)])
-    weight = power / power.sum(axis=0)
     damping = -run_pole.real / np.abs(run_pole)
     frequency = np.abs(run_pole) / (2.0 * np.pi)
     return TrueModes(
@@ -166,8 +172,8 @@ def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> 
         direction=modes.direction,
         run_frequency=frequency,
         run_damping=damping,
-        tested_frequency=np.sum(weight * frequency, axis=0),
-        tested_damping=np.sum(weight * damping, axis=0),
+        tested_frequency=frequency.mean(axis=0),
+        tested_damping=damping.mean(axis=0),
         strength=np.abs(modes.shape).max(axis=0) * np.abs(drive[0]) / (2.0 * np.maximum(modes.damping, 1e-6)),
     )
 
@@ -215,9 +221,16 @@ def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> NDAr
         system, G_f=c.G_f, d_f=c.d_f, frequency=frequency, output=both, input=drive, quantity="receptance"
     )
     response = response_with_shaker(receptance, frequency, test.force_cell_mass, test.stinger_stiffness)
-    if test.sensor_mass > 0.0:
+    of = _with_shaker(test, specimen, system)
+    if test.dummy_masses:
+        force = model.observe(system, specimen.shaker).reduced_rows[0]
+        rows = model.observe(system, sensor).reduced_rows
+        response = response + added_response(
+            of, of.with_parts(rows, test.sensor_mass), frequency, rows, force
+        )
+    elif test.sensor_mass > 0.0:
         response = loaded_response(
-            _with_shaker(test, specimen, system),
+            of,
             response,
             frequency,
             model.observe(system, sensor),

@@ -93,6 +93,9 @@ class VirtualTest:
         Standard deviations from which the seed draws further ones.
     sensor_mass : float
         Mass of each of the two roving accelerometers, kg.
+    dummy_masses : bool
+        Whether dummies of that mass stand on all points where no accelerometer is, so that all runs see the
+        same structure.
     force_cell_mass : float
         Mass between the force cell's crystal and the stack, kg.
     stinger_stiffness : float
@@ -119,6 +122,7 @@ class VirtualTest:
     deviation: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     spread: Mapping[str, float] = field(default_factory=dict)
     sensor_mass: float = 0.0
+    dummy_masses: bool = False
     force_cell_mass: float = 0.0
     stinger_stiffness: float = 0.0
     averaging: Averaging | None = None

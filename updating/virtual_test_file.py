@@ -94,6 +94,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
             },
             spread=given.spread,
             sensor_mass=1e-3 * measurement.sensor_mass_g,
+            dummy_masses=measurement.dummy_masses,
             force_cell_mass=1e-3 * given.shaker.force_cell_mass_g,
             stinger_stiffness=given.shaker.stinger_N_m,
             averaging=None
@@ -159,6 +160,7 @@ class _Measurement(_Strict):
     force_noise: Annotated[float, Field(ge=0)] = 0.0
     response_noise: Annotated[float, Field(ge=0)] = 0.0
     sensor_mass_g: Annotated[float, Field(ge=0)] = 0.0
+    dummy_masses: bool = False
     format: Literal["uff", "csv"] = "uff"
 
     @model_validator(mode="after")
