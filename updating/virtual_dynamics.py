@@ -118,32 +118,26 @@ def poles(
     return found, shapes
 
 
-def response_with_shaker(
-    receptance: NDArray[np.complex128], frequency: NDArray[np.float64], mass: float, lateral: float
+def receptance(
+    of: Dynamics,
+    frequency: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    force: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Return receptances to the measured force of a stack that carries the shaker's moving parts.
+    """Return receptances, (n_output, n_frequency), to one force.
 
     Parameters
     ----------
-    receptance : (n_output + 3, 3, n_frequency) complex
-        Without these parts, to forces in x, y, z at the driving point; the last three outputs are its motion.
+    of : Dynamics
+        The stack.
     frequency : (n_frequency,) float
         Lines, Hz.
-    mass : float
-        Mass between the force cell's crystal and the stack, kg.
-    lateral : float
-        Stiffness of the stinger in x and y, N/m.
-
-    Returns
-    -------
-    (n_output, n_frequency) complex
-        To the force in z.
+    rows : (n_output, n) float
+        Observed displacements in reduced coordinates.
+    force : (n,) float
+        The unit force in reduced coordinates.
     """
-    moved = np.moveaxis(receptance, -1, 0)
-    part = -((2.0 * np.pi * frequency[:, None]) ** 2) * mass + np.array([lateral, lateral, 0.0])
-    own = np.eye(3) + part[:, :, None] * moved[:, -3:]
-    force = np.linalg.solve(own, np.broadcast_to([[0.0], [0.0], [1.0]], (frequency.size, 3, 1)))
-    return np.asarray((moved[:, :-3] @ force)[:, :, 0].T)
+    return np.asarray(rows @ np.array([np.linalg.solve(of.at(s), force) for s in 2j * np.pi * frequency]).T)
 
 
 def loaded_response(
@@ -191,30 +185,3 @@ def loaded_response(
             here = value[group, first : first + omega.size].T[:, :, None]
             value[group, first : first + omega.size] = np.linalg.solve(system, here)[:, :, 0].T
     return value
-
-
-def added_response(
-    before: Dynamics,
-    after: Dynamics,
-    frequency: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    force: NDArray[np.float64],
-) -> NDArray[np.complex128]:
-    """Return the change of receptances from one state of the stack to another, (n_output, n_frequency).
-
-    Parameters
-    ----------
-    before, after : Dynamics
-        The two states.
-    frequency : (n_frequency,) float
-        Lines, Hz.
-    rows : (n_output, n) float
-        Observed displacements in reduced coordinates.
-    force : (n,) float
-        The unit force in reduced coordinates.
-    """
-    change = [
-        np.linalg.solve(after.at(s), force) - np.linalg.solve(before.at(s), force)
-        for s in 2j * np.pi * frequency
-    ]
-    return np.asarray(rows @ np.array(change).T)

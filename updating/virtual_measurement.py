@@ -12,14 +12,7 @@ from ema.frf import FRF
 from ema.geometry import Dofs
 from ema.modes import ModalModel
 from model import Mesh, Observation, ReducedSystem
-from updating.virtual_dynamics import (
-    Dynamics,
-    added_response,
-    dynamics,
-    loaded_response,
-    poles,
-    response_with_shaker,
-)
+from updating.virtual_dynamics import Dynamics, dynamics, loaded_response, poles, receptance
 from updating.virtual_test import Averaging, Specimen, VirtualTest, specimens
 
 QUICK_MESH = Mesh(n_x=20, n_y=5)
@@ -210,33 +203,19 @@ def _with_shaker(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -
 def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> NDArray[np.complex128]:
     """Return accelerances without noise, (n_output, 1, n_frequency), the mass of shaker and sensors included."""
     c, frequency = specimen.configuration, test.frequency
-    sensor, drive = _sensors(specimen), _driving_point(specimen)
-    both = Observation(
-        **{
-            name: np.concatenate([getattr(sensor, name), getattr(drive, name)])
-            for name in ("node", "location", "direction")
-        }
-    )
-    receptance = model.frf(
-        system, G_f=c.G_f, d_f=c.d_f, frequency=frequency, output=both, input=drive, quantity="receptance"
-    )
-    response = response_with_shaker(receptance, frequency, test.force_cell_mass, test.stinger_stiffness)
-    of = _with_shaker(test, specimen, system)
+    if not (test.sensor_mass or test.force_cell_mass or test.stinger_stiffness):
+        return model.frf(
+            system, G_f=c.G_f, d_f=c.d_f, frequency=frequency, output=specimen.output, input=specimen.shaker
+        )
+    # Without attachment modes at the shaker, whose little flexibility would part these FRFs from the true poles.
+    of, sensors = _with_shaker(test, specimen, system), model.observe(system, _sensors(specimen))
     if test.dummy_masses:
-        force = model.observe(system, specimen.shaker).reduced_rows[0]
-        rows = model.observe(system, sensor).reduced_rows
-        response = response + added_response(
-            of, of.with_parts(rows, test.sensor_mass), frequency, rows, force
-        )
-    elif test.sensor_mass > 0.0:
-        response = loaded_response(
-            of,
-            response,
-            frequency,
-            model.observe(system, sensor),
-            np.repeat(_runs(specimen), 3),
-            test.sensor_mass,
-        )
+        of = of.with_parts(sensors.reduced_rows, test.sensor_mass)
+    force = model.observe(system, specimen.shaker).reduced_rows[0]
+    response = receptance(of, frequency, sensors.reduced_rows, force)
+    if test.sensor_mass > 0.0 and not test.dummy_masses:
+        run = np.repeat(_runs(specimen), 3)
+        response = loaded_response(of, response, frequency, sensors, run, test.sensor_mass)
     return -((2.0 * np.pi * frequency) ** 2) * response[2::3, None]
 
 
