@@ -241,6 +241,40 @@ def published(
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 
+@app.command(epilog="Example: lamella diagnose data/hidden_effect/a/campaign.toml -o out/a")
+def diagnose(
+    campaign: CampaignFile,
+    output: Folder,
+    effect_file: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE", help="Python file of an effect of your own; its code runs.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
+
+    All configurations of the campaign count together. Writes diagnosis.json.
+    """
+    found = jobs.diagnose(campaign, output, effect_file or [], _OUT)
+    for sentence in found.sentences:
+        _OUT.print(sentence, highlight=False)
+    _OUT.print(tables.diagnosis_table(found))
+    _OUT.print(f"Results in [bold]{output}[/bold]")
+
+
+@app.command(
+    name="next-test", epilog="Example: lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
+)
+def next_test(campaign: CampaignFile, output: Folder) -> None:
+    """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open."""
+    found = jobs.diagnose(campaign, output, [], _OUT)
+    if not found.next_tests:
+        _OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
+        return
+    _OUT.print(tables.next_test_table(found))
+
+
 @app.command(epilog="Example: lamella report out/demo")
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,6 +34,8 @@ from model.pressure_plot import pressure_figure
 from model.stack import Pressing
 from model.static import press
 from model.verified import Verification, solve_verified
+from updating.diagnosis import Diagnosis
+from updating.diagnosis import diagnose as diagnose_stack
 from updating.effect_option import with_named_effects
 from updating.errors import FitError, StoreError
 from updating.fit import Fit
@@ -183,6 +185,33 @@ def fit_modal_table(campaign_file: Path, output: Path, console: Console) -> tupl
             results.append(fitted)
             progress.advance(task)
     return tuple(results)
+
+
+def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:
+    """Identify a campaign, diagnose its model, and write diagnosis.json."""
+    campaign = read_campaign(campaign_file)
+    if campaign.stack is None:
+        message = f'{campaign_file}: a diagnosis needs the model\'s stack; add stack = "stack.toml" under [structure]'
+        raise FitError(message)
+    stack, known = model.read_stack(campaign.stack), model.catalogue(effect_files)
+    tested = []
+    with _progress(console) as progress:
+        task = progress.add_task("identify and diagnose", total=len(campaign.configurations) + 1)
+        for configuration, found in _identified(campaign, output, {}):
+            pressure = configuration.pressure
+            tested.append(
+                (
+                    configuration.name,
+                    stack.contact.pressure if pressure is None else pressure,
+                    found.modal_model,
+                )
+            )
+            progress.advance(task)
+        diagnosis = diagnose_stack(stack, tested, known)
+        progress.advance(task)
+    inputs = (campaign_file, campaign.stack, *effect_files)
+    write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})
+    return diagnosis
 
 
 def report(folder: Path) -> Path:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ema.frf import FRF
 from ema.geometry import Dofs
+from model import Effect, catalogue, find_effects
 from updating.errors import StoreError
 
 T = TypeVar("T")
@@ -222,6 +223,9 @@ def _make_converter() -> cattrs.Converter:
     converter.register_structure_hook(float, lambda x, _: np.nan if x is None else float(x))
     converter.register_unstructure_hook(complex, lambda z: {"real": z.real, "imag": z.imag})
     converter.register_structure_hook(complex, lambda z, _: complex(z["real"], z["imag"]))
+    # effects hold code: by name, and only the catalogue's come back
+    converter.register_unstructure_hook(Effect, lambda effect: effect.name)
+    converter.register_structure_hook(Effect, lambda name, _: find_effects([name], catalogue())[0])
     converter.register_unstructure_hook(Path, str)
     converter.register_structure_hook(Path, lambda x, _: Path(x))
     return converter

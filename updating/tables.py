@@ -14,6 +14,7 @@ from model.effect import Family
 from model.pressure import PressureSummary
 from model.verified import Verification
 from updating.correlation import correlate
+from updating.diagnosis import Diagnosis
 from updating.fit import Estimate, Fit
 from updating.modal_table import TableFit
 from updating.signature import Signature
@@ -268,3 +269,38 @@ def estimate_text(estimate: Estimate) -> str:
 
 def _band(measured: ModalModel) -> str:
     return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
+
+
+def diagnosis_table(diagnosis: Diagnosis) -> Table:
+    """Return the explanations that were fitted in full, the most probable first."""
+    table = Table(title="Explanations", title_justify="left")
+    for name, justify in (
+        ("effects", "left"),
+        ("probability", "right"),
+        ("misfit", "right"),
+        ("mean f error [%]", "right"),
+        ("parameters (90 % interval)", "left"),
+    ):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for own in diagnosis.ranking[:_MOST_EXPLANATIONS]:
+        table.add_row(
+            " + ".join(own.effects) or "none",
+            f"{own.probability:.3f}",
+            f"{own.misfit:.1f}",
+            f"{100 * own.frequency_error:.3f}",
+            "\n".join(
+                f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}) {'' if p.unit == '1' else p.unit}"
+                for p in own.parameter
+            ),
+        )
+    return table
+
+
+def next_test_table(diagnosis: Diagnosis) -> Table:
+    """Return the further tests, the one that separates best first."""
+    table = Table(title="Further tests", title_justify="left")
+    for name, justify in (("test", "left"), ("smallest distance", "right"), ("now", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for test in diagnosis.next_tests:
+        table.add_row(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}")
+    return table

@@ -19,5 +19,5 @@ def test_every_command_of_the_table_exists():
     from updating.cli import app
 
     known = {(c.name or c.callback.__name__) for c in app.registered_commands}
-    shown = set(re.findall(r"^\| `lamella (\w+)", README, flags=re.MULTILINE))
+    shown = set(re.findall(r"^\| `lamella ([\w-]+)", README, flags=re.MULTILINE))
     assert shown == known
