@@ -19,6 +19,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 import cattrs
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from ema.frf import FRF
 from ema.geometry import Dofs
@@ -226,6 +227,8 @@ def _make_converter() -> cattrs.Converter:
     # effects hold code: by name, and only the catalogue's come back
     converter.register_unstructure_hook(Effect, lambda effect: effect.name)
     converter.register_structure_hook(Effect, lambda name, _: find_effects([name], catalogue())[0])
+    converter.register_unstructure_hook(BaseModel, lambda x: x.model_dump(mode="json"))
+    converter.register_structure_hook(BaseModel, lambda x, kind: kind.model_validate(x))
     converter.register_unstructure_hook(Path, str)
     converter.register_structure_hook(Path, lambda x, _: Path(x))
     return converter

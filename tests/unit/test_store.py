@@ -2,12 +2,15 @@
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import model
 from ema import FRF, Dofs
+from ema.table import TableLayout
 from updating.errors import StoreError
 from updating.store import (
     folder_name,
@@ -19,11 +22,19 @@ from updating.store import (
     write_result,
 )
 
+DATA = Path(__file__).parents[2] / "data"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Inner:
     name: str
     where: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Holding:
+    stack: model.Stack
+    table: TableLayout | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -149,3 +160,17 @@ def test_a_damaged_archive_is_refused(tmp_path):
 )
 def test_configuration_names_become_safe_folder_names(name, folder):
     assert folder_name(name) == folder
+
+
+def test_a_stack_with_an_effect_and_the_columns_of_tables_come_back(tmp_path):
+    stack = model.read_stack(DATA / "demo_stack" / "stack.toml").with_effects(
+        "clamp_mass", clamp_added_mass=0.3
+    )
+    held = Holding(
+        stack=stack, table=TableLayout(layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6)))
+    )
+    write_result(tmp_path / "held.json", held, inputs=(), options={})
+    back = read_result(tmp_path / "held.json", Holding)
+    assert back.table == held.table
+    assert [effect.name for effect in back.stack.effects] == ["clamp_mass"]
+    assert back.stack.effect_values == {"clamp_added_mass": 0.3}
