@@ -498,6 +498,18 @@ def _shape_difference(
     return difference, slope
 
 
+def _nuisance_bounds(evidence: Evidence) -> tuple[Vector, Vector]:
+    """Return how far nuisances may go: G_f over the range of the reduction, d_f a hundredfold, others by their priors.
+
+    A first step from a model that lacks an effect can ask for far more, and then the contact turns negative.
+    """
+    reach = _FARTHEST * evidence.prior_std
+    low, high = -reach, reach.copy()
+    low[0], high[0] = np.log(np.array(G_F_RANGE) / evidence.stack.contact.G_f)
+    low[1], high[1] = evidence.start[1] - np.log(100.0), evidence.start[1] + np.log(100.0)
+    return low, high
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Explanation:
     """The model with some effects, fitted to all configurations together.
@@ -538,6 +550,7 @@ class Explanation:
 
 
 _Z90 = 1.6449
+_FARTHEST = 10.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
 
 
@@ -580,12 +593,13 @@ def explain(
             seen[key] = residual(evidence, x[:n_own], parameters, x[n_own:])
         return seen[key]
 
-    free = np.full(n_own, np.inf)
+    nuisance_low, nuisance_high = _nuisance_bounds(evidence)
+    first[:n_own] = np.clip(first[:n_own], nuisance_low + 1e-9, nuisance_high - 1e-9)
     solution = least_squares(
         lambda x: at(x).value,
         first,
         jac=lambda x: at(x).jacobian,
-        bounds=(np.concatenate([-free, low]), np.concatenate([free, high])),
+        bounds=(np.concatenate([nuisance_low, low]), np.concatenate([nuisance_high, high])),
         x_scale="jac",
         xtol=1e-5,
         ftol=1e-4,
