@@ -43,6 +43,8 @@ G_F_RANGE = (300.0, 6000.0)
 """Contact stiffness parameters, Pa/Pa, for which the model is reduced: three times beyond Table 6 of the paper."""
 D_F_START = 2e-11
 N_SNAPSHOT = 4
+SAMPLED = ("clamp_roll_inertia", "clamp_station")
+"""Parameters over whose range the model is sampled: they change modes too much for first-order answers."""
 N_MODEL = 20
 _MAC_USED = 0.6
 _NEIGHBOUR = 0.05
@@ -256,11 +258,18 @@ def candidate_model(
             possible[name] = effect
         except EffectError as error:
             impossible[name] = str(error)
+    sampled = {
+        p.name: (p.lower, p.upper)
+        for effect in possible.values()
+        for p in effect.parameters
+        if p.name in SAMPLED
+    }
     system = reduce(
         base.with_effects(*possible.values(), *aids),
         G_f_range=G_F_RANGE,
-        n_snapshot=N_SNAPSHOT,
+        n_snapshot=N_SNAPSHOT * (1 + len(sampled)),
         n_mode=N_MODEL,
+        ranges=sampled,
     )
     return CandidateModel(stack=base, system=system, effects=possible, impossible=impossible)
 
