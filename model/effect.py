@@ -50,6 +50,8 @@ class Parameter:
         How strengths are drawn and searched between the bounds.
     source : str
         Where the range comes from.
+    sampled : bool
+        Whether modes change so much over the range that a reduced model is sampled along it.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Parameter:
     neutral: float = 0.0
     scale: Scale = "lin"
     source: str
+    sampled: bool = False
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():

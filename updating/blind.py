@@ -11,17 +11,12 @@ from scipy.stats import binomtest
 
 import model
 from model import Effect
+from updating.candidates import CandidateModel, candidate_model, instruments_of
+from updating.coordinates import coordinate_of
 from updating.diagnosis import Diagnosis, conclude
-from updating.evidence import (
-    CandidateModel,
-    Evidence,
-    candidate_model,
-    coordinate_of,
-    explain,
-    gather,
-    instruments_of,
-)
+from updating.evidence import Evidence, gather
 from updating.experiment import aids
+from updating.explanation import explain
 from updating.virtual_measurement import ModalNoise, play_modes
 from updating.virtual_test import VirtualTest
 from updating.virtual_test_file import read_virtual_test

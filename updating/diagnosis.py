@@ -18,20 +18,13 @@ from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 from model import Effect, Stack
+from updating.candidates import candidate_model, instruments_of
+from updating.coordinates import bounds_of
 from updating.errors import FitError
-from updating.evidence import (
-    Campaigned,
-    Evidence,
-    Explanation,
-    Scatter,
-    bounds_of,
-    candidate_model,
-    explain,
-    gather,
-    instruments_of,
-    residual,
-)
+from updating.evidence import Campaigned, Evidence, Scatter, gather
 from updating.experiment import NextTest, aids, rank_tests
+from updating.explanation import Explanation, explain
+from updating.residual import residual
 
 Vector = NDArray[np.float64]
 Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from updating.evidence import Explanation
 from updating.experiment import NextTest
+from updating.explanation import Explanation
 
 if TYPE_CHECKING:
     from updating.diagnosis import Ranked, Verdict

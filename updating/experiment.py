@@ -12,7 +12,10 @@ from model import Effect, Parameter
 from model.effect_parts import every_lamina, mean_over, square
 from model.mesh import FIELDS
 from model.system import Assembly, Monomial, Term
-from updating.evidence import Evidence, Explanation, Tested, residual, scaled, solved
+from updating.coordinates import scaled
+from updating.evidence import SHARED, Evidence, Tested, solved
+from updating.explanation import Explanation
+from updating.residual import residual
 
 Vector = NDArray[np.float64]
 
@@ -226,15 +229,9 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
         ),
         observed=evidence.observed[:1],
     )
-    contact = evidence.stack.contact
     effect = {p.name: scaled(p, float(z))[0] for p, z in zip(a.parameter, a.coordinate, strict=True)}
-    theta = {
-        "G_f": contact.G_f * float(np.exp(a.nuisance[0])),
-        "d_f": (contact.d_f or 2e-11) * float(np.exp(a.nuisance[1])),
-        **{n: float(np.exp(x)) for n, x in zip(evidence.nuisances[2:5], a.nuisance[2:5], strict=True)},
-        **effect,
-    }
-    modes = solved(alone, 0, theta, ())
+    shared = len(SHARED)
+    modes = solved(alone, 0, {**alone.theta(a.nuisance[:shared], 0), **effect}, ())
     top = max(float(t.modes.frequency.max()) for t in evidence.tested)
     seen = np.flatnonzero(modes.frequency < 1.05 * top)
     shape = modes.shape[:, seen]
@@ -250,12 +247,12 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    nuisance = b.nuisance[:5]
+    nuisance = b.nuisance[:shared]
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"
     n_old = b.residual.jacobian.shape[1]
     n_effect = len(b.parameter)
-    columns = np.r_[0:5, n_old - n_effect : n_old]
+    columns = np.r_[0:shared, n_old - n_effect : n_old]
     jacobian = np.zeros((int(data.sum()), n_old + 2))
     jacobian[:, columns] = fresh.jacobian[data]
     jacobian[:, n_old:] = fresh.jacobian[data][:, :2]  # the new configuration's own reassembly

@@ -59,6 +59,7 @@ EFFECT = Effect(
             lower=0.0,
             upper=0.03,
             source="bars and bolts of 1 to 2 kg at 40 to 120 mm from the axis, m r**2",
+            sampled=True,
         ),
         Parameter(
             name="clamp_station",
@@ -68,6 +69,7 @@ EFFECT = Effect(
             upper=1.0,
             neutral=0.6,
             source="share of the half length; clamps stand anywhere along the stack",
+            sampled=True,
         ),
     ),
     terms=terms,

@@ -1,0 +1,154 @@
+"""An explanation: the model with some effects, fitted to all configurations of a stack together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from model import Parameter
+from updating.candidates import G_F_RANGE
+from updating.coordinates import bounds_of, scaled
+from updating.evidence import Evidence
+from updating.residual import Residual, residual
+
+Vector = NDArray[np.float64]
+
+_Z90 = 1.6449
+_FARTHEST = 10.0  # prior standard deviations that a nuisance may move
+_EDGE = 1e-4
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explanation:
+    """The model with some effects, fitted to all configurations together.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Which; none for the base model.
+    parameter : tuple of Parameter
+        Their parameters.
+    value, lower, upper : (n_parameter,) float
+        Estimates and the ends of their 90 % intervals, within the plausible ranges.
+    at_bound : (n_parameter,) bool
+        Which lie on an end of the plausible range.
+    nuisance : (n_nuisance,) float
+        Nuisance coordinates.
+    coordinate : (n_parameter,) float
+        Effect parameters in units of their ranges.
+    misfit : float
+        Squared length of the whitened residual, priors included.
+    log_evidence : float
+        Logarithm of the marginal likelihood by Laplace's approximation, up to a constant of the data.
+    residual : Residual
+        At the estimate.
+    """
+
+    effects: tuple[str, ...]
+    parameter: tuple[Parameter, ...]
+    value: Vector
+    lower: Vector
+    upper: Vector
+    at_bound: NDArray[np.bool_]
+    nuisance: Vector
+    coordinate: Vector
+    misfit: float
+    log_evidence: float
+    residual: Residual
+
+
+def explain(
+    evidence: Evidence,
+    effects: Sequence[str] = (),
+    *,
+    nuisance: Vector | None = None,
+    coordinate: Vector | None = None,
+    most: int = 12,
+) -> Explanation:
+    """Fit nuisances and the parameters of some effects to all configurations by weighted least squares.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Measurement and model.
+    effects : sequence of str
+        Names of effects; none fits the base model.
+    nuisance, coordinate : optional
+        Where the search starts.
+    most : int
+        Largest number of evaluations.
+    """
+    parameters = evidence.parameters(effects)
+    n_own = len(evidence.nuisances)
+    low, high = bounds_of(parameters)
+    first = np.concatenate(
+        [
+            evidence.start if nuisance is None else nuisance,
+            np.clip(np.zeros(len(parameters)) if coordinate is None else coordinate, low + 1e-9, high - 1e-9),
+        ]
+    )
+    seen: dict[bytes, Residual] = {}
+
+    def at(x: Vector) -> Residual:
+        key = x.tobytes()
+        if key not in seen:
+            seen.clear()
+            seen[key] = residual(evidence, x[:n_own], parameters, x[n_own:])
+        return seen[key]
+
+    nuisance_low, nuisance_high = _nuisance_bounds(evidence)
+    first[:n_own] = np.clip(first[:n_own], nuisance_low + 1e-9, nuisance_high - 1e-9)
+    solution = least_squares(
+        lambda x: at(x).value,
+        first,
+        jac=lambda x: at(x).jacobian,
+        bounds=(np.concatenate([nuisance_low, low]), np.concatenate([nuisance_high, high])),
+        x_scale="jac",
+        xtol=1e-5,
+        ftol=1e-4,
+        max_nfev=most,
+    )
+    best = at(solution.x)
+    z = solution.x[n_own:]
+    hessian = best.jacobian.T @ best.jacobian
+    covariance = la.pinvh(hessian)
+    std = np.sqrt(np.maximum(np.diag(covariance)[n_own:], 0.0))
+    sign, logdet = np.linalg.slogdet(hessian + 1e-9 * np.eye(len(hessian)))
+    misfit = float(best.value @ best.value)
+
+    def ends(step: Vector) -> Vector:
+        clipped = np.clip(z + step, low, high)
+        return np.array([scaled(p, float(x))[0] for p, x in zip(parameters, clipped, strict=True)])
+
+    return Explanation(
+        effects=tuple(effects),
+        parameter=parameters,
+        value=ends(np.zeros(z.size)),
+        lower=ends(-_Z90 * std),
+        upper=ends(_Z90 * std),
+        at_bound=(z - low < _EDGE) | (high - z < _EDGE),
+        nuisance=solution.x[:n_own],
+        coordinate=z,
+        misfit=misfit,
+        log_evidence=-0.5 * misfit
+        - 0.5 * float(logdet) * float(sign)
+        + 0.5 * len(z) * float(np.log(2 * np.pi)),
+        residual=best,
+    )
+
+
+def _nuisance_bounds(evidence: Evidence) -> tuple[Vector, Vector]:
+    """Return how far nuisances may go: G_f over the range of the reduction, d_f a hundredfold, others by their priors.
+
+    A first step from a model that lacks an effect can ask for far more, and then the contact turns negative.
+    """
+    reach = _FARTHEST * evidence.prior_std
+    low, high = -reach, reach.copy()
+    low[0], high[0] = np.log(np.array(G_F_RANGE) / evidence.stack.contact.G_f)
+    low[1], high[1] = evidence.start[1] - np.log(100.0), evidence.start[1] + np.log(100.0)
+    return low, high

@@ -1,0 +1,145 @@
+"""Measurement less model as one whitened residual: what fits, diagnosis and further tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from model import Modes, Parameter
+from updating.coordinates import scaled
+from updating.evidence import SHARED, Evidence, Identified, pair, solved
+
+Vector = NDArray[np.float64]
+
+_NEIGHBOUR = 0.05
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Residual:
+    """Whitened differences of measurement and model.
+
+    Attributes
+    ----------
+    value : (n,) float
+        Measured less modelled, over the standard deviation; last the priors.
+    jacobian : (n, n_coordinate) float
+        Its derivatives by the coordinates: nuisances, then effect parameters over their range.
+    kind : (n,) str
+        "frequency", "damping", "shape" or "prior".
+    label : tuple of str
+        Configuration and number of the mode, of each value.
+    """
+
+    value: Vector
+    jacobian: Vector
+    kind: NDArray[np.str_]
+    label: tuple[str, ...]
+
+
+def residual(
+    evidence: Evidence,
+    nuisance: Vector,
+    parameters: Sequence[Parameter] = (),
+    coordinate: Vector | None = None,
+) -> Residual:
+    """Compare the measurement with the model at nuisance coordinates and coordinates of effect parameters.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Both.
+    nuisance : (n_nuisance,)
+        Logarithms of ratios to the stack's own values, as `Evidence.nuisances` names them.
+    parameters : sequence of Parameter
+        Effect parameters that take part.
+    coordinate : (n_parameter,)
+        Their coordinates in units of their ranges; neutral without.
+    """
+    z = np.zeros(len(parameters)) if coordinate is None else coordinate
+    effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
+    n_own, n_tested, n_shared, s = (
+        len(evidence.nuisances),
+        len(evidence.tested),
+        len(SHARED),
+        evidence.scatter,
+    )
+    value, rows, kinds, labels = [], [], [], []
+    for c, tested in enumerate(evidence.tested):
+        theta = evidence.theta(nuisance, c)
+        by = (*theta, *effect)
+        modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
+        place = [modes.parameter.index(name) for name in by]
+        per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
+        used, measured = evidence.used[c], tested.modes
+        _, column = pair(measured.shape[:, used], measured.frequency[used], modes)
+
+        def spread(gradient: Vector, c: int = c, per: Vector = per, place: list[int] = place) -> Vector:
+            """Return derivatives by the coordinates from those by the model's parameters."""
+            own = gradient[..., place] * per
+            full = np.zeros((*own.shape[:-1], n_own + len(effect)))
+            full[..., :n_shared], full[..., n_own:] = own[..., :n_shared], own[..., n_shared:]
+            if n_tested > 1:
+                full[..., n_shared + c], full[..., n_shared + n_tested + c] = own[..., 0], own[..., 1]
+            return full
+
+        for kind, std, own in (
+            ("frequency", measured.frequency_std, s.frequency),
+            ("damping", measured.damping_std, s.damping),
+        ):
+            of_measured, of_model = getattr(measured, kind)[used], getattr(modes, kind)[column]
+            sigma = np.hypot(std[used] / of_measured, own)
+            safe = np.maximum(of_model, 1e-12)
+            value.append(np.log(of_measured / safe) / sigma)
+            rows.append(-spread(getattr(modes, f"{kind}_gradient")[column]) / (safe * sigma)[:, None])
+            kinds += [kind] * used.size
+            labels += [f"{tested.name}, mode {r + 1}" for r in used]
+        for r, m in zip(used, column, strict=True):
+            difference, slope = _shape_difference(measured, int(r), modes, int(m), spread, s.shape)
+            value.append(difference)
+            rows.append(slope)
+            kinds += ["shape"] * difference.size
+            labels += [f"{tested.name}, mode {r + 1}"] * difference.size
+    held = np.isfinite(evidence.prior_std)
+    priors = np.flatnonzero(held)
+    prior_rows = np.zeros((priors.size, n_own + len(effect)))
+    prior_rows[np.arange(priors.size), priors] = -1.0 / evidence.prior_std[held]
+    value.append(-nuisance[held] / evidence.prior_std[held])
+    rows.append(prior_rows)
+    kinds += ["prior"] * priors.size
+    labels += [evidence.nuisances[i] for i in priors]
+    return Residual(
+        value=np.concatenate(value), jacobian=np.vstack(rows), kind=np.array(kinds), label=tuple(labels)
+    )
+
+
+def _shape_difference(
+    measured: Identified, r: int, modes: Modes, m: int, spread: Callable[[Vector], Vector], scatter: float
+) -> tuple[Vector, Vector]:
+    """Return the whitened difference of a measured and a modelled shape, both of unit length, and its derivatives.
+
+    What lies along the shape itself (its scale) and along model modes within 5 % in frequency is taken out: how close
+    modes mix is not to be predicted.
+    """
+    shape = measured.shape[:, r]
+    turned = np.exp(-0.5j * np.angle(np.sum(shape**2)))
+    length = float(np.linalg.norm(shape))
+    u = np.real(shape * turned) / length
+    psi = modes.shape[:, m]
+    norm = float(np.linalg.norm(psi))
+    v = psi / norm
+    if u @ v < 0.0:
+        u = -u
+    near = np.abs(np.log(modes.frequency / modes.frequency[m])) < _NEIGHBOUR
+    out = la.orth(np.column_stack([v, modes.shape[:, near] / np.linalg.norm(modes.shape[:, near], axis=0)]))
+    sigma = np.hypot(measured.shape_std[:, r] / length, scatter / np.sqrt(u.size))
+
+    def kept(x: Vector) -> Vector:
+        return np.asarray(x - out @ (out.T @ x))
+
+    difference = kept(u - v) / sigma
+    slope = -kept(spread(modes.shape_gradient[:, m]) / norm) / sigma[:, None]
+    return difference, slope
