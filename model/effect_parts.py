@@ -15,7 +15,7 @@ from model.contact import contact_fields
 from model.errors import EffectError
 from model.mesh import Derivative, Field
 from model.stack import Clamp, Instruments, Stack
-from model.system import Assembly, Formula, Kron, Term, Theta
+from model.system import Assembly, Formula, Kron, Product, Target, Term, Theta
 
 Vector = NDArray[np.float64]
 
@@ -52,6 +52,41 @@ def instruments_of(stack: Stack) -> Instruments:
     )
     return Instruments(
         shaker=(stack.length / 2.0, stack.width / 2.0, -stack.height / 2.0), sensor=np.array(list(edges))
+    )
+
+
+def again(
+    assembly: Assembly,
+    base: str,
+    name: str,
+    change: Callable[[Theta], Any],
+    *,
+    target: Target | None = None,
+    krons: tuple[Kron, ...] | None = None,
+) -> Term:
+    """Return a term of the base model once more, `change` times as large: together they are 1 + `change` times it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    base : str
+        Name of the base model's term.
+    name : str
+        Name of the new term.
+    change : callable
+        From the parameters to the change, as in `Formula`.
+    target : "M", "C" or "K", optional
+        Matrix that it is part of; by default that of the base model's term.
+    krons : tuple of Kron, optional
+        What takes the place of the term's products, where only a part of them changes.
+    """
+    term = assembly.term(base)
+    return Term(
+        name=name,
+        target=term.target if target is None else target,
+        factor=Product(first=term.factor, second=Formula(change)),
+        krons=term.krons if krons is None else krons,
     )
 
 
@@ -162,43 +197,29 @@ def pressure_change(
     f = centred(shape(x, y), np.asarray(plan.membrane.dx))
     field = contact_fields(assembly.stack, plan)
 
-    def stiffness(t: Theta) -> Any:
-        return t["G_f"] * t["pressure"] * t[amplitude]
+    def change(t: Theta) -> Any:
+        return t[amplitude]
 
-    def loss(t: Theta) -> Any:
-        return 2.0 * t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t[amplitude]
+    def twice(t: Theta) -> Any:
+        return 2.0 * t[amplitude]
 
-    def loss_squared(t: Theta) -> Any:
-        return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t[amplitude] ** 2
+    def squared(t: Theta) -> Any:
+        return t[amplitude] ** 2
 
-    def normal_loss(t: Theta) -> Any:
-        return t["d_f"] * t["normal_modulus"] * t["pressure"] * t[amplitude]
-
+    pressure, square_of_it = field["pressure"].tangential(f), field["pressure squared"]
+    mixed = field["pressure times normal"].normal(f)
+    damping = f"{effect} damping"
     return (
-        Term(
-            name=f"{effect} stiffness",
-            target="K",
-            factor=Formula(stiffness),
-            krons=field["pressure"].tangential(f),
+        again(assembly, "tangential contact", f"{effect} stiffness", change, krons=pressure),
+        again(assembly, "tangential contact damping", damping, twice, krons=square_of_it.tangential(f)),
+        again(
+            assembly,
+            "tangential contact damping",
+            f"{damping}, squared",
+            squared,
+            krons=square_of_it.tangential(f**2),
         ),
-        Term(
-            name=f"{effect} damping",
-            target="C",
-            factor=Formula(loss),
-            krons=field["pressure squared"].tangential(f),
-        ),
-        Term(
-            name=f"{effect} damping, squared",
-            target="C",
-            factor=Formula(loss_squared),
-            krons=field["pressure squared"].tangential(f**2),
-        ),
-        Term(
-            name=f"{effect} normal damping",
-            target="C",
-            factor=Formula(normal_loss),
-            krons=field["pressure times normal"].normal(f),
-        ),
+        again(assembly, "normal contact damping", f"{effect} normal damping", change, krons=mixed),
     )
 
 

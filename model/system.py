@@ -114,6 +114,34 @@ class Formula:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Product:
+    """The factor of a term as the product of two others.
+
+    Attributes
+    ----------
+    first, second : ParameterFactor
+        The two.
+    """
+
+    first: ParameterFactor
+    second: ParameterFactor
+
+    def __call__(self, theta: Mapping[str, float]) -> float:
+        """Return the value at the parameters `theta`."""
+        return self.first(theta) * self.second(theta)
+
+    def derivative(self, theta: Mapping[str, float], name: str) -> float:
+        """Return the derivative by the parameter `name` at `theta`."""
+        return self.first.derivative(theta, name) * self.second(theta) + self.first(
+            theta
+        ) * self.second.derivative(theta, name)
+
+    def names(self, theta: Mapping[str, float]) -> frozenset[str]:
+        """Return the parameters on which either depends at `theta`."""
+        return self.first.names(theta) | self.second.names(theta)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Kron:
     """One Kronecker product; where `row` and `column` differ, its transpose is meant as well.
 

@@ -12,17 +12,17 @@ from __future__ import annotations
 from typing import Any
 
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
 def _loss(t: Theta) -> Any:
-    return t["mass_damping"] * t["density"]
+    return t["mass_damping"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what dissipates."""
-    krons = assembly.term("lamina mass").krons
-    return (Term(name="air_damping", target="C", factor=Formula(_loss), krons=krons),)
+    return (again(assembly, "lamina mass", "air_damping", _loss, target="C"),)
 
 
 EFFECT = Effect(

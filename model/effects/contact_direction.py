@@ -15,33 +15,21 @@ from typing import Any
 
 from model.contact import contact_fields
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _stiffness(t: Theta) -> Any:
-    return t["G_f"] * t["pressure"] * (t["G_yz_ratio"] - 1.0)
-
-
-def _damping(t: Theta) -> Any:
-    return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * (t["G_yz_ratio"] - 1.0)
+def _change(t: Theta) -> Any:
+    return t["G_yz_ratio"] - 1.0
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the tangential contact in y alone."""
+    """Return what the tangential contact in y alone gains."""
     field = contact_fields(assembly.stack, assembly.plan)
+    stiffness, damping = (field[name].tangential(axes="y") for name in ("pressure", "pressure squared"))
     return (
-        Term(
-            name="contact_direction",
-            target="K",
-            factor=Formula(_stiffness),
-            krons=field["pressure"].tangential(axes="y"),
-        ),
-        Term(
-            name="contact_direction damping",
-            target="C",
-            factor=Formula(_damping),
-            krons=field["pressure squared"].tangential(axes="y"),
-        ),
+        again(assembly, "tangential contact", "contact_direction", _change, krons=stiffness),
+        again(assembly, "tangential contact damping", "contact_direction damping", _change, krons=damping),
     )
 
 

@@ -12,17 +12,17 @@ from __future__ import annotations
 from typing import Any
 
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
 def _loss(t: Theta) -> Any:
-    return t["contact_eta"] * t["G_f"] * t["pressure"] / t["omega"]
+    return t["contact_eta"] / t["omega"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what dissipates."""
-    krons = assembly.term("tangential contact").krons
-    return (Term(name="contact_loss", target="C", factor=Formula(_loss), krons=krons),)
+    return (again(assembly, "tangential contact", "contact_loss", _loss, target="C"),)
 
 
 EFFECT = Effect(

@@ -12,17 +12,17 @@ from __future__ import annotations
 from typing import Any
 
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _excess(t: Theta) -> Any:
-    return t["density"] * (t["fill_ratio"] - 1.0)
+def _change(t: Theta) -> Any:
+    return t["fill_ratio"] - 1.0
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the laminas' mass once more."""
-    krons = assembly.term("lamina mass").krons
-    return (Term(name="fill_factor", target="M", factor=Formula(_excess), krons=krons),)
+    """Return what the laminas' mass gains."""
+    return (again(assembly, "lamina mass", "fill_factor", _change),)
 
 
 EFFECT = Effect(

@@ -16,19 +16,20 @@ import numpy as np
 
 from model.contact import contact_fields
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _stiffness(t: Theta) -> Any:
-    return t["G_f"] * t["pressure"] * t["height_excess"]
+def _change(t: Theta) -> Any:
+    return t["height_excess"]
 
 
-def _damping(t: Theta) -> Any:
-    return 2.0 * t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t["height_excess"]
+def _twice(t: Theta) -> Any:
+    return 2.0 * t["height_excess"]
 
 
-def _damping_squared(t: Theta) -> Any:
-    return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t["height_excess"] ** 2
+def _squared(t: Theta) -> Any:
+    return t["height_excess"] ** 2
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -38,15 +39,11 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     stiffness = field["pressure"].over_interfaces(share).tangential()
     damping = field["pressure squared"].over_interfaces(share).tangential()
     squared = field["pressure squared"].over_interfaces(share**2).tangential()
+    base, name = "tangential contact damping", "height_gradient damping"
     return (
-        Term(name="height_gradient", target="K", factor=Formula(_stiffness), krons=stiffness),
-        Term(name="height_gradient damping", target="C", factor=Formula(_damping), krons=damping),
-        Term(
-            name="height_gradient damping, squared",
-            target="C",
-            factor=Formula(_damping_squared),
-            krons=squared,
-        ),
+        again(assembly, "tangential contact", "height_gradient", _change, krons=stiffness),
+        again(assembly, base, name, _twice, krons=damping),
+        again(assembly, base, f"{name}, squared", _squared, krons=squared),
     )
 
 

@@ -18,7 +18,8 @@ import math
 from typing import Any
 
 from model.effect import PRESSURE_REFERENCE, Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 _LOSS = 4.0 / (3.0 * math.pi)  # energy lost in a cycle over 2 pi times the stored, for small slip
 
@@ -27,20 +28,19 @@ def _slip(t: Theta) -> Any:
     return t["slip_share"] * PRESSURE_REFERENCE / t["pressure"]
 
 
-def _stiffness(t: Theta) -> Any:
-    return -t["G_f"] * t["pressure"] * _slip(t)
+def _change(t: Theta) -> Any:
+    return -_slip(t)
 
 
-def _damping(t: Theta) -> Any:
-    return _LOSS * t["G_f"] * t["pressure"] * _slip(t) / t["omega"]
+def _loss(t: Theta) -> Any:
+    return _LOSS * _slip(t) / t["omega"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the tangential contact once more."""
-    krons = assembly.term("tangential contact").krons
+    """Return what the tangential contact loses, and what it dissipates."""
     return (
-        Term(name="micro_slip", target="K", factor=Formula(_stiffness), krons=krons),
-        Term(name="micro_slip damping", target="C", factor=Formula(_damping), krons=krons),
+        again(assembly, "tangential contact", "micro_slip", _change),
+        again(assembly, "tangential contact", "micro_slip damping", _loss, target="C"),
     )
 
 

@@ -17,27 +17,17 @@ from typing import Any
 import numpy as np
 
 from model.effect import PRESSURE_REFERENCE, Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _law(t: Theta) -> Any:
+def _change(t: Theta) -> Any:
     return np.exp(t["normal_exponent"] * np.log(t["pressure"] / PRESSURE_REFERENCE)) - 1.0
-
-
-def _stiffness(t: Theta) -> Any:
-    return t["normal_modulus"] * _law(t)
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what the power law adds to the normal contact."""
-    return (
-        Term(
-            name="normal_exponent",
-            target="K",
-            factor=Formula(_stiffness),
-            krons=assembly.term("normal contact").krons,
-        ),
-    )
+    return (again(assembly, "normal contact", "normal_exponent", _change),)
 
 
 EFFECT = Effect(

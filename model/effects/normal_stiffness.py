@@ -11,32 +11,19 @@ from __future__ import annotations
 from typing import Any
 
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _stiffness(t: Theta) -> Any:
-    return t["normal_modulus"] * (t["normal_ratio"] - 1.0)
-
-
-def _damping(t: Theta) -> Any:
-    return t["d_f"] * t["pressure"] * t["normal_modulus"] * (t["normal_ratio"] - 1.0)
+def _change(t: Theta) -> Any:
+    return t["normal_ratio"] - 1.0
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the normal contact once more."""
+    """Return what the normal contact gains."""
     return (
-        Term(
-            name="normal_stiffness",
-            target="K",
-            factor=Formula(_stiffness),
-            krons=assembly.term("normal contact").krons,
-        ),
-        Term(
-            name="normal_stiffness damping",
-            target="C",
-            factor=Formula(_damping),
-            krons=assembly.term("normal contact damping").krons,
-        ),
+        again(assembly, "normal contact", "normal_stiffness", _change),
+        again(assembly, "normal contact damping", "normal_stiffness damping", _change),
     )
 
 

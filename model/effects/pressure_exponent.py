@@ -20,36 +20,19 @@ from typing import Any
 import numpy as np
 
 from model.effect import PRESSURE_REFERENCE, Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _law(t: Theta) -> Any:
+def _change(t: Theta) -> Any:
     return np.exp((t["exponent"] - 1.0) * np.log(t["pressure"] / PRESSURE_REFERENCE)) - 1.0
-
-
-def _stiffness(t: Theta) -> Any:
-    return t["G_f"] * t["pressure"] * _law(t)
-
-
-def _damping(t: Theta) -> Any:
-    return t["d_f"] * t["G_f"] * t["pressure"] ** 2 * _law(t)
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what the power law adds to the proportional one."""
     return (
-        Term(
-            name="pressure_exponent",
-            target="K",
-            factor=Formula(_stiffness),
-            krons=assembly.term("tangential contact").krons,
-        ),
-        Term(
-            name="pressure_exponent damping",
-            target="C",
-            factor=Formula(_damping),
-            krons=assembly.term("tangential contact damping").krons,
-        ),
+        again(assembly, "tangential contact", "pressure_exponent", _change),
+        again(assembly, "tangential contact damping", "pressure_exponent damping", _change),
     )
 
 

@@ -17,36 +17,26 @@ import numpy as np
 
 from model.contact import contact_fields
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
-def _stiffness(t: Theta) -> Any:
-    return -t["G_f"] * t["pressure"] * t["interlayer_loss"]
-
-
-def _damping(t: Theta) -> Any:
-    return -t["d_f"] * t["G_f"] * t["pressure"] ** 2 * t["interlayer_loss"]
+def _change(t: Theta) -> Any:
+    return -t["interlayer_loss"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the contact of the two interfaces."""
+    """Return what the contact of the two interfaces loses."""
     field = contact_fields(assembly.stack, assembly.plan)
     n = assembly.stack.n_lamina - 1
     share = np.zeros(n)
     share[[n // 3, (2 * n) // 3]] = 1.0
+    stiffness, damping = (
+        field[name].over_interfaces(share).tangential() for name in ("pressure", "pressure squared")
+    )
     return (
-        Term(
-            name="soft_interlayers",
-            target="K",
-            factor=Formula(_stiffness),
-            krons=field["pressure"].over_interfaces(share).tangential(),
-        ),
-        Term(
-            name="soft_interlayers damping",
-            target="C",
-            factor=Formula(_damping),
-            krons=field["pressure squared"].over_interfaces(share).tangential(),
-        ),
+        again(assembly, "tangential contact", "soft_interlayers", _change, krons=stiffness),
+        again(assembly, "tangential contact damping", "soft_interlayers damping", _change, krons=damping),
     )
 
 

@@ -12,17 +12,17 @@ from __future__ import annotations
 from typing import Any
 
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
 def _loss(t: Theta) -> Any:
-    return t["steel_eta"] * t["young"] / t["omega"]
+    return t["steel_eta"] / t["omega"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what dissipates."""
-    krons = assembly.term("laminas").krons
-    return (Term(name="steel_loss", target="C", factor=Formula(_loss), krons=krons),)
+    return (again(assembly, "laminas", "steel_loss", _loss, target="C"),)
 
 
 EFFECT = Effect(

@@ -15,12 +15,13 @@ from typing import Any
 import scipy.sparse as sp
 
 from model.effect import Effect, Parameter
+from model.effect_parts import again
 from model.mesh import Field
-from model.system import Assembly, Formula, Kron, Term, Theta
+from model.system import Assembly, Kron, Term, Theta
 
 
-def _excess(t: Theta) -> Any:
-    return t["young"] * (t["transverse_excess"] - 1.0)
+def _change(t: Theta) -> Any:
+    return t["transverse_excess"] - 1.0
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -33,7 +34,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         Kron(row=field, column=field, z=q22 * size * each, planar=form(field, field, (d, d)))  # type: ignore[arg-type]
         for field, d, size in parts
     )
-    return (Term(name="steel_orthotropy", target="K", factor=Formula(_excess), krons=krons),)
+    return (again(assembly, "laminas", "steel_orthotropy", _change, krons=krons),)
 
 
 EFFECT = Effect(

@@ -12,19 +12,19 @@ from __future__ import annotations
 from typing import Any
 
 from model.effect import Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 _PER_KELVIN = -2.5e-4  # of Young's modulus of ferritic steel about room temperature
 
 
-def _softening(t: Theta) -> Any:
-    return t["young"] * _PER_KELVIN * t["warming"]
+def _change(t: Theta) -> Any:
+    return _PER_KELVIN * t["warming"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the laminas' stiffness once more."""
-    krons = assembly.term("laminas").krons
-    return (Term(name="temperature", target="K", factor=Formula(_softening), krons=krons),)
+    """Return what the laminas' stiffness loses."""
+    return (again(assembly, "laminas", "temperature", _change),)
 
 
 EFFECT = Effect(

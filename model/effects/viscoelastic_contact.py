@@ -18,27 +18,27 @@ from typing import Any
 import numpy as np
 
 from model.effect import OMEGA_REFERENCE, Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 
 
 def _growth(t: Theta) -> Any:
     return np.exp(t["fraction"] * np.log(t["omega"] / OMEGA_REFERENCE))
 
 
-def _stiffness(t: Theta) -> Any:
-    return t["G_f"] * t["pressure"] * (_growth(t) - 1.0)
+def _change(t: Theta) -> Any:
+    return _growth(t) - 1.0
 
 
-def _damping(t: Theta) -> Any:
-    return t["G_f"] * t["pressure"] * _growth(t) * np.tan(np.pi * t["fraction"] / 2.0) / t["omega"]
+def _loss(t: Theta) -> Any:
+    return _growth(t) * np.tan(np.pi * t["fraction"] / 2.0) / t["omega"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return the tangential contact once more."""
-    krons = assembly.term("tangential contact").krons
+    """Return what the tangential contact gains, and what it dissipates."""
     return (
-        Term(name="viscoelastic_contact", target="K", factor=Formula(_stiffness), krons=krons),
-        Term(name="viscoelastic_contact damping", target="C", factor=Formula(_damping), krons=krons),
+        again(assembly, "tangential contact", "viscoelastic_contact", _change),
+        again(assembly, "tangential contact", "viscoelastic_contact damping", _loss, target="C"),
     )
 
 

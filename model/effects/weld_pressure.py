@@ -17,16 +17,13 @@ from typing import Any
 import numpy as np
 
 from model.effect import PRESSURE_REFERENCE, Effect, Parameter
-from model.system import Assembly, Formula, Term, Theta
+from model.effect_parts import again
+from model.system import Assembly, Term, Theta
 from model.tangential_contact import tangential_krons
 
 
-def _stiffness(t: Theta) -> Any:
-    return t["G_f"] * PRESSURE_REFERENCE * t["weld_residual"]
-
-
-def _damping(t: Theta) -> Any:
-    return t["d_f"] * t["G_f"] * PRESSURE_REFERENCE * t["pressure"] * t["weld_residual"]
+def _change(t: Theta) -> Any:
+    return PRESSURE_REFERENCE * t["weld_residual"] / t["pressure"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -43,8 +40,8 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
     krons = tangential_krons(assembly.plan, stack.spacing, touching, np.asarray(weight))
     return (
-        Term(name="weld_pressure", target="K", factor=Formula(_stiffness), krons=krons),
-        Term(name="weld_pressure damping", target="C", factor=Formula(_damping), krons=krons),
+        again(assembly, "tangential contact", "weld_pressure", _change, krons=krons),
+        again(assembly, "tangential contact damping", "weld_pressure damping", _change, krons=krons),
     )
 
 

@@ -7,6 +7,7 @@ import scipy.sparse.linalg as splinalg
 import model
 from model.normal_contact import normal_krons
 from model.solver import solver_over_laminas, solver_over_plan
+from model.system import Product
 from model.tangential_contact import tangential_krons
 
 MATERIAL = model.Material(young=2e11, poisson=0.28, density=7650.0)
@@ -99,6 +100,15 @@ def test_monomial_derivative():
     theta = {"G_f": 3.0, "d_f": 5.0, "other": 7.0}
     assert factor(theta) == 75.0
     assert [factor.derivative(theta, name) for name in theta] == [25.0, 30.0, 0.0]
+
+
+def test_product_derivative():
+    power = model.Monomial(exponent={"G_f": 1, "d_f": 2})
+    factor = Product(first=power, second=model.Formula(lambda t: t["other"] * t["d_f"]))
+    theta = {"G_f": 3.0, "d_f": 5.0, "other": 7.0, "idle": 1.0}
+    assert factor(theta) == 2625.0
+    assert [factor.derivative(theta, name) for name in theta] == [875.0, 1575.0, 375.0, 0.0]
+    assert factor.names(theta) == {"G_f", "d_f", "other"}
 
 
 def test_clamp_mass_is_its_mass_in_every_direction():
