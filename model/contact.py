@@ -76,9 +76,7 @@ def contact_fields(stack: Stack, plan: Plan) -> dict[ContactQuantity, ContactFie
     normal". Each is off by at most 1e-6 of its largest value and is 0 where a soft layer takes the place of
     contact.
     """
-    spacing = stack.spacing
-    touching = np.ones(spacing.size)
-    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
+    touching = stack.touching
     products: list[list[Product]]
     if stack.pressing is None:
         normal = stack.contact.normal_modulus * touching

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from model.clamping import footprint_points
 from model.contact import contact_fields
 from model.errors import EffectError
-from model.mesh import Derivative, Field
+from model.mesh import FIELDS, Derivative, Field
 from model.stack import Clamp, Instruments, Stack
-from model.system import Assembly, Formula, Kron, Product, Target, Term, Theta
+from model.system import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 
 Vector = NDArray[np.float64]
 
@@ -39,8 +39,8 @@ def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
     return assembly.stack.clamps
 
 
-def instruments_of(stack: Stack) -> Instruments:
-    """Return the stack's instruments; by default the paper's test.
+def known_or_usual_instruments(stack: Stack) -> Instruments:
+    """Return the stack's instruments; where no test is known, those of the paper's test.
 
     By default there are 44 points on the four long edges, and the shaker under the corner at the highest x and y.
     """
@@ -160,9 +160,16 @@ def square(field: Field, row: sp.csr_matrix, z: sp.csr_array, strength: float = 
     return Kron(row=field, column=field, z=strength * z, planar=(row.T @ row).tocsr())
 
 
-def point_rows(assembly: Assembly, field: Field, points: Vector) -> sp.csr_matrix:
-    """Return one row for each point (n, 2) that takes the field there."""
-    return assembly.plan.point_rows(field, points)
+def point_mass(
+    assembly: Assembly, effect: str, parameter: str, points: Vector, share: float = 1.0
+) -> tuple[Term, ...]:
+    """Return the term of masses at points (n, 2) of the plan, spread over the height, in all directions.
+
+    Each point gets a `share` of the mass that the parameter states.
+    """
+    z = share * every_lamina(assembly.stack)
+    krons = tuple(square(field, assembly.plan.point_rows(field, points), z) for field in FIELDS)
+    return (Term(name=effect, target="M", factor=Monomial(exponent={parameter: 1}), krons=krons),)
 
 
 def centred(weight: Vector, dx: Vector) -> Vector:

@@ -361,9 +361,7 @@ class Stack:
                 )
                 raise StackError(message)
         if self.pitch <= 0.0:
-            message = (
-                f"stack: height {self.height:g} m leaves no room for the laminas between the interlayers"
-            )
+            message = f"stack: height {self.height:g} m leaves no room for laminas between the interlayers"
             raise StackError(message)
         for i, clamp in enumerate(self.clamps):
             for axis, position, size in (("x", clamp.x, self.length), ("y", clamp.y, self.width)):
@@ -386,6 +384,12 @@ class Stack:
         for layer in self.interlayers:
             spacing[layer.below - 1] += layer.thickness
         return spacing
+
+    @property
+    def touching(self) -> NDArray[np.float64]:
+        """1 where neighbouring laminas touch, 0 where a soft layer parts them, (n_lamina - 1,)."""
+        parted = np.isin(np.arange(1, self.n_lamina), [layer.below for layer in self.interlayers])
+        return np.where(parted, 0.0, 1.0)
 
     @property
     def lamina_z(self) -> NDArray[np.float64]:

@@ -14,19 +14,14 @@ from __future__ import annotations
 import numpy as np
 
 from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, instruments_of, point_rows, square
-from model.mesh import FIELDS
-from model.system import Assembly, Monomial, Term
+from model.effect_parts import known_or_usual_instruments, point_mass
+from model.system import Assembly, Term
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return a mass of 1 kg at the corner opposite to the shaker."""
-    x, y, _ = instruments_of(assembly.stack).shaker
-    place = np.array([[-x, -y]])
-    at = every_lamina(assembly.stack)
-    krons = tuple(square(field, point_rows(assembly, field, place), at) for field in FIELDS)
-    factor = Monomial(exponent={"fixed_sensor_mass": 1})
-    return (Term(name="accelerometer_fixed", target="M", factor=factor, krons=krons),)
+    x, y, _ = known_or_usual_instruments(assembly.stack).shaker
+    return point_mass(assembly, "accelerometer_fixed", "fixed_sensor_mass", np.array([[-x, -y]]))
 
 
 EFFECT = Effect(

@@ -13,20 +13,17 @@ Mistaken for: density, fill factor, clamp_mass.
 from __future__ import annotations
 
 from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, instruments_of, point_rows, square
-from model.mesh import FIELDS
-from model.system import Assembly, Monomial, Term
+from model.effect_parts import known_or_usual_instruments, point_mass
+from model.system import Assembly, Term
 
 _SENSORS = 2
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mean over the runs of two masses of 1 kg."""
-    sensor = instruments_of(assembly.stack).sensor
-    share = _SENSORS / len(sensor) * every_lamina(assembly.stack)
-    krons = tuple(square(field, point_rows(assembly, field, sensor[:, :2]), share) for field in FIELDS)
-    factor = Monomial(exponent={"roving_sensor_mass": 1})
-    return (Term(name="accelerometer_roving", target="M", factor=factor, krons=krons),)
+    sensor = known_or_usual_instruments(assembly.stack).sensor
+    share = _SENSORS / len(sensor)
+    return point_mass(assembly, "accelerometer_roving", "roving_sensor_mass", sensor[:, :2], share)
 
 
 EFFECT = Effect(

@@ -11,8 +11,6 @@ Mistaken for: pressure_exponent, clamp_frame; with one torque G_f itself.
 
 from __future__ import annotations
 
-import numpy as np
-
 from model.effect import Effect, Parameter
 from model.system import Assembly, Monomial, Term
 from model.tangential_contact import tangential_krons
@@ -21,9 +19,7 @@ from model.tangential_contact import tangential_krons
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return a shear modulus of 1 Pa on all interfaces that touch."""
     stack = assembly.stack
-    touching = np.ones(stack.n_lamina - 1)
-    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
-    krons = tangential_krons(assembly.plan, stack.spacing, touching)
+    krons = tangential_krons(assembly.plan, stack.spacing, stack.touching)
     return (Term(name="contact_offset", target="K", factor=Monomial(exponent={"G0": 1}), krons=krons),)
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, instruments_of, mean_over, square
+from model.effect_parts import every_lamina, known_or_usual_instruments, mean_over, square
 from model.system import Assembly, Monomial, Term
 
 _LENGTH = 0.05
@@ -25,7 +25,7 @@ _PAD = (0.03, 0.03)  # a thin lamina alone would twist under the stud
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return springs of 1 N/m at the shaker's point."""
-    x, y, _ = instruments_of(assembly.stack).shaker
+    x, y, _ = known_or_usual_instruments(assembly.stack).shaker
     at, place, row = every_lamina(assembly.stack), np.array([[x, y]]), assembly.plan.point_rows
     krons = (
         square("u", row("u", place), at),

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, point_rows, square
+from model.effect_parts import every_lamina, square
 from model.system import Assembly, Monomial, Term
 
 
@@ -22,7 +22,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return four dashpots of 1 N s/m under the stack."""
     stack = assembly.stack
     x, y = 0.28 * stack.length, 0.3 * stack.width
-    rows = point_rows(assembly, "w", np.array([[-x, -y], [-x, y], [x, -y], [x, y]]))
+    rows = assembly.plan.point_rows("w", np.array([[-x, -y], [-x, y], [x, -y], [x, y]]))
     krons = (square("w", rows, every_lamina(stack)),)
     return (Term(name="support_loss", target="C", factor=Monomial(exponent={"dashpot": 1}), krons=krons),)
 

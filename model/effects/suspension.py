@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, point_rows, square
+from model.effect_parts import every_lamina, square
 from model.mesh import FIELDS
 from model.system import Assembly, Monomial, Term
 
@@ -28,7 +28,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     feet = np.array([[-x, -y], [-x, y], [x, -y], [x, y]])
     strength = {"u": _SIDEWAYS, "v": _SIDEWAYS, "w": 1.0}
     krons = tuple(
-        square(field, point_rows(assembly, field, feet), every_lamina(stack), strength[field])
+        square(field, assembly.plan.point_rows(field, feet), every_lamina(stack), strength[field])
         for field in FIELDS
     )
     factor = Monomial(exponent={"suspension_stiffness": 1})

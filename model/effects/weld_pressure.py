@@ -36,9 +36,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         for sx in (-stack.length / 4.0, stack.length / 4.0)
         for sy in (-stack.width / 2.0, stack.width / 2.0)
     )
-    touching = np.ones(stack.n_lamina - 1)
-    touching[[layer.below - 1 for layer in stack.interlayers]] = 0.0
-    krons = tangential_krons(assembly.plan, stack.spacing, touching, np.asarray(weight))
+    krons = tangential_krons(assembly.plan, stack.spacing, stack.touching, np.asarray(weight))
     return (
         again(assembly, "tangential contact", "weld_pressure", _change, krons=krons),
         again(assembly, "tangential contact damping", "weld_pressure damping", _change, krons=krons),
