@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from model.clamping import clamp_terms
 from model.contact import contact_terms
 from model.effect import OMEGA_REFERENCE
 from model.mesh import FIELDS, plan_of
 from model.shell import lamina_terms
 from model.stack import Stack
+from model.static import pressure_distribution
 from model.support import support_terms
 from model.system import OMEGA, Assembly
 
@@ -17,13 +20,15 @@ def assemble(stack: Stack) -> Assembly:
 
     The parameters are `G_f` (Pa/Pa), `d_f` (s/Pa), the mean `pressure` (Pa), the factors `young`, `density`,
     `normal_modulus` and, with interlayers, `layer_modulus` on the stack's own values (nominal 1), and those of
-    the stack's effects. Contact damping is beta = d_f p times the contact stiffness, tangential and normal.
+    the stack's effects. Contact damping is beta = d_f p times the contact stiffness, tangential and normal. The
+    assembly's own stack holds the pressure field that its clamps cause.
 
     Raises
     ------
     EffectError
         An effect needs something that the stack does not have.
     """
+    stack = dataclasses.replace(stack, pressing=pressure_distribution(stack))
     plan = plan_of(stack)
     terms = (
         *lamina_terms(stack, plan),

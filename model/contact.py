@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from model.mesh import Plan
 from model.normal_contact import normal_krons
 from model.pressure import separate
-from model.stack import Pressing, Stack
-from model.static import press
+from model.stack import Stack
+from model.static import pressure_distribution
 from model.system import Kron, Monomial, Target, Term
 from model.tangential_contact import mean, tangential_krons
 
@@ -78,11 +78,11 @@ def contact_fields(stack: Stack, plan: Plan) -> dict[ContactQuantity, ContactFie
     """
     touching = stack.touching
     products: list[list[Product]]
-    if stack.pressing is None:
+    distribution = pressure_distribution(stack)
+    if distribution is None:
         normal = stack.contact.normal_modulus * touching
         products = [[(touching, 1.0)], [(normal, 1.0)], [(touching, 1.0)], [(normal, 1.0)]]
     else:
-        distribution = press(stack) if isinstance(stack.pressing, Pressing) else stack.pressing
         points = plan.quadrature_points
         p, tangent = distribution.at(points.reshape(2, -1).T)
         p, tangent = p / stack.contact.pressure * touching[:, None], tangent * touching[:, None]

@@ -185,6 +185,7 @@ def reduce(
         converge.
     """
     plain = assemble(stack)
+    stack = plain.stack  # with its pressure field
     laminas = plain.with_terms(terms(plain), {} if theta is None else theta)
     box = {
         "G_f": G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0),

@@ -440,9 +440,8 @@ class Stack:
         for name in values:
             if name not in parameters:
                 close = difflib.get_close_matches(name, parameters, n=1)
-                hint = (
-                    f"did you mean {close[0]}?" if close else f"there are {', '.join(parameters) or 'none'}"
-                )
+                there = ", ".join(parameters) or "none"
+                hint = f"did you mean {close[0]}?" if close else f"there are {there}"
                 message = f"no effect of the stack has a parameter {name!r}; {hint}"
                 raise EffectError(message)
         neutral = {name: parameter.neutral for name, parameter in parameters.items()}

@@ -22,7 +22,7 @@ from model.errors import SolveError, StackError
 from model.mesh import Plan, plan_of
 from model.pressure import InterfaceLaw, PressureField
 from model.shell import plate_form
-from model.stack import Pressing, Stack
+from model.stack import Pressing, PressureDistribution, Stack
 
 Vector = NDArray[np.float64]
 
@@ -207,6 +207,11 @@ def press(stack: Stack) -> PressureField:
         residual=np.array(residuals),
         n_step=n_step,
     )
+
+
+def pressure_distribution(stack: Stack) -> PressureDistribution | None:
+    """Return the pressure between the laminas, solved for where the stack says how it is pressed; None if uniform."""
+    return press(stack) if isinstance(stack.pressing, Pressing) else stack.pressing
 
 
 def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) -> _Problem:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ema.arrays import readonly
 from model import Modes, ReducedSystem, Stack
 from model.mesh import FIELDS, Derivative, Field
-from model.stack import Pressing
-from model.static import press
+from model.static import pressure_distribution
 from updating.errors import UpdatingError
 
 Vector = NDArray[np.float64]
@@ -180,12 +179,12 @@ def _scales(system: ReducedSystem, theta: Mapping[str, float]) -> dict[str, floa
 def _contact_moduli(stack: Stack, place: Vector) -> tuple[Vector, Vector]:
     """Return shear and normal modulus of every interface over the plan, Pa, (n_interface, n_point or 1) each."""
     n = stack.n_lamina - 1
-    if stack.pressing is None:
+    distribution = pressure_distribution(stack)
+    if distribution is None:
         pressure, normal = (
             np.full((n, 1), value) for value in (stack.contact.pressure, stack.contact.normal_modulus)
         )
     else:
-        distribution = press(stack) if isinstance(stack.pressing, Pressing) else stack.pressing
         pressure, normal = (np.array(field) for field in distribution.at(place.T))
     shear = stack.contact.G_f * pressure
     for layer in stack.interlayers:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,8 +11,6 @@ from numpy.typing import NDArray
 
 from ema.arrays import readonly
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from model.stack import Pressing
-from model.static import press
 from updating.orthogonality import cross_orthogonality
 from updating.shape_class import class_grid, shape_classes
 from updating.tracking import track
@@ -92,8 +89,6 @@ def signature(stack: Stack, effect: Effect) -> Signature:
     PairingError
         There are not enough modes to follow.
     """
-    if isinstance(stack.pressing, Pressing):
-        stack = dataclasses.replace(stack, pressing=press(stack))
     strength = {p.name: p.nominal for p in effect.parameters}
     ranges = {
         p.name: (min(p.neutral, p.nominal), max(p.neutral, p.nominal))

@@ -69,6 +69,14 @@ def test_pressing_and_its_frozen_field_give_the_same_equations():
     assert abs(difference).max() == 0.0
 
 
+def test_a_stack_is_pressed_once_for_all_its_effects(monkeypatch):
+    pressed = []
+    monkeypatch.setattr(model.static, "press", lambda stack: (pressed.append(stack), press(stack))[1])
+    assembly = model.assemble(STACK.with_effects("contact_direction", "edge_pressure", "soft_interlayers"))
+    assert len(pressed) == 1
+    assert assembly.stack.pressing.mean == pytest.approx(320e3)
+
+
 def test_even_pressure_gives_the_equations_of_uniform_pressure():
     clamp = dataclasses.replace(STACK.clamps[0], x=0.0)
     even = dataclasses.replace(STACK, clamps=(clamp,), pressing=Pressing(curve=CURVE))
