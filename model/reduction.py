@@ -199,7 +199,7 @@ def reduce(
         stack, laminas, outer + effect_samples(stack, samples[-1]), n_mode, z_tolerance, len(outer)
     )
     assembly = laminas.project_z(over_z.phi)
-    solver = solver_over_plan(_acting(assembly, samples))
+    solver = solver_over_plan(acting(assembly, samples))
     mass = assembly.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -252,7 +252,7 @@ def reduce(
     )
 
 
-def _acting(assembly: Assembly, samples: Sequence[Mapping[str, float]]) -> Assembly:
+def acting(assembly: Assembly, samples: Sequence[Mapping[str, float]]) -> Assembly:
     """Return the equations of motion without the terms that vanish at all samples, such as neutral effects'."""
     terms = tuple(t for t in assembly.terms if any(t.factor(theta) != 0.0 for theta in samples))
     return dataclasses.replace(assembly, terms=terms)
