@@ -3,6 +3,7 @@
 from model.assemble import assemble
 from model.catalogue import catalogue, find_effects, read_effect
 from model.effect import Effect, Parameter, shared_parameters
+from model.enrichment import enriched
 from model.errors import EffectError, ModelError, SolveError, StackError
 from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
@@ -14,6 +15,7 @@ from model.stack import Clamp, Contact, Instruments, Mesh, Stack
 from model.stack_file import read_stack
 from model.surface import Surface, mode_surface
 from model.system import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
+from model.truncation import truncated
 
 __all__ = [
     "Assembly",
@@ -43,6 +45,7 @@ __all__ = [
     "assemble",
     "catalogue",
     "complex_modes",
+    "enriched",
     "find_effects",
     "frf",
     "frf_direct",
@@ -55,4 +58,5 @@ __all__ = [
     "sample_points",
     "shared_parameters",
     "solve_modes",
+    "truncated",
 ]

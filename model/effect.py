@@ -51,7 +51,7 @@ class Parameter:
     source : str
         Where the range comes from.
     sampled : bool
-        Whether modes change so much over the range that a reduced model is sampled along it.
+        Whether modes change so much over the range that a reduced model is made for several values of it.
     """
 
     name: str

@@ -19,6 +19,7 @@ from model.reduction import ReducedSystem, acting
 from model.solver import solver_over_plan
 from model.z_basis import N_RIGID, shear_shift
 
+
 def enriched(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> ReducedSystem:
     """Return the reduced system with better modes at `theta` in its basis.
 

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ema.modes import ModalModel
 from model import (
     Effect,
     EffectError,
     Instruments,
+    Parameter,
     ReducedSystem,
     Stack,
     assemble,
+    enriched,
     reduce,
-    shared_parameters,
+    truncated,
 )
 
 G_F_RANGE = (300.0, 6000.0)
@@ -22,6 +27,7 @@ G_F_RANGE = (300.0, 6000.0)
 N_SNAPSHOT = 4
 N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
+_TRUNCATED = 3e-4  # amplitude of a direction, relative, that modes need no more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,14 +77,18 @@ def candidate_model(
             possible[name] = effect
         except EffectError as error:
             impossible[name] = str(error)
-    sampled = {p.name: (p.lower, p.upper) for p in shared_parameters(possible.values()).values() if p.sampled}
     system = reduce(
         base.with_effects(*possible.values(), *aids),
         G_f_range=G_F_RANGE,
-        n_snapshot=N_SNAPSHOT * (1 + len(sampled)),
+        n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
-        ranges=sampled,
     )
+    for effect in possible.values():
+        if any(p.sampled for p in effect.parameters):
+            for values in itertools.product(*map(_inside, effect.parameters)):
+                at = dict(zip([p.name for p in effect.parameters], values, strict=True))
+                system = enriched(system, at, N_MODEL)
+    system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
     return CandidateModel(stack=base, system=system, effects=possible, impossible=impossible)
 
 
@@ -88,3 +98,22 @@ def instruments_of(modes: ModalModel) -> Instruments:
     x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
     sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
+
+
+def _inside(parameter: Parameter) -> tuple[float, ...]:
+    """Return values of a parameter for which the model is made: several where it is sampled, else a typical one."""
+    if not parameter.sampled:
+        return (parameter.nominal,)
+    span = parameter.upper - parameter.lower
+    return tuple(parameter.lower + share * span for share in (1 / 6, 1 / 2, 5 / 6))
+
+
+def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:
+    """Return parameters with one effect at a time over its range, each at two contact stiffnesses."""
+    stiffness = np.geomspace(*G_F_RANGE, 7)
+    for i, effect in enumerate(effects):
+        names = [p.name for p in effect.parameters]
+        values = (_inside(p) if p.sampled else (p.lower, p.nominal, p.upper) for p in effect.parameters)
+        for j, corner in enumerate(itertools.product(*values)):
+            for G_f in stiffness[1 + (i + j) % 3 : 6 : 3]:
+                yield {"G_f": float(G_f), **dict(zip(names, corner, strict=True))}

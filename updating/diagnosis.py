@@ -7,24 +7,22 @@ data cannot tell apart is reported as a set.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 from scipy.stats import chi2
 
 from model import Effect, Stack
 from updating.candidates import candidate_model, instruments_of
-from updating.coordinates import bounds_of
+from updating.diagnosis_text import sentences
 from updating.errors import FitError
 from updating.evidence import Campaigned, Evidence, Scatter, gather
 from updating.experiment import NextTest, aids, rank_tests
-from updating.explanation import Explanation, explain
-from updating.residual import residual
+from updating.explanation import Explanation
+from updating.search import VISIBLE, Search, search
 
 Vector = NDArray[np.float64]
 Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]
@@ -38,40 +36,8 @@ GAIN_SECOND = 16.0
 """The same for a second effect beside the first."""
 P_ADEQUATE = 1e-3
 """A model whose frequencies and damping fit worse than this is not adequate."""
-N_REFIT, N_REFIT_PAIR = 12, 10
-_SILENT = 1e-9  # relative length of a change that is none
-_SHAPES = 6  # values tried of a parameter that shapes an effect but has no strength of its own
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Signature:
-    """What an effect does to the data, with the nuisances' share taken out.
-
-    Attributes
-    ----------
-    effect : str
-        Its name.
-    coordinate : (n_parameter,) float
-        Effect parameters at which it was taken, in units of their ranges, with 0 for strengths.
-    column : (n, n_strength) float
-        Change of the whitened residual over the range of each strength, after projection.
-    strength : (n_strength,) int
-        Which parameters are strengths.
-    gain : float
-        Linear fall of the misfit that it can bring within its range.
-    start : (n_parameter,) float
-        Coordinates that bring it.
-    reach : float
-        Length of the projected change at the end of the range: below 3 it is not visible.
-    """
-
-    effect: str
-    coordinate: Vector
-    column: Vector
-    strength: NDArray[np.intp]
-    gain: float
-    start: Vector
-    reach: float
+WORTH = 4.0
+"""Fall of the squared misfit below which an effect is not worth a fit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,127 +152,8 @@ def diagnose(
 
 def conclude(evidence: Evidence) -> Diagnosis:
     """Say which effect is missing from evidence that has been gathered."""
-    base = explain(evidence)
-    found = signatures(evidence, base)
-    singles = [
-        explain(evidence, [s.effect], nuisance=base.nuisance, coordinate=s.start)
-        for s in sorted(found, key=lambda s: -s.gain)[:N_REFIT]
-        if s.gain > 1.0
-    ]
-    pairs = [
-        explain(evidence, names, nuisance=base.nuisance, coordinate=start)
-        for names, start in _best_pairs(evidence, base, found, singles)
-    ]
-    return _judged(evidence, base, singles, pairs, found)
-
-
-def signatures(evidence: Evidence, base: Explanation) -> list[Signature]:
-    """Return the signature of every effect at the fitted base model."""
-    n_own = len(evidence.nuisances)
-    q = np.linalg.qr(base.residual.jacobian[:, :n_own])[0]
-
-    def projected(columns: Vector) -> Vector:
-        return np.asarray(columns - q @ (q.T @ columns))
-
-    names = list(evidence.effects)
-    parameters = evidence.parameters(names)
-    every = residual(evidence, base.nuisance, parameters).jacobian[:, n_own:]
-    column = dict(zip([p.name for p in parameters], projected(every).T, strict=True))
-    r = projected(base.residual.value)
-    size = float(np.abs(every).max())
-    found = []
-    for name in names:
-        own = evidence.parameters([name])
-        columns = np.column_stack([column[p.name] for p in own])
-        raw = every[:, [parameters.index(p) for p in own]]
-        strength = np.flatnonzero(np.linalg.norm(raw, axis=0) > _SILENT * size)
-        shaping = [i for i in range(len(own)) if i not in strength]
-        if not shaping:
-            found.append(_signature(name, np.zeros(len(own)), columns, strength, r, own))
-            continue
-        low, high = bounds_of(own)
-        trials = []
-        for values in itertools.product(*(np.linspace(low[i], high[i], _SHAPES) for i in shaping)):
-            at = np.zeros(len(own))
-            at[shaping] = values
-            slope = projected(residual(evidence, base.nuisance, own, at).jacobian[:, n_own:])
-            strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > _SILENT * size)
-            trials.append(_signature(name, at, slope, np.setdiff1d(strong, shaping), r, own))
-        found.append(max(trials, key=lambda s: s.gain))
-    return found
-
-
-def _signature(
-    name: str, at: Vector, columns: Vector, strength: NDArray[np.intp], r: Vector, own: Sequence[object]
-) -> Signature:
-    low, high = bounds_of(own)  # type: ignore[arg-type]
-    c = columns[:, strength]
-    step = _bounded(c, r, low[strength], high[strength])
-    start = at.copy()
-    start[strength] = step
-    reach = max(
-        (float(np.linalg.norm(c[:, i]) * max(abs(low[s]), abs(high[s]))) for i, s in enumerate(strength)),
-        default=0.0,
-    )
-    return Signature(
-        effect=name,
-        coordinate=at,
-        column=c,
-        strength=strength,
-        gain=float(r @ r - np.sum((r + c @ step) ** 2)),
-        start=start,
-        reach=reach,
-    )
-
-
-def _bounded(c: Vector, r: Vector, low: Vector, high: Vector) -> Vector:
-    """Return the step within bounds that makes r + c step smallest."""
-    gram = c.T @ c
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-30))
-    if not scale.size or scale.max() < 1e-12:
-        return np.zeros(scale.size)
-    small = gram / np.outer(scale, scale) + 1e-10 * np.eye(scale.size)
-    root = np.linalg.cholesky(small)
-    target = np.linalg.solve(root, -(c.T @ r) / scale)
-    solution = lsq_linear(root.T, target, bounds=(low * scale - 1e-12, high * scale + 1e-12))
-    return np.asarray(solution.x / scale)
-
-
-def _best_pairs(
-    evidence: Evidence, base: Explanation, found: Sequence[Signature], singles: Sequence[Explanation]
-) -> list[tuple[tuple[str, str], Vector]]:
-    """Return the pairs that explain most by a linear step, with where to start them."""
-    visible = [s for s in found if s.reach >= SEPARATE and s.gain >= 0.0]
-    fitted = {x.effects[0]: x for x in singles}
-    q = np.linalg.qr(base.residual.jacobian[:, : len(evidence.nuisances)])[0]
-    r = base.residual.value - q @ (q.T @ base.residual.value)
-    scored = []
-    for a, b in itertools.combinations(visible, 2):
-        own = (evidence.parameters([a.effect]), evidence.parameters([b.effect]))
-        if {p.name for p in own[0]} & {p.name for p in own[1]}:
-            continue
-        bounds = [bounds_of(p) for p in own]
-        low = np.concatenate([bounds[0][0][a.strength], bounds[1][0][b.strength]])
-        high = np.concatenate([bounds[0][1][a.strength], bounds[1][1][b.strength]])
-        c = np.hstack([a.column, b.column])
-        step = _bounded(c, r, low, high)
-        first, second = a.coordinate.copy(), b.coordinate.copy()
-        first[a.strength], second[b.strength] = step[: a.strength.size], step[a.strength.size :]
-        scored.append(
-            (float(np.sum((r + c @ step) ** 2)), (a.effect, b.effect), np.concatenate([first, second]))
-        )
-    scored.sort(key=lambda item: item[0])
-    chosen = {names: start for _, names, start in scored[:N_REFIT_PAIR]}
-    if singles:  # beside the best single effect, whose full fit tells more than its first step
-        best = min(singles, key=lambda x: x.misfit).effects[0]
-        beside = [item for item in scored if best in item[1]][: N_REFIT_PAIR // 2]
-        for _, names, start in beside:
-            n_first = len(evidence.parameters([names[0]]))
-            full = start.copy()
-            own_part = slice(None, n_first) if names[0] == best else slice(n_first, None)
-            full[own_part] = fitted[best].coordinate
-            chosen[names] = full
-    return list(chosen.items())
+    found = search(evidence, WORTH)
+    return judged(found)
 
 
 def _block_p(explanation: Explanation, kinds: Sequence[str], n_free: int) -> float:
@@ -324,15 +171,9 @@ def _adequacy(evidence: Evidence, explanation: Explanation) -> float:
     return min(1.0, 2.0 * min(modal, shape))
 
 
-def _judged(
-    evidence: Evidence,
-    base: Explanation,
-    singles: Sequence[Explanation],
-    pairs: Sequence[Explanation],
-    found: Sequence[Signature],
-) -> Diagnosis:
-    from updating.diagnosis_text import sentences  # here: the text is written of the diagnosis's own parts
-
+def judged(found: Search) -> Diagnosis:
+    """Give the verdict on what a search found."""
+    evidence, base, singles, pairs = found.evidence, found.base, found.singles, found.pairs
     p_value = _adequacy(evidence, base)
     single = min(singles, key=lambda x: x.misfit, default=base)
     pair = min(pairs, key=lambda x: x.misfit, default=base)
@@ -353,7 +194,7 @@ def _judged(
             verdict = "identified" if len(left) == 1 else "one of"
     tests = rank_tests(evidence, left[:4])
     ranking = _ranking(evidence, base, (*singles, *pairs))
-    not_visible = tuple(sorted(s.effect for s in found if s.reach < SEPARATE))
+    not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
     blocks = {kind: _block_p(base, [kind], 0) for kind in ("frequency", "damping", "shape")}
     candidates = tuple(x.effects for x in left)
     return Diagnosis(

@@ -176,6 +176,11 @@ class Evidence:
         """Return the parameters of some effects, each once."""
         return tuple(shared_parameters(self.effects[name] for name in names).values())
 
+    def with_system(self, system: ReducedSystem) -> Evidence:
+        """Return the evidence beside the same model with another basis."""
+        tied = (replace(o, reduced_rows=np.asarray(o.rows @ system.basis)) for o in self.observed)
+        return replace(self, system=system, observed=tuple(tied))
+
     def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
         """Return the values of `SHARED` in a configuration, in their order, at nuisance coordinates."""
         ratio = np.exp(nuisance[: len(SHARED)])

@@ -59,7 +59,6 @@ EFFECT = Effect(
             lower=0.0,
             upper=0.03,
             source="bars and bolts of 1 to 2 kg at 40 to 120 mm from the axis, m r**2",
-            sampled=True,
         ),
         Parameter(
             name="clamp_station",

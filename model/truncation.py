@@ -1,0 +1,58 @@
+"""A reduced basis truncated to what its modes use at given parameters, for work that solves it hundreds of times."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import scipy.linalg as la
+
+from model.errors import SolveError
+from model.reduction import ReducedSystem
+from model.z_basis import N_RIGID
+
+
+def truncated(
+    system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mode: int, tolerance: float
+) -> ReducedSystem:
+    """Return the reduced system in the principal directions of its modes at some parameters.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The reduced stack.
+    samples : iterable of mapping of str to float
+        Parameters that differ from the nominal ones. Those where the stiffness is negative are passed over.
+    n_mode : int
+        Modes of each sample, the six rigid-body modes included.
+    tolerance : float
+        Amplitude of a direction, relative to the largest, below which it is left out (proper orthogonal
+        decomposition in the mass of the nominal parameters).
+
+    Raises
+    ------
+    SolveError
+        The stiffness is negative at all samples.
+    """
+    modes = []
+    for sample in samples:
+        theta = {**system.theta, **sample}
+        value, vector = la.eigh(
+            system.matrix("K", theta), system.matrix("M", theta), subset_by_index=(0, n_mode - 1)
+        )
+        if value[0] > -1e-6 * value[-1]:
+            modes.append(vector[:, N_RIGID:])
+    if not modes:
+        message = "truncated: the stiffness is negative at all samples"
+        raise SolveError(message)
+    together = np.hstack(modes)
+    together[:N_RIGID] = 0.0  # rigid-body motion is kept as it is
+    directions, amplitude, _ = la.svd(together, full_matrices=False)
+    turn = np.hstack([np.eye(system.size, N_RIGID), directions[:, amplitude > tolerance * amplitude[0]]])
+    turned = {id(term.matrix): turn.T @ term.matrix @ turn for term in system.terms}
+    return dataclasses.replace(
+        system,
+        basis=system.basis @ turn,
+        terms=tuple(dataclasses.replace(t, matrix=turned[id(t.matrix)]) for t in system.terms),
+    )
