@@ -27,6 +27,9 @@ G_F_RANGE = (300.0, 6000.0)
 N_SNAPSHOT = 4
 N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
+DIMENSIONS = ("length", "width", "height")
+RESIZED = 1e-3
+"""Relative change of a dimension from which its influence is taken."""
 _TRUNCATED = 3e-4  # amplitude of a direction, relative, that modes need no more
 
 
@@ -44,12 +47,15 @@ class CandidateModel:
         Those that this stack can have.
     impossible : mapping of str to str
         Why the others cannot be.
+    resized : mapping of str to ReducedSystem
+        The stack without effects with one dimension larger by `RESIZED`.
     """
 
     stack: Stack
     system: ReducedSystem
     effects: Mapping[str, Effect]
     impossible: Mapping[str, str]
+    resized: Mapping[str, ReducedSystem]
 
 
 def candidate_model(
@@ -89,7 +95,21 @@ def candidate_model(
                 at = dict(zip([p.name for p in effect.parameters], values, strict=True))
                 system = enriched(system, at, N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
-    return CandidateModel(stack=base, system=system, effects=possible, impossible=impossible)
+    return CandidateModel(
+        stack=base,
+        system=system,
+        effects=possible,
+        impossible=impossible,
+        resized={
+            name: reduce(
+                replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)}),
+                G_f_range=G_F_RANGE,
+                n_snapshot=N_SNAPSHOT,
+                n_mode=N_MODEL,
+            )
+            for name in (DIMENSIONS if base.outline is None else ("height",))
+        },
+    )
 
 
 def instruments_of(modes: ModalModel) -> Instruments:

@@ -20,6 +20,7 @@ from ema.modes import ModalModel
 from model import (
     Effect,
     Modes,
+    Observation,
     Observed,
     Parameter,
     ReducedSystem,
@@ -28,7 +29,7 @@ from model import (
     shared_parameters,
     solve_modes,
 )
-from updating.candidates import G_F_RANGE, N_MODEL, CandidateModel
+from updating.candidates import G_F_RANGE, N_MODEL, RESIZED, CandidateModel
 from updating.errors import FitError
 from updating.registration import register
 
@@ -50,23 +51,26 @@ class Scatter:
     Attributes
     ----------
     frequency, damping : float
-        Of every mode, beside the measurement's own: mesh, dimensions, and how a mode's damping repeats.
+        Of every mode, beside the measurement's own: the mesh, and how a mode's damping repeats.
     shape : float
         Of every shape component, relative to the shape's root mean square: places and calibration of sensors.
     stiffness, loss : float
         Of G_f and d_f between configurations: reassembly and torque.
-    young, density, normal_modulus : float
-        Of what the stack file says of the steel and of the contact across.
+    young, density, normal_modulus, length, width, height : float
+        Of what the stack file says of the steel, of the contact across, and of the dimensions.
     """
 
-    frequency: float = 1e-3
-    damping: float = 0.03
-    shape: float = 0.01
+    frequency: float = 2e-4
+    damping: float = 0.01
+    shape: float = 0.003
     stiffness: float = 0.03
     loss: float = 0.06
     young: float = 0.02
     density: float = 0.01
     normal_modulus: float = 0.2
+    length: float = 1e-3
+    width: float = 1e-3
+    height: float = 2e-3
 
 
 class Identified(Protocol):
@@ -133,8 +137,10 @@ class Evidence:
         For each configuration, the measured modes that the model has.
     system : ReducedSystem
         The model with all `effects`.
-    observed : tuple of Observed
+    observation : tuple of Observation
         The measured points of each configuration.
+    observed : tuple of Observed
+        The same, tied to `system`.
     effects : mapping of str to Effect
         Those that this stack can have.
     impossible : mapping of str to str
@@ -143,17 +149,25 @@ class Evidence:
         What separates a right model from a right measurement.
     start : (n_nuisance,) float
         Nuisance coordinates from which fits start.
+    resized : mapping of str to ReducedSystem
+        The model without effects with one dimension larger by `candidates.RESIZED`.
+    slope : tuple of (n_mode, n_dimension) float
+        For each configuration, how much the logarithm of each measured mode's frequency grows with those of the
+        dimensions: of the base model's mode that it resembles most.
     """
 
     stack: Stack
     tested: tuple[Tested, ...]
     used: tuple[NDArray[np.int64], ...]
     system: ReducedSystem
+    observation: tuple[Observation, ...]
     observed: tuple[Observed, ...]
     effects: Mapping[str, Effect]
     impossible: Mapping[str, str]
     scatter: Scatter
     start: Vector
+    resized: Mapping[str, ReducedSystem]
+    slope: tuple[Vector, ...]
 
     @property
     def nuisances(self) -> tuple[str, ...]:
@@ -161,6 +175,7 @@ class Evidence:
         n = len(self.tested)
         return (
             *SHARED,
+            *self.resized,
             *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
             *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
         )
@@ -170,7 +185,13 @@ class Evidence:
         """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f."""
         s, n = self.scatter, len(self.tested)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
-        return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *each])
+        size = [getattr(s, name) for name in self.resized]
+        return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *each])
+
+    @property
+    def n_common(self) -> int:
+        """Number of nuisance coordinates before the deviations of the configurations."""
+        return len(SHARED) + len(self.resized)
 
     def parameters(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters of some effects, each once."""
@@ -178,14 +199,13 @@ class Evidence:
 
     def with_system(self, system: ReducedSystem) -> Evidence:
         """Return the evidence beside the same model with another basis."""
-        tied = (replace(o, reduced_rows=np.asarray(o.rows @ system.basis)) for o in self.observed)
-        return replace(self, system=system, observed=tuple(tied))
+        return replace(self, system=system, observed=tuple(observe(system, o) for o in self.observation))
 
     def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
         """Return the values of `SHARED` in a configuration, in their order, at nuisance coordinates."""
         ratio = np.exp(nuisance[: len(SHARED)])
         n = len(self.tested)
-        own = np.exp(nuisance[len(SHARED) :].reshape(2, n)[:, configuration]) if n > 1 else np.ones(2)
+        own = np.exp(nuisance[self.n_common :].reshape(2, n)[:, configuration]) if n > 1 else np.ones(2)
         contact = self.stack.contact
         at = (contact.G_f * own[0], (contact.d_f or D_F_START) * own[1], 1.0, 1.0, 1.0)
         return dict(zip(SHARED, (ratio * at).tolist(), strict=True))
@@ -216,22 +236,50 @@ def gather(
         message = "nothing to compare: no configuration was identified"
         raise FitError(message)
     base = candidates.stack
-    observed = tuple(
-        observe(candidates.system, register(base, modes.geometry, modes.node, modes.direction).observation)
-        for _, _, modes in tested
+    observation = tuple(
+        register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
     )
     evidence = Evidence(
         stack=base,
         tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
         used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
         system=candidates.system,
-        observed=observed,
+        observation=observation,
+        observed=tuple(observe(candidates.system, o) for o in observation),
         effects=candidates.effects,
         impossible=candidates.impossible,
         scatter=scatter or Scatter(),
         start=np.zeros(0),
+        resized=candidates.resized,
+        slope=(),
     )
-    return _started(evidence)
+    started = _started(evidence)
+    G_f = started.theta(started.start, 0)["G_f"]
+    return replace(started, slope=tuple(size_slopes(started, c, G_f) for c in range(len(tested))))
+
+
+def size_slopes(evidence: Evidence, configuration: int, G_f: float) -> Vector:
+    """Return how much the logarithms of frequencies grow with those of the dimensions, (n_mode, n_dimension).
+
+    The measured modes' are those of the modes of the base model that they resemble most at `G_f`.
+    """
+    own = evidence.tested[configuration]
+    base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, ())
+    column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
+    slopes = np.empty((own.modes.frequency.size, len(evidence.resized)))
+    for i, system in enumerate(evidence.resized.values()):
+        larger = solve_modes(
+            system,
+            G_f=G_f,
+            d_f=D_F_START,
+            n_mode=N_MODEL,
+            observation=evidence.observation[configuration],
+            parameters={"pressure": own.pressure},
+            by=(),
+        ).elastic()
+        same = np.argmax(mac(base.shape, larger.shape), axis=1)
+        slopes[:, i] = np.log(larger.frequency[same] / base.frequency)[column] / np.log1p(RESIZED)
+    return slopes
 
 
 def _started(evidence: Evidence) -> Evidence:

@@ -13,7 +13,7 @@ from model.effect_parts import every_lamina, mean_over, square
 from model.mesh import FIELDS
 from model.system import Assembly, Monomial, Term
 from updating.coordinates import scaled
-from updating.evidence import SHARED, Evidence, Tested, solved
+from updating.evidence import Evidence, Tested, size_slopes, solved
 from updating.explanation import Explanation
 from updating.residual import residual
 
@@ -227,11 +227,13 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
                 known=dict(experiment.known),
             ),
         ),
+        observation=evidence.observation[:1],
         observed=evidence.observed[:1],
     )
     effect = {p.name: scaled(p, float(z))[0] for p, z in zip(a.parameter, a.coordinate, strict=True)}
-    shared = len(SHARED)
-    modes = solved(alone, 0, {**alone.theta(a.nuisance[:shared], 0), **effect}, ())
+    common = evidence.n_common
+    theta = alone.theta(a.nuisance[:common], 0)
+    modes = solved(alone, 0, {**theta, **effect}, ())
     top = max(float(t.modes.frequency.max()) for t in evidence.tested)
     seen = np.flatnonzero(modes.frequency < 1.05 * top)
     shape = modes.shape[:, seen]
@@ -247,12 +249,13 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    nuisance = b.nuisance[:shared]
+    alone = replace(alone, slope=(size_slopes(alone, 0, theta["G_f"]),))
+    nuisance = b.nuisance[:common]
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"
     n_old = b.residual.jacobian.shape[1]
     n_effect = len(b.parameter)
-    columns = np.r_[0:shared, n_old - n_effect : n_old]
+    columns = np.r_[0:common, n_old - n_effect : n_old]
     jacobian = np.zeros((int(data.sum()), n_old + 2))
     jacobian[:, columns] = fresh.jacobian[data]
     jacobian[:, n_old:] = fresh.jacobian[data][:, :2]  # the new configuration's own reassembly

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from model import Parameter
+from model import Parameter, SolveError
 from updating.candidates import G_F_RANGE
 from updating.coordinates import bounds_of, scaled
 from updating.evidence import Evidence
@@ -19,8 +19,9 @@ from updating.residual import Residual, residual
 Vector = NDArray[np.float64]
 
 _Z90 = 1.6449
-_FARTHEST = 10.0  # prior standard deviations that a nuisance may move
+_FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
+_FORBIDDEN = 1e6  # residual of a step to where the model has no modes, so that a shorter one is tried
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,6 +83,11 @@ def explain(
         Where the search starts.
     most : int
         Largest number of evaluations.
+
+    Raises
+    ------
+    SolveError
+        The model has no modes where the search starts.
     """
     parameters = evidence.parameters(effects)
     n_own = len(evidence.nuisances)
@@ -97,8 +103,15 @@ def explain(
     def at(x: Vector) -> Residual:
         key = x.tobytes()
         if key not in seen:
+            last = next(iter(seen.values()), None)
+            try:
+                found = residual(evidence, x[:n_own], parameters, x[n_own:])
+            except SolveError:
+                if last is None:
+                    raise
+                found = replace(last, value=np.full(last.value.size, _FORBIDDEN))
             seen.clear()
-            seen[key] = residual(evidence, x[:n_own], parameters, x[n_own:])
+            seen[key] = found
         return seen[key]
 
     nuisance_low, nuisance_high = _nuisance_bounds(evidence)

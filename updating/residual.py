@@ -61,12 +61,8 @@ def residual(
     """
     z = np.zeros(len(parameters)) if coordinate is None else coordinate
     effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
-    n_own, n_tested, n_shared, s = (
-        len(evidence.nuisances),
-        len(evidence.tested),
-        len(SHARED),
-        evidence.scatter,
-    )
+    n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
+    n_common, s = evidence.n_common, evidence.scatter
     value, rows, kinds, labels = [], [], [], []
     for c, tested in enumerate(evidence.tested):
         theta = evidence.theta(nuisance, c)
@@ -83,7 +79,7 @@ def residual(
             full = np.zeros((*own.shape[:-1], n_own + len(effect)))
             full[..., :n_shared], full[..., n_own:] = own[..., :n_shared], own[..., n_shared:]
             if n_tested > 1:
-                full[..., n_shared + c], full[..., n_shared + n_tested + c] = own[..., 0], own[..., 1]
+                full[..., n_common + c], full[..., n_common + n_tested + c] = own[..., 0], own[..., 1]
             return full
 
         for kind, std, own in (
@@ -93,8 +89,13 @@ def residual(
             of_measured, of_model = getattr(measured, kind)[used], getattr(modes, kind)[column]
             sigma = np.hypot(std[used] / of_measured, own)
             safe = np.maximum(of_model, 1e-12)
-            value.append(np.log(of_measured / safe) / sigma)
-            rows.append(-spread(getattr(modes, f"{kind}_gradient")[column]) / (safe * sigma)[:, None])
+            difference = np.log(of_measured / safe)
+            gradient = spread(getattr(modes, f"{kind}_gradient")[column]) / safe[:, None]
+            if kind == "frequency":
+                gradient[:, n_shared:n_common] = evidence.slope[c][used]
+                difference -= evidence.slope[c][used] @ nuisance[n_shared:n_common]
+            value.append(difference / sigma)
+            rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
         for r, m in zip(used, column, strict=True):

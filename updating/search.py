@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,11 @@ from updating.candidates import N_MODEL
 from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation, explain
+from updating.scan import scan
 from updating.screening import Screened, pair_steps, screen
 
 Vector = NDArray[np.float64]
+Start = tuple[Sequence[str], Vector, Vector]  # effects, nuisances, coordinates of the effects' parameters
 
 N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
 """Effects that are fitted in full; pairs by their linear step; second effects beside each of the best first ones."""
@@ -25,6 +28,8 @@ N_EXACT = 4
 """Explanations whose modes are taken into the basis."""
 VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
+_ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
+N_AFAR, N_AFAR_STEPS = 6, 20
 _REFIT = 8  # evaluations after the basis has grown
 
 
@@ -71,34 +76,64 @@ def search(evidence: Evidence, worth: float) -> Search:
     base = explain(evidence)
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
-    singles = [explain(evidence, [s.effect], nuisance=base.nuisance, coordinate=s.start) for s in promising]
-    evidence, singles = _exact(evidence, singles)
+    singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising])
+    if base.misfit > _ASTRAY * base.residual.value.size:
+        singles += _from_afar(evidence, screened)
+    evidence, singles = _exact(evidence, _best_of_each(singles))
     pairs = []
     if any(base.misfit - x.misfit > worth for x in singles):
-        starts = _pair_starts(evidence, base, screened, singles)
-        pairs = [
-            explain(evidence, names, nuisance=nuisance, coordinate=coordinate, most=_REFIT)
-            for names, (nuisance, coordinate) in starts.items()
-        ]
+        pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles), _REFIT)
         evidence, pairs = _exact(evidence, pairs)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
 
 
 def _pair_starts(
     evidence: Evidence, base: Explanation, screened: Sequence[Screened], singles: Sequence[Explanation]
-) -> Mapping[tuple[str, str], tuple[Vector, Vector]]:
-    """Return pairs worth a fit with nuisances and coordinates from which to start."""
-    starts = {}
+) -> list[Start]:
+    """Return pairs worth a fit, and from where."""
+    starts: dict[frozenset[str], Start] = {}
     visible = [s for s in screened if s.reach >= VISIBLE]
     for _, (a, b), coordinate in pair_steps(base, visible)[:N_PAIR]:
-        starts[tuple(sorted((a, b)))] = ((a, b), (base.nuisance, np.concatenate(coordinate)))
+        starts[frozenset((a, b))] = ((a, b), base.nuisance, np.concatenate(coordinate))
     for first in singles[:N_FIRST]:
         beside = sorted(screen(evidence, first), key=lambda s: -s.gain)[:N_BESIDE]
         for second in beside:
             names = (first.effects[0], second.effect)
-            start = (first.nuisance, np.concatenate([first.coordinate, second.start]))
-            starts[tuple(sorted(names))] = (names, start)
-    return dict(starts.values())
+            start = np.concatenate([first.coordinate, second.start])
+            starts[frozenset(names)] = (names, first.nuisance, start)
+    return list(starts.values())
+
+
+def _from_afar(evidence: Evidence, screened: Sequence[Screened]) -> list[Explanation]:
+    """Fit the effects that come nearest over their whole ranges, from there."""
+    seen = []
+    for s in screened:
+        shaping = np.setdiff1d(np.arange(len(s.parameter)), s.strength)
+        seen.append((*scan(evidence, s.effect, shaping), s.effect))
+    starts: list[Start] = []
+    for _, G_f, coordinate, name in sorted(seen, key=lambda item: item[0])[:N_AFAR]:
+        nuisance = evidence.start.copy()
+        nuisance[0] = np.log(G_f / evidence.stack.contact.G_f)
+        starts.append(([name], nuisance, coordinate))
+    return _fitted(evidence, starts, N_AFAR_STEPS)
+
+
+def _fitted(evidence: Evidence, starts: Sequence[Start], most: int = 12) -> list[Explanation]:
+    """Fit explanations from where they start; one that starts where the model has no modes is left out."""
+    found = []
+    for names, nuisance, coordinate in starts:
+        with contextlib.suppress(SolveError):
+            found.append(explain(evidence, names, nuisance=nuisance, coordinate=coordinate, most=most))
+    return found
+
+
+def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
+    """Return the best fit of each explanation."""
+    best: dict[tuple[str, ...], Explanation] = {}
+    for own in fitted:
+        if own.effects not in best or own.misfit < best[own.effects].misfit:
+            best[own.effects] = own
+    return list(best.values())
 
 
 def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence, list[Explanation]]:
@@ -114,8 +149,5 @@ def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence,
         except SolveError:  # the fit went where the model ends; it stays as it is
             continue
     richer = evidence.with_system(system)
-    again = [
-        explain(richer, x.effects, nuisance=x.nuisance, coordinate=x.coordinate, most=_REFIT)
-        for x in ordered[:N_EXACT]
-    ]
+    again = _fitted(richer, [(x.effects, x.nuisance, x.coordinate) for x in ordered[:N_EXACT]], _REFIT)
     return richer, sorted([*again, *ordered[N_EXACT:]], key=lambda x: x.misfit)
