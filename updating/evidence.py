@@ -58,6 +58,8 @@ class Scatter:
         Of G_f and d_f between configurations: reassembly and torque.
     young, density, normal_modulus, length, width, height : float
         Of what the stack file says of the steel, of the contact across, and of the dimensions.
+    form : float
+        Of what an effect changes, relative to the change: no effect is modelled, nor meshed, better.
     """
 
     frequency: float = 2e-4
@@ -71,6 +73,7 @@ class Scatter:
     length: float = 1e-3
     width: float = 1e-3
     height: float = 2e-3
+    form: float = 5e-3
 
 
 class Identified(Protocol):
@@ -154,6 +157,8 @@ class Evidence:
     slope : tuple of (n_mode, n_dimension) float
         For each configuration, how much the logarithm of each measured mode's frequency grows with those of the
         dimensions: of the base model's mode that it resembles most.
+    weight : (n,) float, optional
+        By which residuals of data are multiplied: below 1 where an effect's form decides, see `Scatter.form`.
     """
 
     stack: Stack
@@ -168,6 +173,7 @@ class Evidence:
     start: Vector
     resized: Mapping[str, ReducedSystem]
     slope: tuple[Vector, ...]
+    weight: Vector | None = None
 
     @property
     def nuisances(self) -> tuple[str, ...]:

@@ -249,7 +249,7 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    alone = replace(alone, slope=(size_slopes(alone, 0, theta["G_f"]),))
+    alone = replace(alone, slope=(size_slopes(alone, 0, theta["G_f"]),), weight=None)
     nuisance = b.nuisance[:common]
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"

@@ -104,6 +104,10 @@ def residual(
             rows.append(slope)
             kinds += ["shape"] * difference.size
             labels += [f"{tested.name}, mode {r + 1}"] * difference.size
+    if evidence.weight is not None:
+        weight = np.split(evidence.weight, np.cumsum([v.size for v in value])[:-1])
+        value = [v * w for v, w in zip(value, weight, strict=True)]
+        rows = [r * w[:, None] for r, w in zip(rows, weight, strict=True)]
     held = np.isfinite(evidence.prior_std)
     priors = np.flatnonzero(held)
     prior_rows = np.zeros((priors.size, n_own + len(effect)))

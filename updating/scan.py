@@ -16,10 +16,11 @@ from updating.evidence import D_F_START, Evidence, pair, solved
 
 Vector = NDArray[np.float64]
 
-_SHARES = (0.1, 0.35, 1.0)  # of the way from neutral to an end of the range
-_PLACES = 6
-_STIFFNESS = 6
-_FAR = 0.1  # a relative difference of frequency that counts as no resemblance
+_SHARES = (0.05, 0.13, 0.35, 1.0)  # of the way from neutral to an end of the range
+_PLACES = 7
+_STIFFNESS = 3
+_STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
+_FAR = 0.05  # a relative difference of frequency that counts as no resemblance
 
 
 def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> tuple[float, float, Vector]:
@@ -42,17 +43,22 @@ def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> tuple[floa
     best = (np.inf, 0.0, np.zeros(len(own)))
     for where in _grid(own, shaping):
         effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own, where, strict=True)}
-        for G_f in np.geomspace(1.3 * G_F_RANGE[0], G_F_RANGE[1] / 1.3, _STIFFNESS):
+        for G_f in np.geomspace(2.0 * G_F_RANGE[0], G_F_RANGE[1] / 2.0, _STIFFNESS):
             try:
-                modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START, **effect}, ())
+                modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START, **effect}, ("G_f",))
             except SolveError:  # so strong that the contact turns negative
                 continue
             row, column = pair(shape, frequency, modes)
             alike = mac(shape, modes.shape)[row, column]
-            far = np.log(frequency[row] / modes.frequency[column]) / _FAR
+            far = np.log(frequency[row] / modes.frequency[column])
+            slope = G_f * modes.frequency_gradient[column, 0] / modes.frequency[column]
+            ratio = float(
+                np.clip(np.median(far / slope), -_STEP, _STEP)
+            )  # of log G_f, for most modes at once
+            far = (far - ratio * slope) / _FAR
             cost = float(np.sum(np.minimum(far**2, 1.0) + 1.0 - alike))
             if cost < best[0]:
-                best = (cost, float(G_f), where)
+                best = (cost, float(G_f * np.exp(ratio)), where)
     return best
 
 

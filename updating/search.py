@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,9 @@ def search(evidence: Evidence, worth: float) -> Search:
         Fall of the misfit below which an effect is not worth a fit.
     """
     base = explain(evidence)
+    left = base.residual.value[base.residual.kind != "prior"]
+    evidence = replace(evidence, weight=1.0 / np.hypot(1.0, evidence.scatter.form * left))
+    base = explain(evidence, nuisance=base.nuisance)
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising])
