@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from model import Effect, Stack
 from updating.candidates import candidate_model, instruments_of
@@ -23,21 +21,14 @@ from updating.evidence import Campaigned, Evidence, Scatter, gather
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation
 from updating.search import VISIBLE, Search, search
+from updating.verdict import Verdict, block_p_value, decide, p_value
 
 Vector = NDArray[np.float64]
-Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]
 
-SEPARATE = 3.0
-"""Discrimination distance below which two explanations are an ambiguity, and an effect is not visible."""
-GAIN_SINGLE = 16.0
-"""Fall of the squared misfit that a missing effect must bring; the best of the whole catalogue reaches it by chance in
-few of 100 complete models."""
-GAIN_SECOND = 16.0
-"""The same for a second effect beside the first."""
-P_ADEQUATE = 1e-3
-"""A model whose frequencies and damping fit worse than this is not adequate."""
 WORTH = 4.0
 """Fall of the squared misfit below which an effect is not worth a fit."""
+_SHOWN = 8  # single effects whose changes are told mode by mode
+_COMPARED = 4  # explanations between which further tests are to tell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +71,30 @@ class Ranked:
     frequency_error: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class ModeError:
+    """A measured mode and how far the model's frequency is from it.
+
+    Attributes
+    ----------
+    configuration : str
+        Of the campaign.
+    mode : int
+        Its number there, from 1.
+    frequency, std : float
+        Measured, with its standard deviation, Hz.
+    base, explained : float
+        Relative error of the model's frequency without effects and with the first candidate; NaN without one.
+    """
+
+    configuration: str
+    mode: int
+    frequency: float
+    std: float
+    base: float
+    explained: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Diagnosis:
     """The answer.
@@ -96,6 +111,10 @@ class Diagnosis:
         The same for frequencies, damping ratios and shapes alone.
     ranking : tuple of Ranked
         All that were fitted in full, the best first; the base model has no effects.
+    errors : tuple of ModeError
+        The modes that were used.
+    signatures : mapping of str to (n,) float
+        Relative change of the frequencies of `errors` by the best single effects, each fitted alone.
     not_visible : tuple of str
         Effects that these data would not show even at the end of their plausible range.
     impossible : mapping of str to str
@@ -111,6 +130,8 @@ class Diagnosis:
     p_value: float
     block_p_value: Mapping[str, float]
     ranking: tuple[Ranked, ...]
+    errors: tuple[ModeError, ...]
+    signatures: Mapping[str, tuple[float, ...]]
     not_visible: tuple[str, ...]
     impossible: Mapping[str, str]
     next_tests: tuple[NextTest, ...]
@@ -153,72 +174,55 @@ def diagnose(
 def conclude(evidence: Evidence) -> Diagnosis:
     """Say which effect is missing from evidence that has been gathered."""
     found = search(evidence, WORTH)
-    return judged(found)
-
-
-def _block_p(explanation: Explanation, kinds: Sequence[str], n_free: int) -> float:
-    """Return the probability of a misfit as large in some kinds of data."""
-    inside = np.isin(explanation.residual.kind, kinds)
-    misfit = float(np.sum(explanation.residual.value[inside] ** 2))
-    return float(chi2.sf(misfit, max(int(inside.sum()) - n_free, 1)))
-
-
-def _adequacy(evidence: Evidence, explanation: Explanation) -> float:
-    """Return the smaller of the p-values of frequencies with damping and priors, and of shapes, times two."""
-    n_free = len(evidence.nuisances) + len(explanation.parameter)
-    modal = _block_p(explanation, ["frequency", "damping", "prior"], n_free)
-    shape = _block_p(explanation, ["shape"], 0)
-    return min(1.0, 2.0 * min(modal, shape))
-
-
-def judged(found: Search) -> Diagnosis:
-    """Give the verdict on what a search found."""
-    evidence, base, singles, pairs = found.evidence, found.base, found.singles, found.pairs
-    p_value = _adequacy(evidence, base)
-    single = min(singles, key=lambda x: x.misfit, default=base)
-    pair = min(pairs, key=lambda x: x.misfit, default=base)
-    needed = base.misfit - single.misfit > GAIN_SINGLE
-    second = single.misfit - pair.misfit > GAIN_SECOND and _adequacy(evidence, single) < P_ADEQUATE * 50.0
-    if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
-        needed = second = True
-    left: list[Explanation] = []
-    verdict: Verdict
-    if not needed:
-        verdict = "nothing missing" if p_value > P_ADEQUATE else "unlike anything"
-    else:
-        best, among = (pair, pairs) if second else (single, singles)
-        left = sorted((x for x in among if x.misfit - best.misfit < SEPARATE**2), key=lambda x: x.misfit)
-        if _adequacy(evidence, best) < P_ADEQUATE:
-            verdict, left = "unlike anything", []
-        else:
-            verdict = "identified" if len(left) == 1 else "one of"
-    tests = rank_tests(evidence, left[:4])
-    ranking = _ranking(evidence, base, (*singles, *pairs))
+    decision = decide(found)
+    base, left = found.base, decision.left
+    tests = rank_tests(found.evidence, left[:_COMPARED])
+    ranking = _ranking(found)
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
-    blocks = {kind: _block_p(base, [kind], 0) for kind in ("frequency", "damping", "shape")}
-    candidates = tuple(x.effects for x in left)
     return Diagnosis(
-        verdict=verdict,
-        candidates=candidates,
-        p_value=p_value,
-        block_p_value=blocks,
+        verdict=decision.verdict,
+        candidates=tuple(x.effects for x in left),
+        p_value=p_value(base),
+        block_p_value={kind: block_p_value(base, [kind], 0) for kind in ("frequency", "damping", "shape")},
         ranking=ranking,
+        errors=_errors(found.evidence, base, left),
+        signatures={
+            x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
+            for x in found.singles[:_SHOWN]
+        },
         not_visible=not_visible,
         impossible=evidence.impossible,
         next_tests=tests,
-        sentences=sentences(verdict, p_value, base, left, ranking, not_visible, tests),
+        sentences=sentences(decision, p_value(base), base, ranking, not_visible, tests),
     )
 
 
-def _ranking(evidence: Evidence, base: Explanation, fitted: Sequence[Explanation]) -> tuple[Ranked, ...]:
+def _errors(evidence: Evidence, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:
+    """List the modes used with the frequency errors of the base model and of the first explanation that is left."""
+    modes = [(t, int(r)) for t, used in zip(evidence.tested, evidence.used, strict=True) for r in used]
+    before = np.expm1(-base.residual.log_frequency)
+    after = np.expm1(-left[0].residual.log_frequency) if left else np.full(before.size, np.nan)
+    return tuple(
+        ModeError(
+            configuration=own.name,
+            mode=r + 1,
+            frequency=float(own.modes.frequency[r]),
+            std=float(own.modes.frequency_std[r]),
+            base=float(b),
+            explained=float(a),
+        )
+        for (own, r), b, a in zip(modes, before, after, strict=True)
+    )
+
+
+def _ranking(found: Search) -> tuple[Ranked, ...]:
     """Rank explanations by posterior probability: none, one or two effects have 1/2, 2/5 and 1/10 beforehand."""
-    n = len(evidence.effects)
+    n, base, every = len(found.evidence.effects), found.base, found.explanations
     weight = (np.log(0.5), np.log(0.4 / n), np.log(0.1 / (n * (n - 1) / 2.0)))
-    every = (base, *fitted)
     score = np.array([weight[len(x.effects)] + x.log_evidence for x in every])
     probability = np.exp(score - score.max())
     probability /= probability.sum()
-    expected = base.residual.value.size - len(evidence.nuisances)
+    expected = base.residual.value.size - len(found.evidence.nuisances)
     excess = max(base.misfit - min(expected, base.misfit * 0.5), 1e-12)
     ranked = [
         Ranked(
@@ -237,21 +241,8 @@ def _ranking(evidence: Evidence, base: Explanation, fitted: Sequence[Explanation
                 )
                 for i, p in enumerate(x.parameter)
             ),
-            frequency_error=frequency_error_of(evidence, x),
+            frequency_error=float(np.mean(np.abs(np.expm1(-x.residual.log_frequency)))),
         )
         for x, chance in zip(every, probability, strict=True)
     ]
     return tuple(sorted(ranked, key=lambda x: -x.probability))
-
-
-def frequency_error_of(evidence: Evidence, explanation: Explanation) -> float:
-    """Return the mean relative frequency error, eq. (2), over the modes used."""
-    error, at = [], 0
-    inside = explanation.residual.value[explanation.residual.kind == "frequency"]
-    for tested, used in zip(evidence.tested, evidence.used, strict=True):
-        std = np.hypot(
-            tested.modes.frequency_std[used] / tested.modes.frequency[used], evidence.scatter.frequency
-        )
-        error.append(np.abs(1.0 - np.exp(-inside[at : at + used.size] * std)))
-        at += used.size
-    return float(np.mean(np.concatenate(error)))

@@ -9,23 +9,24 @@ import numpy as np
 
 from updating.experiment import NextTest
 from updating.explanation import Explanation
+from updating.verdict import Decision
 
 if TYPE_CHECKING:
-    from updating.diagnosis import Ranked, Verdict
+    from updating.diagnosis import Ranked
 
 _WORTH = 3.0
 
 
 def sentences(
-    verdict: Verdict,
+    decision: Decision,
     p_value: float,
     base: Explanation,
-    left: Sequence[Explanation],
     ranking: Sequence[Ranked],
     not_visible: Sequence[str],
     tests: Sequence[NextTest],
 ) -> tuple[str, ...]:
     """Write the verdict, what supports it, what stays open and what to measure next."""
+    verdict, left = decision.verdict, decision.left
     ranked = {x.effects: x for x in ranking}
     error = ranked[()].frequency_error
     text = []

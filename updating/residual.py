@@ -32,12 +32,15 @@ class Residual:
         "frequency", "damping", "shape" or "prior".
     label : tuple of str
         Configuration and number of the mode, of each value.
+    log_frequency : (n_frequency,) float
+        Logarithms of measured over modelled frequencies.
     """
 
     value: Vector
     jacobian: Vector
     kind: NDArray[np.str_]
     label: tuple[str, ...]
+    log_frequency: Vector
 
 
 def residual(
@@ -63,7 +66,7 @@ def residual(
     effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
     n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
     n_common, s = evidence.n_common, evidence.scatter
-    value, rows, kinds, labels = [], [], [], []
+    value, rows, kinds, labels, logarithm = [], [], [], [], []
     for c, tested in enumerate(evidence.tested):
         theta = evidence.theta(nuisance, c)
         by = (*theta, *effect)
@@ -94,6 +97,7 @@ def residual(
             if kind == "frequency":
                 gradient[:, n_shared:n_common] = evidence.slope[c][used]
                 difference -= evidence.slope[c][used] @ nuisance[n_shared:n_common]
+                logarithm.append(difference)
             value.append(difference / sigma)
             rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
@@ -117,7 +121,11 @@ def residual(
     kinds += ["prior"] * priors.size
     labels += [evidence.nuisances[i] for i in priors]
     return Residual(
-        value=np.concatenate(value), jacobian=np.vstack(rows), kind=np.array(kinds), label=tuple(labels)
+        value=np.concatenate(value),
+        jacobian=np.vstack(rows),
+        kind=np.array(kinds),
+        label=tuple(labels),
+        log_frequency=np.concatenate(logarithm),
     )
 
 
