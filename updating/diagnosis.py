@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Effect, Stack
+from updating.adequacy import block_p_value, p_value
 from updating.candidates import candidate_model, instruments_of
 from updating.diagnosis_text import sentences
 from updating.errors import FitError
@@ -21,7 +22,7 @@ from updating.evidence import Campaigned, Evidence, Scatter, gather
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation
 from updating.search import VISIBLE, Search, search
-from updating.verdict import Verdict, block_p_value, decide, p_value
+from updating.verdict import Verdict, decide
 
 Vector = NDArray[np.float64]
 

@@ -73,7 +73,7 @@ class Scatter:
     length: float = 1e-3
     width: float = 1e-3
     height: float = 2e-3
-    form: float = 5e-3
+    form: float = 1e-2
 
 
 class Identified(Protocol):

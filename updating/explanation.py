@@ -21,6 +21,8 @@ Vector = NDArray[np.float64]
 _Z90 = 1.6449
 _FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
+_ROBUST = 10.0  # residual beyond which a robust loss counts it less
+_ASTRAY = 30.0  # squared residual of a value, in the mean, from which a search begins with such a loss
 _FORBIDDEN = 1e6  # residual of a step to where the model has no modes, so that a shorter one is tried
 
 
@@ -116,18 +118,28 @@ def explain(
 
     nuisance_low, nuisance_high = _nuisance_bounds(evidence)
     first[:n_own] = np.clip(first[:n_own], nuisance_low + 1e-9, nuisance_high - 1e-9)
-    solution = least_squares(
-        lambda x: at(x).value,
-        first,
-        jac=lambda x: at(x).jacobian,
-        bounds=(np.concatenate([nuisance_low, low]), np.concatenate([nuisance_high, high])),
-        x_scale="jac",
-        xtol=1e-5,
-        ftol=1e-4,
-        max_nfev=most,
-    )
-    best = at(solution.x)
-    z = solution.x[n_own:]
+    bounds = (np.concatenate([nuisance_low, low]), np.concatenate([nuisance_high, high]))
+
+    def minimum(start: Vector, loss: str) -> Vector:
+        found = least_squares(
+            lambda x: at(x).value,
+            start,
+            jac=lambda x: at(x).jacobian,
+            bounds=bounds,
+            x_scale="jac",
+            xtol=1e-5,
+            ftol=1e-4,
+            max_nfev=most,
+            loss=loss,
+            f_scale=_ROBUST,
+        )
+        return np.asarray(found.x)
+
+    if np.mean(at(first).value ** 2) > _ASTRAY:  # modes that are still taken for others must not decide
+        first = minimum(first, "cauchy")
+    solution = minimum(first, "linear")
+    best = at(solution)
+    z = solution[n_own:]
     hessian = best.jacobian.T @ best.jacobian
     covariance = la.pinvh(hessian)
     std = np.sqrt(np.maximum(np.diag(covariance)[n_own:], 0.0))
@@ -145,7 +157,7 @@ def explain(
         lower=ends(-_Z90 * std),
         upper=ends(_Z90 * std),
         at_bound=(z - low < _EDGE) | (high - z < _EDGE),
-        nuisance=solution.x[:n_own],
+        nuisance=solution[:n_own],
         coordinate=z,
         misfit=misfit,
         log_evidence=-0.5 * misfit

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError, enriched
+from updating.adequacy import P_CONTENT, p_value
 from updating.candidates import N_MODEL
 from updating.coordinates import scaled
 from updating.evidence import Evidence
@@ -24,12 +25,13 @@ N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
 """Effects that are fitted in full; pairs by their linear step; second effects beside each of the best first ones."""
 N_FIRST = 3
 """First effects beside which a second is sought anew: where an effect is strong, steps from the base model mislead."""
-N_EXACT = 4
+N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
 VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
 _ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
 N_AFAR, N_AFAR_STEPS = 6, 20
+_NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _REFIT = 8  # evaluations after the basis has grown
 
 
@@ -64,7 +66,7 @@ class Search:
 def search(evidence: Evidence, worth: float) -> Search:
     """Fit the base model and the effects and pairs that could explain what it leaves.
 
-    Pairs are tried where single effects leave more than chance does.
+    Pairs are tried where the best single effect leaves more than chance does.
 
     Parameters
     ----------
@@ -84,7 +86,8 @@ def search(evidence: Evidence, worth: float) -> Search:
         singles += _from_afar(evidence, screened)
     evidence, singles = _exact(evidence, _best_of_each(singles))
     pairs = []
-    if any(base.misfit - x.misfit > worth for x in singles):
+    best = min(singles, key=lambda x: x.misfit, default=base)
+    if base.misfit - best.misfit > worth and p_value(best) < P_CONTENT:
         pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles), _REFIT)
         evidence, pairs = _exact(evidence, pairs)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
@@ -144,7 +147,8 @@ def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence,
     ordered = sorted(fitted, key=lambda x: x.misfit)
     system = evidence.system
     pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
-    for own in ordered[:N_EXACT]:
+    near = [x for x in ordered[:N_EXACT] if x.misfit < _NEAR * ordered[0].misfit]
+    for own in near:
         effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own.parameter, own.coordinate, strict=True)}
         try:
             theta = {**evidence.theta(own.nuisance, 0), "pressure": pressure, **effect}
@@ -152,5 +156,5 @@ def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence,
         except SolveError:  # the fit went where the model ends; it stays as it is
             continue
     richer = evidence.with_system(system)
-    again = _fitted(richer, [(x.effects, x.nuisance, x.coordinate) for x in ordered[:N_EXACT]], _REFIT)
-    return richer, sorted([*again, *ordered[N_EXACT:]], key=lambda x: x.misfit)
+    again = _fitted(richer, [(x.effects, x.nuisance, x.coordinate) for x in near], _REFIT)
+    return richer, sorted([*again, *ordered[len(near) :]], key=lambda x: x.misfit)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from scipy.stats import chi2
-
+from updating.adequacy import P_CONTENT, p_value
 from updating.explanation import Explanation
 from updating.search import Search
 
@@ -23,8 +20,6 @@ GAIN_SECOND = 16.0
 """The same for a second effect beside the first."""
 P_ADEQUATE = 1e-3
 """A model that fits worse than this is not adequate."""
-P_CONTENT = 0.05
-"""One effect that fits better than this needs no second."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,22 +56,3 @@ def decide(found: Search) -> Decision:
         return Decision(verdict="unlike anything", left=())
     left = tuple(sorted((x for x in among if x.misfit - best.misfit < SEPARATE**2), key=lambda x: x.misfit))
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left)
-
-
-def block_p_value(explanation: Explanation, kinds: Sequence[str], n_free: int) -> float:
-    """Return the probability of a misfit as large in some kinds of data, with `n_free` parameters fitted to them."""
-    inside = np.isin(explanation.residual.kind, kinds)
-    misfit = float(np.sum(explanation.residual.value[inside] ** 2))
-    return float(chi2.sf(misfit, max(int(inside.sum()) - n_free, 1)))
-
-
-def p_value(explanation: Explanation) -> float:
-    """Return the probability of a misfit as large if the explanation were complete.
-
-    Twice the smaller of that of frequencies, damping ratios and priors, and that of shapes, which are many and would
-    hide what the few others say.
-    """
-    modal = block_p_value(
-        explanation, ["frequency", "damping", "prior"], explanation.residual.jacobian.shape[1]
-    )
-    return min(1.0, 2.0 * min(modal, block_p_value(explanation, ["shape"], 0)))
