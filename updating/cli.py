@@ -16,8 +16,10 @@ from updating import effect_jobs, jobs, tables
 from updating.errors import LAMELLA_ERRORS
 from updating.modal_table import is_modal_table
 from updating.published import CALIBRATIONS
-from updating.published_tables import summary_table
+from updating.published_tables import screening_table, summary_table
 from updating.quality import quality
+from updating.report.pdf import print_pdf
+from updating.view import view as view_results
 
 app = typer.Typer(
     name="lamella",
@@ -47,6 +49,9 @@ SharedEffects = Annotated[
         help="Physical effect to fit; may be given several times.",
         show_default=False,
     ),
+]
+ResultsFolder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)
 ]
 CampaignFile = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False)
@@ -224,6 +229,15 @@ def published(
         typer.Option(help="C0, C1, C2 or C3; may be given several times. All four by default."),
     ] = None,
     effect: SharedEffects = None,
+    screen: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MINUTES",
+            min=0.0,
+            help="Try all effects and the best pairs too, under each calibration until so much processor time is used.",
+            show_default=False,
+        ),
+    ] = None,
     data: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the published tables.")] = Path(
         "data/pirnat2013"
     ),
@@ -232,12 +246,14 @@ def published(
 
     Writes for each calibration of planform and clamps what is fitted, with Tables 6 and 7 and figures 12 to 16 beside
     ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, and how contact
-    stiffness grows with pressure. A calibration takes some minutes.
+    stiffness grows with pressure. A calibration takes some minutes; trying all effects takes half an hour.
     """
-    found = effect_jobs.published(
-        data, calibration or list(CALIBRATIONS), effect or ["clamp_inertia"], output, _OUT
+    calibrations = calibration or list(CALIBRATIONS)
+    _OUT.print(
+        summary_table(effect_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT))
     )
-    _OUT.print(summary_table(found))
+    if screen is not None:
+        _OUT.print(screening_table(effect_jobs.screen_published(data, calibrations, screen, output, _OUT)))
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 
@@ -275,12 +291,39 @@ def next_test(campaign: CampaignFile, output: Folder) -> None:
     _OUT.print(tables.next_test_table(found))
 
 
-@app.command(epilog="Example: lamella report out/demo")
+@app.command(epilog="Example: lamella report out/demo --pdf")
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)],
+    folder: ResultsFolder,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
+    ] = False,
 ) -> None:
-    """Make one self-contained HTML page from the results in a folder."""
-    _OUT.print(f"Report: [bold]{jobs.report(folder)}[/bold]")
+    """Make one self-contained HTML page from the results in a folder.
+
+    Every figure is also written to the folder figures there, with its numbers as CSV.
+    """
+    page = jobs.report(folder)
+    _OUT.print(f"Report: [bold]{page}[/bold]")
+    if pdf:
+        _OUT.print(f"PDF: [bold]{print_pdf(page)}[/bold]")
+
+
+@app.command(epilog="Example: lamella view out/demo")
+def view(
+    folder: ResultsFolder,
+    configuration: Annotated[
+        str | None,
+        typer.Argument(metavar="CONFIGURATION", help="Its name; the first by default.", show_default=False),
+    ] = None,
+) -> None:
+    """Show mode shapes and stabilisation chart of one configuration.
+
+    In a window where there is a display: drag to turn, choose the mode with the slider. Otherwise a page, view.html,
+    is written and opened in the browser.
+    """
+    page = view_results(folder, configuration)
+    if page is not None:
+        _OUT.print(f"No display for a window; page: [bold]{page}[/bold]")
 
 
 @app.command(epilog="Example: lamella simulate data/demo_stack/virtual_test.toml -o data/demo_stack")

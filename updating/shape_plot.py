@@ -1,4 +1,4 @@
-"""Mode shapes at the measured points, measured and modelled: displacements, a figure and a window."""
+"""Mode shapes at the measured points, measured and modelled: displacements and a figure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from updating.fit import Fit
 from updating.subspace import rotate_onto
 
 if TYPE_CHECKING:
-    import pyvista
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -136,71 +135,6 @@ def shape_pair_figure(pair: ShapePair) -> Figure:
     return figure
 
 
-def shape_plotter(pairs: tuple[ShapePair, ...], *, off_screen: bool = False) -> pyvista.Plotter:
-    """Put mode shapes in a window: measured, modelled and both, moving, with a slider that chooses the mode.
-
-    Returns
-    -------
-    pyvista.Plotter
-        Not yet shown; the caller shows or closes it.
-    """
-    import pyvista as pv
-
-    with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
-        plotter: Any = pv.Plotter(
-            shape=(1, 3), off_screen=off_screen, window_size=[1500, 620], border=False, title="Lamella"
-        )
-    at_rest = pairs[0].coordinate
-    size = SWELL * float(np.max(np.ptp(at_rest, axis=0)))
-    cells = np.column_stack([np.full(len(pairs[0].line), 2), pairs[0].line]).ravel()
-    drawn = {}
-    for column, parts in enumerate((("measured",), ("model",), ("measured", "model"))):
-        plotter.subplot(0, column)
-        plotter.set_background("white")
-        plotter.add_mesh(_wire(pv, at_rest, cells), color=REST, line_width=1)
-        for what in parts:
-            mesh = _wire(pv, at_rest.copy(), cells)
-            drawn[column, what] = mesh
-            wide, color = (5, MEASURED) if what == "measured" else (2, MODEL)
-            plotter.add_mesh(mesh, color=color, line_width=wide)
-            plotter.add_points(mesh, color=color, point_size=2 * wide, render_points_as_spheres=True)
-        plotter.camera_position = "iso"
-        plotter.camera.azimuth = 25.0
-    plotter.link_views()
-    state = {"mode": 0, "step": 0}
-
-    def update() -> None:
-        pair = pairs[state["mode"]]
-        turn = np.exp(2j * np.pi * state["step"] / 48.0)
-        for (_, what), mesh in drawn.items():
-            mesh.points = at_rest + size * (getattr(pair, what) * turn).real
-
-    def choose(value: float) -> None:
-        state["mode"] = round(value) - 1
-        pair = pairs[state["mode"]]
-        texts = [f"measured {pair.measured_frequency:.1f} Hz", "no partner in the model", ""]
-        if pair.has_model:
-            texts[1:] = [f"model {pair.model_frequency:.1f} Hz", f"both, MAC {pair.mac:.4f}"]
-        for column, text in enumerate(texts):
-            plotter.subplot(0, column)
-            plotter.add_text(text, name=f"title {column}", font_size=11, color="#1c2330")
-        update()
-
-    def step(_: int) -> None:
-        state["step"] += 1
-        update()
-
-    plotter.subplot(0, 0)
-    choose(1)
-    if len(pairs) > 1:
-        plotter.subplot(0, 0)
-        plotter.add_slider_widget(choose, [1, len(pairs)], value=1, title="mode", fmt="%.0f", color="#1c2330",
-                                  pointa=(0.05, 0.1), pointb=(0.95, 0.1))  # fmt: skip
-    if not off_screen:
-        plotter.add_timer_event(max_steps=10**9, duration=40, callback=step)
-    return plotter
-
-
 def _partners(measured: ModalModel, fit: Fit | None) -> dict[int, tuple[int, NDArray[np.float64]]]:
     """Return for each paired measured mode the model's mode and its shape, turned within its subspace."""
     if fit is None:
@@ -241,7 +175,3 @@ def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
     depth = y * np.cos(AZIMUTH) - x * np.sin(AZIMUTH)
     right = x * np.cos(AZIMUTH) + y * np.sin(AZIMUTH)
     return np.column_stack([right, z * np.cos(ELEVATION) + depth * np.sin(ELEVATION)])
-
-
-def _wire(pv: Any, points: NDArray[np.float64], cells: NDArray[np.int64]) -> Any:
-    return pv.PolyData(points, lines=cells) if cells.size else pv.PolyData(points)

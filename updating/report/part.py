@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _DPI = 130
 _NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
+_LONG = 30  # characters of a cell
 _COLOURS = 64  # of an embedded picture: line drawings need no more, and it is a quarter of the size
 
 
@@ -47,10 +48,10 @@ class Table:
     kind: Literal["table"] = "table"
 
     @property
-    def is_text(self) -> tuple[bool, ...]:
-        """Whether each column holds words: these are set to the left, numbers to the right."""
+    def column_class(self) -> tuple[str, ...]:
+        """How the page sets each column: numbers to the right, words ("text") to the left, sentences ("long") wide."""
         columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.header)
-        return tuple(any(cell and not _NUMBER.match(cell) for cell in column) for column in columns)
+        return tuple(_column_class(column) for column in columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +151,11 @@ class Section:
         own = [p for b in self.blocks for p in (b.still if isinstance(b, Gallery) else (b,))]
         mine = tuple(p for p in own if isinstance(p, Picture))
         return mine + tuple(p for part in self.parts for p in part.pictures)
+
+
+def _column_class(cells: Iterable[str]) -> str:
+    words = [cell for cell in cells if cell and not _NUMBER.match(cell)]
+    return "" if not words else "long" if max(map(len, words)) > _LONG else "text"
 
 
 def anchor(title: str) -> str:
