@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import Identification
+from model import catalogue
 from updating.fit import Fit
 from updating.joint_fit import FittedParameter
 from updating.ledger import Entry, ledger
@@ -20,8 +21,16 @@ from updating.modal_table import TableFit, read_modal_table
 from updating.plot import as_png
 from updating.prepared import prepare
 from updating.published import SCATTER, Calibrated, read_published, reproduce
-from updating.published_plot import contact_figure, error_figure, fall_figure, law_figure, pattern_figure
-from updating.published_tables import parameters_csv, table_6_csv, table_7_csv
+from updating.published_plot import (
+    contact_figure,
+    error_figure,
+    fall_figure,
+    law_figure,
+    pattern_figure,
+    treatment_figure,
+)
+from updating.published_screening import Screening, screen
+from updating.published_tables import parameters_csv, screening_csv, table_6_csv, table_7_csv
 from updating.sensitivity import Scatter
 from updating.store import write_bytes, write_result
 from updating.target import target_of_modes, target_of_table
@@ -134,13 +143,33 @@ def published(
         ("table_6.csv", table_6_csv(found)),
         ("table_7.csv", table_7_csv(found)),
         ("parameters.csv", parameters_csv(found)),
-        ("figures_12_to_15.png", as_png(contact_figure(found))),
+        ("figure_12.png", as_png(contact_figure(found, data))),
+        ("figures_13_to_15.png", as_png(treatment_figure(found, data))),
         ("figure_16.png", as_png(error_figure(found))),
         ("error_fall.png", as_png(fall_figure(found))),
         ("error_pattern.png", as_png(pattern_figure(found))),
         ("pressure_law.png", as_png(law_figure(found))),
     ):
         write_bytes(output / name, content)
+    return tuple(found)
+
+
+def screen_published(
+    folder: Path, calibrations: Sequence[str], minutes: float, output: Path, console: Console
+) -> tuple[Screening, ...]:
+    """Try all effects of the catalogue, and the most promising pairs, on the published campaign.
+
+    What was found under one calibration is written before the next begins.
+    """
+    data = read_published(folder)
+    found: list[Screening] = []
+    for calibration in calibrations:
+        with console.status(f"calibration {calibration}: effects one by one, then pairs"):
+            found.append(screen(data, calibration, list(catalogue()), seconds=60.0 * minutes))
+        inputs = (*data.table.inputs, folder / f"stack_{calibration}.toml")
+        options = {"minutes": minutes}
+        write_result(output / f"screening_{calibration}.json", found[-1], inputs=inputs, options=options)
+        write_bytes(output / "screening.csv", screening_csv(found))
     return tuple(found)
 
 

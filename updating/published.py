@@ -214,11 +214,11 @@ def read_published(folder: Path) -> Published:
 
 
 def prepare_published(
-    data: Published, calibration: str, effects: Collection[str] = ()
+    data: Published, calibration: str, effects: Collection[str] = (), *, both: bool = True
 ) -> tuple[tuple[Prepared, ...], tuple[Prepared, ...]]:
     """Reduce the models of the stacks of Table 7 and of Table 4 under a calibration.
 
-    Stacks of the same height share one reduction.
+    Stacks of the same height share one reduction. Without `both`, those of Table 4 are left out.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def prepare_published(
             specimen=row["stack"],
             damping=np.array([_number(row[f"xi{r}_percent"]) / 100.0 for r in range(1, 5)]),
         )
-        for row in data.both
+        for row in (data.both if both else ())
     ]
     every = prepare([*sevens, *fours], n_snapshot=_N_SNAPSHOT)
     return every[: len(sevens)], every[len(sevens) :]
