@@ -31,8 +31,8 @@ def contact_figure(found: Sequence[Calibrated], published: Published) -> Figure:
     ticks = {row.stack: "" for row in found[0].row}
     for axes, damping in zip(figure.subplots(2, 1), (False, True), strict=True):
         _contact(axes, found, published, ticks, damping=damping)
-    figure.axes[0].legend(ncols=5, fontsize=8)
-    figure.suptitle("Contact parameters of the base model (figure 12)", fontsize=11)
+    figure.axes[0].set_title("Contact parameters of the base model (figure 12)", fontsize=10)
+    _legend_above(figure)
     return figure
 
 
@@ -48,8 +48,14 @@ def treatment_figure(found: Sequence[Calibrated], published: Published) -> Figur
         column[0].set_title(title, fontsize=10)
         for axes in column:
             axes.label_outer()
-    panels[0, -1].legend(ncols=5, fontsize=8)
+    _legend_above(figure)
     return figure
+
+
+def _legend_above(figure: Figure) -> None:
+    figure.legend(
+        *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8
+    )
 
 
 def _contact(
@@ -66,7 +72,8 @@ def _contact(
     diamonds = [factor * published.contact.get(stack, {}).get(key, np.nan) for stack in ticks]
     axes.plot(x, diamonds, "kD", markerfacecolor="white", label="published")
     axes.set_xticks(x, [f"{stack}\n{text}".strip() for stack, text in ticks.items()], fontsize=8)
-    axes.set_xlabel("stack" + ("; damping was measured for seven" if damping else ""))
+    axes.set_xlim(-0.6, len(ticks) - 0.4)
+    axes.set_xlabel("stack (no bar: damping not in Table 4)" if damping else "stack")
     axes.set_ylabel("$d_f$, mean of M1 and M2 [ps/Pa]" if damping else "$G_f$ at M2 [Pa/Pa]")
 
 
@@ -141,11 +148,13 @@ def law_figure(found: Sequence[Calibrated]) -> Figure:
     figure = Figure(figsize=(10.0, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     for k, one in enumerate(found):
-        law, shift = one.law, 0.12 * (k - (len(found) - 1) / 2)
+        law, shift = one.law, 0.15 * (k - (len(found) - 1) / 2)
         x = np.arange(len(law.stack) + 1) + shift
-        (line,) = left.plot(x[:-1], law.own, "o", label=one.calibration)
+        (line,) = left.plot(x[:-1], law.own, "o", markersize=4, label=one.calibration)
         around = np.abs(np.array(law.jackknife) - law.exponent)[:, None]
-        left.errorbar(x[-1:], [law.exponent], around, fmt="D", color=line.get_color(), capsize=3)
+        left.errorbar(
+            x[-1:], [law.exponent], around, fmt="D", markersize=4, color=line.get_color(), capsize=3
+        )
         errors = [100 * law.error(name) for name in ("linear", "power", "refitted")]
         right.bar(np.arange(3) + 0.2 * (k - (len(found) - 1) / 2), errors, 0.2, label=one.calibration)
     left.axhline(1.0, color="k", linewidth=0.8, linestyle="--")

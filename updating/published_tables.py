@@ -26,16 +26,16 @@ def summary_table(found: Sequence[Calibrated]) -> Table:
         caption_justify="left",
     )
     for name in (
-        "calibration", "base\npubl. ours", f"with\n{effects}", "stack\nleft out", "n of\nG ~ p^n",
-        "95 %", "M1 from M2\nn = 1, n, refitted",
+        "", "base\npubl. | ours", f"with\n{effects}", "stack\nleft out", "n of\nG ~ p^n",
+        "95 %", "M1 from M2\nn = 1 | n | own G_f",
     ):  # fmt: skip
         table.add_column(name, justify="right", no_wrap=True)
     for one in found:
         law = one.law
         published = np.mean([row.published_error for row in one.row])
-        m1 = " ".join(f"{100 * law.error(name):.1f}" for name in ("linear", "power", "refitted"))
+        m1 = " | ".join(f"{100 * law.error(name):.1f}" for name in ("linear", "power", "refitted"))
         table.add_row(
-            one.calibration, f"{100 * published:.1f} {100 * one.error:.1f}", f"{100 * one.shared.error:.2f}",
+            one.calibration, f"{100 * published:.1f} | {100 * one.error:.1f}", f"{100 * one.shared.error:.2f}",
             f"{100 * one.shared.left_out_error:.2f}", f"{law.exponent:.2f}",
             f"{law.jackknife[0]:.2f} to {law.jackknife[1]:.2f}", m1,
         )  # fmt: skip
@@ -48,20 +48,26 @@ def conclusion(found: Sequence[Calibrated]) -> str:
     names = ", ".join(one.calibration for one in found)
     fall = [one.shared.error / one.error for one in found]
     lines.append(
-        f"Under {names} the shared effects leave {100 * min(fall):.0f} to {100 * max(fall):.0f} % of the base error."
+        f"Under {names} the shared effects leave {_range([100 * f for f in fall], '.0f')} % of the base error."
     )
     met = [one.calibration for one in found if one.shared.error <= TARGET[one.calibration]]
     lines.append(f"At or below the error of the prototype: {', '.join(met) or 'none'}.")
     for i, p in enumerate(p for p in found[0].shared.fit.parameter if not p.group):
         values = [[q for q in one.shared.fit.parameter if not q.group][i].value for one in found]
-        lines.append(f"{p.name}: {min(values):.4g} to {max(values):.4g} {p.unit} by calibration.")
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        lines.append(f"{p.name}: {_range(values, '.4g')}{unit}.")
     below = all(one.law.jackknife[1] < 1.0 for one in found)
     lines.append(
-        "Contact stiffness grows less than in proportion to pressure under all of them."
+        "Contact stiffness grows less than in proportion to pressure."
         if below
-        else "Under some of them contact stiffness may grow in proportion to pressure."
+        else "Contact stiffness may grow in proportion to pressure under some of them."
     )
     return "\n".join(lines)
+
+
+def _range(values: Sequence[float], form: str) -> str:
+    low, high = format(min(values), form), format(max(values), form)
+    return low if low == high else f"{low} to {high}"
 
 
 def screening_table(found: Sequence[Screening], n_row: int = 12) -> Table:
