@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.assemble import assemble
-from model.effect_basis import effect_answers, effect_samples
+from model.effect_basis import effect_answers, effect_samples, shaping
 from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.low_rank import Factor
 from model.mesh import Field
+from model.projection import Projection
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan
 from model.stack import Stack
@@ -167,8 +168,8 @@ def reduce(
     n_mode : int
         Modes of each snapshot, the six rigid-body modes included.
     n_snapshot : int, optional
-        Number of snapshots: at the Chebyshev nodes of log G_f, or at points of a Sobol sequence over several
-        ranges. By default four for each range.
+        Number of snapshots: at the Chebyshev nodes of log G_f, or, with n further ranges, one in 1 + n of them there
+        and the others at points of a Sobol sequence over all ranges. By default four for each range.
     z_tolerance : float
         Relative error of frequencies that the functions of z may cause, checked over a few shapes of the plan.
     terms : callable
@@ -193,11 +194,10 @@ def reduce(
     }
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
-    samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
-    outer = samples[: 2 * len(box)]
-    over_z = z_basis(
-        stack, laminas, outer + effect_samples(stack, samples[-1]), n_mode, z_tolerance, len(outer)
-    )
+    samples = [{**laminas.theta, **sample} for sample in _samples(box, laminas.theta, count)]
+    outer = samples[: 2 * len(shaping(laminas, box))]
+    with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
+    over_z = z_basis(stack, laminas, outer + with_effects, n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     solver = solver_over_plan(acting(assembly, samples))
     mass = assembly.krons("M", assembly.theta)
@@ -223,15 +223,17 @@ def reduce(
         )
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-    answers = effect_answers(assembly, solver, samples[-1], basis, n_mode)
+    middle = samples[max(count // len(box), 1) - 1]  # among those without further parameters
+    answers = effect_answers(assembly, solver, middle, basis, n_mode)
     if answers.shape[1]:
         basis = np.hstack([basis, orthonormalize(answers, product, [(basis, mass_basis)])[0]])
+    projection = Projection(assembly, basis, basis)
     projected: dict[
         int, NDArray[np.float64]
     ] = {}  # terms that differ by their factor only are projected once
     for term in assembly.terms:
         if id(term.krons) not in projected:
-            projected[id(term.krons)] = _symmetric(basis.T @ assembly.apply(term.krons, basis))
+            projected[id(term.krons)] = _symmetric(projection(term.krons))
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
@@ -270,22 +272,35 @@ def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str,
             raise SolveError(message)
 
 
-def _samples(ranges: Mapping[str, tuple[float, float]], n: int) -> list[dict[str, float]]:
-    """Return n points of a box of parameters; positive ones are spaced by their logarithm."""
-    if len(ranges) == 1:
-        nodes = (1.0 + np.cos((np.arange(n) + 0.5) * np.pi / n)) / 2.0  # Chebyshev's
-        order = [*range(n)[:: max(n - 1, 1)], *range(n)[1:-1]]  # the outer two first: they tell most
-        unit = nodes[order, None]
-    else:
-        with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
-            warnings.simplefilter("ignore", UserWarning)
-            unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n)
+def _samples(
+    ranges: Mapping[str, tuple[float, float]], nominal: Mapping[str, float], n: int
+) -> list[dict[str, float]]:
+    """Return n points of a box of parameters: an equal share of them along its first parameter, and then all over it.
+
+    Along the first parameter they stand at Chebyshev's nodes, the outer two first because they tell most, with the
+    others at their nominal values. Positive parameters are spaced by their logarithm, those from 0 by their root.
+    """
+    n_first = max(n // len(ranges), 1)
+    nodes = (1.0 + np.cos((np.arange(n_first) + 0.5) * np.pi / n_first)) / 2.0
+    order = [*range(n_first)[:: max(n_first - 1, 1)], *range(n_first)[1:-1]]
+    with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
+        warnings.simplefilter("ignore", UserWarning)
+        unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n - n_first)
+
+    def place(low: float, high: float, part: float) -> float:
+        return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**2)
+
+    (first, range_), *others = ranges.items()
+    middle = {name: float(np.clip(nominal[name], low, high)) for name, (low, high) in others}
     return [
-        {
-            name: float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part)
-            for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
-        }
-        for point in unit
+        *({first: place(*range_, part), **middle} for part in nodes[order]),
+        *(
+            {
+                name: place(low, high, part)
+                for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
+            }
+            for point in unit
+        ),
     ]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model.chain import factorize, levels
 from model.eigen import Block, lowest_modes, orthonormalize
-from model.low_rank import Factor, LowRank, low_rank, with_change
+from model.low_rank import Factor, low_rank, with_change
 from model.mesh import FIELDS, Field
 from model.system import Assembly, Kron, ParameterFactor, Target, Term
 
@@ -163,12 +163,14 @@ class Chain:
     ----------
     groups : tuple of Group
         The blocks.
-    change : LowRank
-        The space in which the products act that couple blocks that are not neighbours.
     """
 
     groups: tuple[Group, ...]
-    change: LowRank
+
+    @property
+    def members(self) -> dict[Field, Index]:
+        """The indices over z of each field."""
+        return {f: np.unique(np.concatenate([group.z[f] for group in self.groups])) for f in FIELDS}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,12 +232,14 @@ class Solver:
         far = tuple(
             Kron(row=kron.row, column=kron.column, z=share * kron.z, planar=kron.planar)
             for share, (_, kron) in zip(shares, self.far, strict=True)
+            if share != 0.0
         )
         parts = []
         for chain in self.chains:
             rows = np.concatenate([group.unknowns(self.assembly) for group in chain.groups])
             factor = factorize(self._columns(chain.groups, weighted))
-            parts.append(with_change(factor, rows, chain.change, chain.change.core(far)))
+            change = low_rank(self.assembly, far, chain.members)
+            parts.append(with_change(factor, rows, change, change.core(far)))
         return Factor(parts=tuple(parts))
 
     def modes(
@@ -297,17 +301,9 @@ def _solver(
     products = [(term, kron) for term in assembly.terms if term.target != "C" for kron in term.krons]
     near = [is_near(kron) for _, kron in products]
     far = tuple(product for product, ok in zip(products, near, strict=True) if not ok)
-    far_krons = tuple(kron for _, kron in far)
-    members = [
-        {field: np.unique(np.concatenate([group.z[field] for group in groups])) for field in FIELDS}
-        for groups in chains
-    ]
     return Solver(
         assembly=assembly,
-        chains=tuple(
-            Chain(groups=groups, change=low_rank(assembly, far_krons, z))
-            for groups, z in zip(chains, members, strict=True)
-        ),
+        chains=tuple(Chain(groups=groups) for groups in chains),
         couplings=_couplings(
             assembly, [p for p, ok in zip(products, near, strict=True) if ok], planar_groups
         ),

@@ -160,7 +160,6 @@ def z_basis(
     thetas: Sequence[Mapping[str, float]],
     n_mode: int,
     tolerance: float,
-    n_checked: int,
 ) -> ZBasis:
     """Draw functions of z from modes of all laminas over a few shapes of the plan.
 
@@ -178,8 +177,6 @@ def z_basis(
         Number of modes for each, the six rigid-body modes included.
     tolerance : float
         Largest relative error of a frequency over the shapes.
-    n_checked : int
-        At how many of the `thetas`, the first ones, that error is checked; the others only shape the functions.
     """
     z = np.linspace(-1.0, 1.0, stack.n_lamina)
     polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
@@ -214,9 +211,7 @@ def z_basis(
         phi: Phi = {f: la.qr(functions[f][:, : keep[f]], mode="economic")[0] for f in FIELDS}
         reduced_solver = solver_over_plan(full.project_z(phi))
         errors = []
-        for theta, exact, e, snapshot in list(zip(thetas, eigenvalues, strained, snapshots, strict=True))[
-            :n_checked
-        ]:
+        for theta, exact, e, snapshot in zip(thetas, eigenvalues, strained, snapshots, strict=True):
             approximate, _ = reduced_solver.modes(
                 theta,
                 shear_shift(stack, theta),
