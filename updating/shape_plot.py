@@ -125,13 +125,13 @@ def shape_pair_figure(pair: ShapePair) -> Figure:
     titles = {"measured": f"measured {pair.measured_frequency:.1f} Hz"}
     if pair.has_model:
         titles |= {"model": f"model {pair.model_frequency:.1f} Hz", "both": f"both, MAC {pair.mac:.4f}"}
-    figure = Figure(figsize=(2.8 * len(titles), 1.9))
+    figure = Figure(figsize=(2.4 * len(titles), 1.65))
     figure.subplots_adjust(0.005, 0.01, 0.995, 0.88, 0.02)
     for axes, (what, title) in zip(
         np.atleast_1d(figure.subplots(1, len(titles))), titles.items(), strict=True
     ):
         _draw(axes, pair, what)
-        axes.set_title(title, fontsize=9)
+        axes.set_title(title, fontsize=8)
     return figure
 
 
@@ -153,8 +153,6 @@ def _partners(measured: ModalModel, fit: Fit | None) -> dict[int, tuple[int, NDA
 
 def _draw(axes: Axes, pair: ShapePair, what: str) -> None:
     """Draw the points at rest and one or both shapes, seen as the page starts."""
-    from matplotlib.collections import LineCollection
-
     size = SWELL * float(np.max(np.ptp(pair.coordinate, axis=0)))
     layers = [(pair.coordinate, REST, 0.8)]
     for name, color, width in (("measured", MEASURED, 2.2), ("model", MODEL, 1.0)):
@@ -162,7 +160,8 @@ def _draw(axes: Axes, pair: ShapePair, what: str) -> None:
             layers.append((pair.coordinate + size * getattr(pair, name).real, color, width))
     for points, color, width in layers:
         seen = project(points)
-        axes.add_collection(LineCollection(seen[pair.line], colors=color, linewidths=width))  # type: ignore[arg-type]
+        ends = np.insert(seen[pair.line].astype(float), 2, np.nan, axis=1)  # one path with gaps
+        axes.plot(*ends.reshape(-1, 2).T, color=color, linewidth=width)
         axes.plot(*seen.T, ".", color=color, markersize=2.5 * width)
     axes.set_aspect("equal")
     axes.margins(0.03)

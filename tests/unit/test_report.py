@@ -1,9 +1,11 @@
 """Parts of a report by themselves: how tables are set, what stands where, what is said when something is missing."""
 
+import io
 import stat
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ema import Geometry
 from updating import StoreError
@@ -30,6 +32,12 @@ def table(*columns, **others):
 )
 def test_numbers_are_set_to_the_right_and_words_to_the_left(cells, expected):
     assert table(cells).column_class == (expected,)
+
+
+def test_columns_without_a_word_are_left_out():
+    short = table(("M1", "M2"), ("", ""), ("", "3")).without_empty_columns()
+    assert short.rows == (("M1", ""), ("M2", "3"))
+    assert len(short.header) == 2
 
 
 def test_a_page_escapes_what_it_is_given_and_links_rows_to_sections():
@@ -66,10 +74,6 @@ def test_numbers_of_a_figure_keep_full_precision():
 
 
 def test_a_picture_of_few_colours_keeps_its_lines():
-    import io
-
-    from PIL import Image
-
     image = Image.new("RGB", (40, 40), "white")
     image.paste((31, 95, 139), (0, 10, 40, 12))
     buffer = io.BytesIO()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from updating.diagnosis import Diagnosis
 from updating.report.part import Section, Table, anchor
 from updating.report.results import Results
 from updating.tables import estimate_text
@@ -14,7 +15,7 @@ _SHOWN = 8  # explanations of a diagnosis
 def answer_section(results: Results) -> Section:
     """Say how the model stands to the measurement and, where it was asked, which effect it lacks."""
     if results.diagnosis is not None:
-        text = results.diagnosis.sentences
+        text = (_headline(results.diagnosis), *results.diagnosis.sentences)
         blocks: tuple[Table, ...] = (explanation_table(results), next_test_table(results))
     else:
         text, blocks = _fit_sentences(results), ()
@@ -25,7 +26,7 @@ def answer_section(results: Results) -> Section:
 
 def overview_section(results: Results) -> Section:
     """List all configurations, each leading to its section."""
-    return Section(title="All configurations", blocks=(overview_table(results),))
+    return Section(title="All configurations", blocks=(overview_table(results).without_empty_columns(),))
 
 
 def overview_table(results: Results) -> Table:
@@ -96,6 +97,16 @@ def next_test_table(results: Results) -> Table:
         rows=tuple((t.instruction, f"{t.distance:.1f}", f"{t.now:.1f}") for t in tests),
         note="Distance between the two explanations that are hardest to tell apart; above 3 they are.",
     )
+
+
+def _headline(diagnosis: Diagnosis) -> str:
+    names = "; ".join(" with ".join(effects) for effects in diagnosis.candidates)
+    return {
+        "nothing missing": "Nothing is missing that these data can show.",
+        "identified": f"What the model lacks: {names}.",
+        "one of": f"The model lacks one of these, and the data cannot tell which: {names}.",
+        "unlike anything": "The model lacks something that is unlike anything in the catalogue.",
+    }[diagnosis.verdict]
 
 
 def _fit_sentences(results: Results) -> tuple[str, ...]:

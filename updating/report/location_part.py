@@ -75,7 +75,7 @@ def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture
     columns = [*(c.ravel() for c in centre), *(value.ravel() for value in found.relative)]
     return Picture(
         name=f"error_map_{tested.name}",
-        content=fewer_colours(error_map_picture(found, fit.stack, kind), 256),
+        content=fewer_colours(error_map_picture(found, fit.stack, kind)),
         form="png",
         data=as_csv(
             ("x [m]", "y [m]", "z [m]", *(f"{k}: error over its mean" for k in KINDS[:-1])),

@@ -14,13 +14,14 @@ from updating.correlation_plot import comac_figure
 from updating.fit import Estimate
 from updating.plot import objective_figure
 from updating.point_correlation import correlate_points
-from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.report.part import Picture, Section, Table, as_csv, png
 from updating.report.results import Tested
 from updating.tables import parameter_text
 
 if TYPE_CHECKING:
     from updating.fit import Fit
 
+_SHADES = 128  # of the scale of MAC
 _T = 1.96  # half a 95 % interval over the standard deviation
 
 
@@ -134,8 +135,8 @@ def mac_picture(tested: Tested, fit: Fit) -> Picture:
     figure.axes[0].set(xlabel="model frequency [Hz]", ylabel="measured frequency [Hz]")
     return Picture(
         name=f"mac_{tested.name}",
-        content=svg(figure),
-        form="svg",
+        content=png(figure, _SHADES),
+        form="png",
         data=_matrix_csv(value, rows, columns),
         alt="MAC matrix",
         caption="MAC of measured with modelled modes: 1 where two shapes are alike, 0 where they share nothing.",
@@ -149,8 +150,8 @@ def auto_mac_picture(tested: Tested) -> Picture:
     value = mac(tested.measured.shape, tested.measured.shape)
     return Picture(
         name=f"mac_{tested.name}",
-        content=svg(mac_figure(value, frequency, frequency)),
-        form="svg",
+        content=png(mac_figure(value, frequency, frequency), _SHADES),
+        form="png",
         data=_matrix_csv(value, frequency, frequency),
         alt="MAC matrix of the measured modes",
         caption="MAC of the measured modes with each other: off the diagonal it should be small.",
@@ -163,8 +164,8 @@ def comac_picture(tested: Tested, fit: Fit) -> Picture:
     points = correlate_points(tested.measured, fit.modes, fit.pairing)
     return Picture(
         name=f"comac_{tested.name}",
-        content=svg(comac_figure(points)),
-        form="svg",
+        content=png(comac_figure(points)),
+        form="png",
         data=as_csv(
             ("point", "x", "y", "z", "CoMAC", "S-CoMAC", "eCoMAC", "difference", "difference from noise"),
             zip(points.node, *points.direction.T, points.comac, points.s_comac, points.e_comac, points.error,
@@ -181,8 +182,8 @@ def objective_picture(fit: Fit) -> Picture:
     """Draw the objectives over every value that was tried of the contact parameters."""
     return Picture(
         name=f"objective_{fit.name}",
-        content=svg(objective_figure((fit.G_f, fit.d_f))),
-        form="svg",
+        content=png(objective_figure((fit.G_f, fit.d_f))),
+        form="png",
         data=as_csv(
             ("parameter", "value [SI]", "objective [Hz for G_f, damping ratio for d_f]"),
             ((e.name, *row) for e in (fit.G_f, fit.d_f) for row in _history(e)),

@@ -7,16 +7,19 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL import Image
 
-_DPI = 130
+_DPI = 125
 _NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
 _LONG = 30  # characters of a cell
-_COLOURS = 64  # of an embedded picture: line drawings need no more, and it is a quarter of the size
+_COLOURS = 32  # of an embedded picture: line drawings need no more, and it is a fifth of the size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +55,15 @@ class Table:
         """How the page sets each column: numbers to the right, words ("text") to the left, sentences ("long") wide."""
         columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.header)
         return tuple(_column_class(column) for column in columns)
+
+    def without_empty_columns(self) -> Table:
+        """Return the table less the columns in which no row has anything."""
+        kept = [k for k in range(len(self.header)) if any(row[k] for row in self.rows)]
+        return replace(
+            self,
+            header=tuple(self.header[k] for k in kept),
+            rows=tuple(tuple(row[k] for k in kept) for row in self.rows),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,19 +185,28 @@ def svg(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def png(figure: Figure) -> bytes:
+def png(figure: Figure, n_colour: int = _COLOURS) -> bytes:
     """Return a matplotlib figure as a small PNG: one with thousands of points is smaller so than as SVG."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return fewer_colours(buffer.getvalue())
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    figure.set_dpi(_DPI)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return _paletted(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"), n_colour)
 
 
-def fewer_colours(picture: bytes, n_colour: int = _COLOURS) -> bytes:
-    """Reduce a PNG to a number of colours, at most 256; a drawing in lines needs few."""
+def fewer_colours(picture: bytes) -> bytes:
+    """Reduce a PNG to the 256 colours that fit it best."""
+    from PIL import Image
+
+    return _paletted(Image.open(io.BytesIO(picture)).convert("RGB"), 256)
+
+
+def _paletted(image: Image.Image, n_colour: int) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
-    image = Image.open(io.BytesIO(picture)).convert("RGB")
     image.quantize(n_colour, dither=Image.Dither.NONE).save(buffer, format="png", optimize=True)
     return buffer.getvalue()
 

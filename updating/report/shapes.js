@@ -91,7 +91,7 @@
     if (what !== "measured" && pair.model) {
       wire(c, moved((k) => real * pair.model[k]).map(to), data.line, COLOUR.model, 1.3, 1.9);
     }
-    axes(c, state, height);
+    axes(c, state, width - 30, height - 24);
     function moved(by) {
       return data.point.map((p, i) => [p[0] + by(3 * i), p[1] + by(3 * i + 1), p[2] + by(3 * i + 2)]);
     }
@@ -133,14 +133,14 @@
     for (const [x, y] of points) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.fill(); }
   }
 
-  function axes(c, state, height) {
+  function axes(c, state, left, low) {
     c.strokeStyle = c.fillStyle = COLOUR.text;
     c.lineWidth = 1;
     c.font = "10px sans-serif";
     for (const [k, name] of ["x", "y", "z"].entries()) {
       const [x, y] = turned([0, 1, 2].map((i) => (i === k ? 16 : 0)), state);
-      c.beginPath(); c.moveTo(24, height - 24); c.lineTo(24 + x, height - 24 - y); c.stroke();
-      if (Math.hypot(x, y) > 5) c.fillText(name, 24 + 1.3 * x - 3, height - 24 - 1.3 * y + 3);
+      c.beginPath(); c.moveTo(left, low); c.lineTo(left + x, low - y); c.stroke();
+      if (Math.hypot(x, y) > 5) c.fillText(name, left + 1.3 * x - 3, low - 1.3 * y + 3);
     }
   }
 
