@@ -52,7 +52,7 @@ def sections(results: Results) -> tuple[Section, ...]:
     if len(results.tested) > 1:
         parts.append(overview_section(results))
     parts += [configuration_section(tested) for tested in results.tested]
-    if any(tested.fit is not None for tested in results.tested):
+    if results.ledger or any(tested.fit is not None for tested in results.tested):
         parts.append(parameter_section(results))
     return (*parts, provenance_section(results))
 

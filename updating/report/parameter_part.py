@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.fit import Estimate
+from updating.joint_fit import FittedParameter
+from updating.report.ledger_part import model_name
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results, Tested
 
@@ -22,24 +24,41 @@ _AXES = {"G_f": ("$G_f$ [Pa/Pa]", 1.0), "d_f": ("$d_f$ [10$^{-12}$ s/Pa]", 1e12)
 def parameter_section(results: Results) -> Section:
     """Show contact stiffness and damping of all configurations, and the effects' parameters."""
     fitted = [t for t in results.tested if t.fit is not None]
-    rows = tuple(
-        (t.name, e.name, *(f"{x:.5g}" for x in (e.value, e.value - _T * e.std, e.value + _T * e.std)), e.unit)
-        for t in fitted
+    pictures = (parameter_picture(fitted),) if len(fitted) > 1 else ()
+    return Section(title="Parameters", text=_law(fitted), blocks=(*pictures, interval_table(results)))
+
+
+def interval_table(results: Results) -> Table:
+    """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
+    rows = [
+        (t.name, *_interval(e), "at its bound" if e.at_bound else "")
+        for t in results.tested
         for e in _estimates(t)
-    )
-    rows += tuple(
-        ("all", p.name, *(f"{x:.5g}" for x in (p.value, p.value - _T * p.std, p.value + _T * p.std)), p.unit)
-        for entry in results.ledger[-1:]
+    ]
+    rows += [
+        (
+            f"all, {model_name(entry)}",
+            *_interval(p),
+            "at its bound" if p.at_bound else "" if p.determined else "not determined",
+        )
+        for entry in results.ledger
         for p in entry.shared
-    )
+    ]
     table = Table(
         title="Parameters with 95 % intervals",
-        header=("configuration", "parameter", "value", "lower", "upper", "unit"),
-        rows=rows,
-        note="Intervals contain the scatter that the model leaves unexplained.",
+        header=("fitted to", "parameter", "unit", "value", "lower", "upper", "remark"),
+        rows=tuple(rows),
+        note="Intervals contain the scatter that the model leaves unexplained; they mean nothing at a bound.",
     )
-    pictures = (parameter_picture(fitted),) if len(fitted) > 1 else ()
-    return Section(title="Parameters", text=_law(fitted), blocks=(*pictures, table))
+    return table.without_empty_columns()
+
+
+def _interval(estimate: Estimate | FittedParameter) -> tuple[str, str, str, str, str]:
+    half = _T * estimate.std
+    low, high = (
+        ("", "") if estimate.at_bound else (f"{estimate.value - half:.5g}", f"{estimate.value + half:.5g}")
+    )
+    return estimate.name, "" if estimate.unit == "1" else estimate.unit, f"{estimate.value:.5g}", low, high
 
 
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:
