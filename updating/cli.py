@@ -12,7 +12,7 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from ema import Identification
-from updating import effect_jobs, jobs, tables
+from updating import effect_jobs, jobs, tables, update_job
 from updating.errors import LAMELLA_ERRORS
 from updating.modal_table import is_modal_table
 from updating.published import CALIBRATIONS
@@ -202,8 +202,9 @@ def fit(
     G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC. A campaign whose modes are
     given as a table is fitted row by row, with modes paired by shape class.
 
-    With --effect, effects whose parameters all configurations share are added, each alone and all together, and the
-    ledger says what each does to the error on data fitted and on data held out.
+    With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
+    contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
+    held out.
     """
     if is_modal_table(campaign):
         rows = jobs.fit_modal_table(campaign, output, _OUT)
@@ -219,6 +220,24 @@ def fit(
     if effect:
         _OUT.print(effect_jobs.ledger_table(effect_jobs.campaign_ledger(fits, effect, campaign, output)))
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
+
+
+@app.command(epilog="Example: lamella update data/demo_stack/update.toml -o out/update")
+def update(
+    specification: Annotated[
+        Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False)
+    ],
+    output: Folder,
+) -> None:
+    """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
+
+    data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
+    with the error without effects, with each and with all, and both as tables and pictures.
+    """
+    updated = update_job.update(specification, output, _OUT)
+    _OUT.print(update_job.parameter_table(updated.fit))
+    _OUT.print(effect_jobs.ledger_table(updated.ledger))
+    _OUT.print(f"Results in [bold]{output}[/bold]")
 
 
 @app.command(epilog="Example: lamella published --calibration C1 -o out/published")

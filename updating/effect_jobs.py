@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,7 @@ from updating.published_screening import Screening, screen
 from updating.published_tables import parameters_csv, screening_csv, table_6_csv, table_7_csv
 from updating.sensitivity import Scatter
 from updating.store import write_bytes, write_result
-from updating.target import target_of_modes, target_of_table
+from updating.target import specimen_name, target_of_modes, target_of_table
 
 TORQUE_SCATTER = Scatter(pressure=0.03)
 """Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
@@ -53,16 +53,17 @@ def campaign_ledger(
 
     Configurations of one height are one stack, with one G_f and one d_f for all its torques.
     """
+    heights = {fitted.stack.height for _, fitted in fits}
     targets = [
         target_of_modes(
             fitted.stack.with_effects(*effects),
             found.modal_model,
-            specimen=f"{fitted.stack.name}, {1e3 * fitted.stack.height:g} mm",
+            specimen=specimen_name(fitted.stack.name, fitted.stack.height, heights),
         )
         for found, fitted in fits
     ]
     entries = ledger(prepare(targets), effects, scatter=TORQUE_SCATTER)
-    _write_ledger(entries, effects, (campaign,), output)
+    write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
     return entries
 
 
@@ -78,7 +79,7 @@ def table_ledger(
         for fit in fits
     ]
     entries = ledger(prepare(targets), effects, damping=False, scatter=SCATTER)
-    _write_ledger(entries, effects, table.inputs, output)
+    write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
     return entries
 
 
@@ -89,8 +90,7 @@ def ledger_table(entries: Sequence[Entry]) -> Table:
     table = Table(
         title="Mean error [%], eq. (2), of frequencies" + (" | of damping ratios" if damping else ""),
         title_justify="left",
-        caption="One G_f and one d_f for all torques of a stack. Held out: each mode predicted by a fit to all other "
-        "modes; each configuration by a fit to the others."
+        caption="Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
         + (" -: those do not determine it." if unknown else ""),
         caption_justify="left",
     )
@@ -173,12 +173,11 @@ def screen_published(
     return tuple(found)
 
 
-def _write_ledger(
-    entries: tuple[Entry, ...], effects: Sequence[str], inputs: tuple[Path, ...], output: Path
+def write_ledger(
+    entries: tuple[Entry, ...], options: Mapping[str, object], inputs: tuple[Path, ...], output: Path
 ) -> None:
-    write_result(
-        output / "ledger.json", Ledger(entry=entries), inputs=inputs, options={"effects": list(effects)}
-    )
+    """Write ledger.json and ledger.csv."""
+    write_result(output / "ledger.json", Ledger(entry=entries), inputs=inputs, options=options)
     columns = [
         "error", "mode_error", "configuration_error", "damping_error", "mode_damping_error",
         "configuration_damping_error", "chi_square", "n_residual",

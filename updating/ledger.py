@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from updating.joint_fit import FittedParameter, JointFit, joint_fit
+from updating.joint_problem import Scope
 from updating.prepared import Prepared
 from updating.sensitivity import Scatter
 
@@ -26,8 +27,8 @@ class Entry:
     mode_error : float
         The same of each mode of each configuration, predicted by a fit to all others.
     configuration_error : float
-        The same of each configuration predicted by a fit without it, at its nominal pressure. Where no other
-        configuration is of its stack, its own contact parameters are fitted and the shared ones come from the others.
+        The same of each configuration predicted by a fit without it, at its nominal pressure. What it shares with no
+        other, such as the contact parameters of a stack that was measured once, is fitted to it.
         NaN where there is one configuration only, or where the others leave a shared parameter undetermined.
     damping_error, mode_damping_error, configuration_damping_error : float
         The same of damping ratios; NaN where they did not take part.
@@ -61,6 +62,11 @@ def ledger(
     *,
     damping: bool = True,
     scatter: Scatter | None = None,
+    free: Collection[str] = (),
+    scope: Mapping[str, Scope] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Entry, ...]:
     """Fit the base model, the base model with each effect, and with all of them.
 
@@ -74,6 +80,8 @@ def ledger(
         Whether damping ratios take part.
     scatter : Scatter, optional
         Standard deviation beyond the identification's.
+    free, scope, fixed, bounds, priors
+        As in `joint_fit`.
 
     Raises
     ------
@@ -81,14 +89,27 @@ def ledger(
         A fit fails.
     """
     sets = [(), *((name,) for name in effects), *([tuple(effects)] if len(effects) > 1 else [])]
-    options = _Options(damping=damping, scatter=scatter or Scatter())
+    options = _Options(
+        damping=damping,
+        scatter=scatter,
+        free=free,
+        scope=scope,
+        fixed=fixed or {},
+        bounds=bounds,
+        priors=priors,
+    )
     return tuple(_entry(prepared, chosen, options) for chosen in sets)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Options:
     damping: bool
-    scatter: Scatter
+    scatter: Scatter | None
+    free: Collection[str]
+    scope: Mapping[str, Scope] | None
+    fixed: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]] | None
+    priors: Mapping[str, tuple[float, float]] | None
 
 
 def _entry(prepared: Sequence[Prepared], effects: tuple[str, ...], options: _Options) -> Entry:
@@ -131,14 +152,18 @@ def _without(
     if not any(np.any(p.used) for p in rest):
         return None
     kin = len(_kin(prepared, one)) > 1
-    if kin:
+    alone = any(scope == "configuration" for scope in (options.scope or {}).values())
+    if kin and not alone:
         out = {one.target.name: range(one.used.size)}
         others = _fit(prepared, effects, options, first=known, hold_out=out)
     else:
         others = _fit(rest, effects, options, first=known)
     if not all(p.determined or p.at_bound for p in others.parameter if not p.group):
         return None
-    return others if kin else _fit([one], effects, options, fixed=_shared(others))
+    if kin and not alone:
+        return others
+    known_of = {p.name: p.value for p in others.parameter if p.group in ("", one.target.specimen)}
+    return _fit([one], effects, options, fixed=known_of)
 
 
 def _kin(prepared: Sequence[Prepared], one: Prepared) -> list[Prepared]:
@@ -159,10 +184,14 @@ def _fit(
         prepared,
         effects=effects,
         first=first,
-        fixed=fixed,
+        fixed={**options.fixed, **(fixed or {})},
         hold_out=hold_out,
         damping=options.damping,
         scatter=options.scatter,
+        free=options.free,
+        scope=options.scope,
+        bounds=options.bounds,
+        priors=options.priors,
         n_start=4 if first is None else 1,
     )
 
