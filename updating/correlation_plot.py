@@ -120,6 +120,7 @@ def region_plotter(
             edge_color="#8a8f98",
             show_scalar_bar=column == 0,
             scalar_bar_args={
+                "title": f"{label}\n",  # the empty line keeps it off the numbers
                 "color": "black",
                 "n_labels": 3,
                 "fmt": "%.2g",

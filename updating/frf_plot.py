@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_RESIDUAL = "#d08a2e"
+_RESIDUAL = "#e8bd80"  # paler than the measured line in grey too
 
 
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:

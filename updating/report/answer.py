@@ -78,7 +78,7 @@ def explanation_table(results: Results) -> Table:
                 f"{own.misfit:.1f}",
                 f"{100 * own.frequency_error:.3f}",
                 "; ".join(
-                    f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}) {'' if p.unit == '1' else p.unit}"
+                    f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}){'' if p.unit == '1' else ' ' + p.unit}"
                     for p in own.parameter
                 ),
             )
