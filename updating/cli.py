@@ -295,7 +295,7 @@ def diagnose(
     for sentence in found.sentences:
         _OUT.print(sentence, highlight=False)
     _OUT.print(tables.diagnosis_table(found))
-    _OUT.print(f"Results in [bold]{output}[/bold]")
+    _OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
 
 
 @app.command(

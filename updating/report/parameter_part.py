@@ -31,14 +31,15 @@ def parameter_section(results: Results) -> Section:
 def interval_table(results: Results) -> Table:
     """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
     rows = [
-        (t.name, *_interval(e), "at its bound" if e.at_bound else "")
+        _row(t.name, e, (e.value - _T * e.std, e.value + _T * e.std), "at its bound" if e.at_bound else "")
         for t in results.tested
         for e in _estimates(t)
     ]
     rows += [
-        (
+        _row(
             f"all, {model_name(entry)}",
-            *_interval(p),
+            p,
+            p.interval,
             "at its bound" if p.at_bound else "" if p.determined else "not determined",
         )
         for entry in results.ledger
@@ -53,12 +54,12 @@ def interval_table(results: Results) -> Table:
     return table.without_empty_columns()
 
 
-def _interval(estimate: Estimate | FittedParameter) -> tuple[str, str, str, str, str]:
-    half = _T * estimate.std
-    low, high = (
-        ("", "") if estimate.at_bound else (f"{estimate.value - half:.5g}", f"{estimate.value + half:.5g}")
-    )
-    return estimate.name, "" if estimate.unit == "1" else estimate.unit, f"{estimate.value:.5g}", low, high
+def _row(
+    fitted_to: str, estimate: Estimate | FittedParameter, interval: tuple[float, float], remark: str
+) -> tuple[str, ...]:
+    ends = ("" if estimate.at_bound else f"{end:.5g}" for end in interval)
+    unit = "" if estimate.unit == "1" else estimate.unit
+    return fitted_to, estimate.name, unit, f"{estimate.value:.5g}", *ends, remark
 
 
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:
