@@ -10,7 +10,7 @@ from updating.frf_correlation import FrfCorrelation, correlate_frf, fdac
 from updating.joint_fit import FittedParameter, JointFit, joint_fit
 from updating.ledger import Entry, ledger
 from updating.localization import ErrorMap, map_error
-from updating.macxp import macx, macxp
+from updating.macxp import macx, macxp, poles
 from updating.objective import frequency_error, opt_d, opt_G
 from updating.orthogonality import cross_orthogonality
 from updating.pairing import Pairing, pair
@@ -67,6 +67,7 @@ __all__ = [
     "opt_G",
     "opt_d",
     "pair",
+    "poles",
     "prepare",
     "read_result",
     "regions",

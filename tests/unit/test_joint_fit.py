@@ -217,9 +217,9 @@ def test_simulated_data_give_the_interval_of_the_covariance_where_all_is_nearly_
     x = descend(problem, problem.starts(1, {})[0]).last
     spread, inflation = covariance(problem, x)
     normal = normal_intervals(problem, x, spread)
-    drawn = bootstrap_intervals(problem, x, inflation, seed=0, n_draw=60)
+    drawn = bootstrap_intervals(problem, x, inflation, seed=0, n_draw=40)
     stiffness = [j for j, f in enumerate(problem.free) if f.name in ("G_f", "clamp_roll_inertia")]
-    assert np.ptp(drawn, axis=1)[stiffness] == pytest.approx(np.ptp(normal, axis=1)[stiffness], rel=0.3)
+    assert np.ptp(drawn, axis=1)[stiffness] == pytest.approx(np.ptp(normal, axis=1)[stiffness], rel=0.4)
     assert np.all((drawn[:, 0] < x) & (x < drawn[:, 1]))
 
 
