@@ -321,7 +321,8 @@ def report(
 
     Every figure is also written to the folder figures there, with its numbers as CSV.
     """
-    page = jobs.report(folder)
+    with _OUT.status("drawing"):
+        page = jobs.report(folder)
     _OUT.print(f"Report: [bold]{page}[/bold]")
     if pdf:
         _OUT.print(f"PDF: [bold]{print_pdf(page)}[/bold]")

@@ -100,7 +100,7 @@ def window(tested: Tested, *, off_screen: bool = False) -> pyvista.Plotter:
         )
     shapes = _Shapes(plotter, pairs)
     plotter.subplot(1, 0)
-    figure = stabilization_figure(stabilization(tested.frf.band(*tested.measured.band)))
+    figure = stabilization_figure(stabilization(tested.frf().band(*tested.measured.band)))
     plotter.add_chart(pv.ChartMPL(figure))
     plotter.subplot(0, 0)
     plotter.link_views([0, 1, 2])

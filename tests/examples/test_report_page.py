@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from updating.report import page as page_module
+from updating.report.modes_part import modes_section
 from updating.report.page import write_report
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
@@ -169,3 +171,18 @@ def test_the_window_shows_a_chosen_mode_that_moves(demo, tmp_path):
     assert np.mean(first[:above] < 200) > 0.005  # something is drawn
     assert np.mean(np.abs(first - third)[:above] > 50) > 0.005
     assert np.mean(np.abs(first - third)[above:] > 50) < 0.001  # the chart stays
+
+
+def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tmp_path, monkeypatch):
+    shutil.copytree(demo[0], tmp_path / "many", ignore=shutil.ignore_patterns("figures", "report.*"))
+    monkeypatch.setattr(page_module, "MOST_TOGETHER", 1)
+    monkeypatch.setattr(page_module, "configuration_section", modes_section)  # without the figures, to be quick
+    front = write_report(tmp_path / "many")
+    text = front.read_text(encoding="utf-8")
+    assert "Modes of M1" not in text
+    pages = re.findall(r'<a href="(\w+/report.html)">', text)
+    assert pages == ["M1/report.html", "M2/report.html"]
+    for name in pages:
+        own = (front.parent / name).read_text(encoding="utf-8")
+        assert f"Modes of {name[:2]}" in own
+        assert '<a href="../report.html">' in own

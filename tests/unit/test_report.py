@@ -45,7 +45,7 @@ def test_a_page_escapes_what_it_is_given_and_links_rows_to_sections():
         Section(
             title="All <stacks>",
             text=("a < b",),
-            blocks=(table(("<x>",), ("1",), link=("stack-x",)), table(("hidden",), folded=True)),
+            blocks=(table(("<x>",), ("1",), link=("#stack-x",)), table(("hidden",), folded=True)),
         ),
         Section(title="Stack x"),
     )

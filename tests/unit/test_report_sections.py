@@ -119,8 +119,8 @@ def test_every_row_of_a_table_leads_to_its_section():
     )
     parts = sections(given)
     overview = parts[1].blocks[0]
-    assert overview.link == ("stack-1", "stack-2")
-    assert {part.anchor for part in parts} >= set(overview.link)
+    assert overview.link == ("#stack-1", "#stack-2")
+    assert {f"#{part.anchor}" for part in parts} >= set(overview.link)
     assert overview.rows[0][1:3] == ("300 | 360 | 330", "400 | 480 | 440")
     assert parts[2].blocks[0].rows[0] == ("torsion 1", "300", "360", "+20.0", "330.0", "+10.0")
     assert 'href="#stack-2"' in render("title", parts)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from updating.diagnosis import Diagnosis
-from updating.report.part import Section, Table, anchor
+from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.tables import estimate_text
 
@@ -24,12 +26,13 @@ def answer_section(results: Results) -> Section:
     return Section(title="Answer", text=text, blocks=tuple(b for b in blocks if b.rows), lead=True)
 
 
-def overview_section(results: Results) -> Section:
-    """List all configurations, each leading to its section."""
-    return Section(title="All configurations", blocks=(overview_table(results).without_empty_columns(),))
+def overview_section(results: Results, address: Sequence[str]) -> Section:
+    """List all configurations, each leading to an address: its section or its page."""
+    table = overview_table(results, address).without_empty_columns()
+    return Section(title="All configurations", blocks=(table,))
 
 
-def overview_table(results: Results) -> Table:
+def overview_table(results: Results, address: Sequence[str]) -> Table:
     """List every configuration with its state and its fitted parameters."""
     rows = tuple(
         (
@@ -61,7 +64,7 @@ def overview_table(results: Results) -> Table:
         rows=rows,
         note="± is one standard deviation. The frequency error is the mean of |measured - model| / measured over the "
         "paired modes, eq. (2). Findings are warnings of the checks of the measurement. A click on a heading sorts.",
-        link=tuple(anchor(f"Configuration {t.name}") for t in results.tested),
+        link=tuple(address),
     )  # fmt: skip
 
 

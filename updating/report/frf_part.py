@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ema.frf import FRF
 from ema.plot import stabilization_figure
 from ema.stabilization import stabilization
 from updating.frf_plot import chosen_functions, overlay_figure, synthesized
@@ -13,20 +14,23 @@ from updating.report.results import Tested
 
 def frf_section(tested: Tested) -> Section:
     """Show functions with the synthesised ones over them and the stabilisation chart."""
-    m, n_function = tested.measured, tested.frf.output.node.size * tested.frf.input.node.size
+    m, frf = tested.measured, tested.frf()
+    n_function = m.node.size * m.input.node.size
     text = (
         f"{m.frequency.size} modes between {m.band[0]:g} and {m.band[1]:g} Hz from {n_function} FRFs, without a "
         f"frequency guess. Measured functions and those of the modes correlate (FRAC) by {m.correlation.min():.5f} "
         f"to {m.correlation.max():.5f}, {np.median(m.correlation):.5f} in the middle.",
     )
     return Section(
-        title=f"FRFs of {tested.name}", text=text, blocks=(frf_picture(tested), stabilization_picture(tested))
+        title=f"FRFs of {tested.name}",
+        text=text,
+        blocks=(frf_picture(tested, frf), stabilization_picture(tested, frf)),
     )
 
 
-def frf_picture(tested: Tested) -> Picture:
+def frf_picture(tested: Tested, frf: FRF) -> Picture:
     """Draw the functions that the identified modes meet worst, in the middle and best."""
-    lines, fitted = synthesized(tested.frf, tested.measured)
+    lines, fitted = synthesized(frf, tested.measured)
     chosen = chosen_functions(tested.measured)
     columns, names = [lines.frequency], ["frequency [Hz]"]
     for o in chosen:
@@ -39,7 +43,7 @@ def frf_picture(tested: Tested) -> Picture:
             names.append(f"{name} coherence")
     return Picture(
         name=f"frf_{tested.name}",
-        content=png(overlay_figure(tested.frf, tested.measured)),
+        content=png(overlay_figure(frf, tested.measured)),
         form="png",
         data=as_csv(names, zip(*columns, strict=True)),
         alt="Measured and synthesised FRFs",
@@ -49,9 +53,9 @@ def frf_picture(tested: Tested) -> Picture:
     )
 
 
-def stabilization_picture(tested: Tested) -> Picture:
+def stabilization_picture(tested: Tested, frf: FRF) -> Picture:
     """Draw the stabilisation chart of the identified band."""
-    diagram = stabilization(tested.frf.band(*tested.measured.band))
+    diagram = stabilization(frf.band(*tested.measured.band))
     poles = zip(
         diagram.order, np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole),
         diagram.cluster, strict=True,

@@ -21,6 +21,9 @@ from updating.report.shape_part import shape_section
 from updating.report.table_part import row_section, table_overview
 from updating.store import folder_name, write_bytes
 
+MOST_TOGETHER = 36
+"""Configurations that share one page; it then stays below 15 MB. More have a page each, beside their results."""
+
 
 def write_report(folder: Path) -> Path:
     """Write `report.html` from the results in a folder, and its figures with their data to `figures`.
@@ -31,30 +34,55 @@ def write_report(folder: Path) -> Path:
         The folder holds no result, one that cannot be read, or cannot be written to.
     """
     results = read_results(folder)
-    parts = sections(results)
-    for picture in (p for part in parts for p in part.pictures):
-        path = folder / "figures" / folder_name(picture.name)
-        write_bytes(path.with_name(f"{path.name}.{picture.form}"), picture.content)
-        write_bytes(path.with_name(f"{path.name}.csv"), picture.data.encode())
+    apart = len(results.tested) > MOST_TOGETHER
+    for tested in results.tested if apart else ():
+        part = configuration_section(tested)
+        _write_figures(folder, (part,))
+        page = folder / page_of(tested)
+        write_bytes(page, render(results.name, (part,), up="../report.html").encode())
+    parts = sections(results, apart=apart)
+    _write_figures(folder, parts)
     page = folder / "report.html"
     write_bytes(page, render(results.name, parts).encode())
     return page
 
 
-def sections(results: Results) -> tuple[Section, ...]:
-    """Make all sections of a report, in its order; each is made by a function of its own."""
+def page_of(tested: Tested) -> str:
+    """Return where the page of a configuration stands that has one of its own, from the results' folder."""
+    return f"{folder_name(tested.name)}/report.html"
+
+
+def sections(results: Results, *, apart: bool = False) -> tuple[Section, ...]:
+    """Make all sections of a report, in its order; each is made by a function of its own.
+
+    Parameters
+    ----------
+    results : Results
+        What to show.
+    apart : bool
+        Whether configurations have pages of their own, to which the list of them then leads.
+    """
     parts = [answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
     if results.table:
         parts.append(table_overview(results))
         parts += [row_section(fit, results.shape_class) for fit in results.table]
+    own = () if apart else tuple(configuration_section(tested) for tested in results.tested)
     if len(results.tested) > 1:
-        parts.append(overview_section(results))
-    parts += [configuration_section(tested) for tested in results.tested]
+        address = [page_of(t) for t in results.tested] if apart else [f"#{part.anchor}" for part in own]
+        parts.append(overview_section(results, address))
+    parts += own
     if results.ledger or any(tested.fit is not None for tested in results.tested):
         parts.append(parameter_section(results))
     return (*parts, provenance_section(results))
+
+
+def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:
+    for picture in (p for part in parts for p in part.pictures):
+        path = folder / "figures" / folder_name(picture.name)
+        write_bytes(path.with_name(f"{path.name}.{picture.form}"), picture.content)
+        write_bytes(path.with_name(f"{path.name}.csv"), picture.data.encode())
 
 
 def configuration_section(tested: Tested) -> Section:
@@ -75,8 +103,8 @@ def configuration_section(tested: Tested) -> Section:
     )
 
 
-def render(title: str, parts: tuple[Section, ...]) -> str:
-    """Put sections into one HTML page."""
+def render(title: str, parts: tuple[Section, ...], *, up: str = "") -> str:
+    """Put sections into one HTML page, with a link to the page above it where there is one."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -91,4 +119,5 @@ def render(title: str, parts: tuple[Section, ...]) -> str:
         style=text("style.css"),
         scripts=(text("tables.js"), text("shapes.js")),
         sections=parts,
+        up=up,
     )

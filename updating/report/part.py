@@ -37,7 +37,7 @@ class Table:
     note : str
         What stands below; may be empty.
     link : tuple of str
-        For each row the anchor of the section that its first cell leads to; may be empty.
+        For each row the address that its first cell leads to, "#anchor" within the page; may be empty.
     folded : bool
         Whether the page shows the title only until it is clicked.
     """

@@ -30,8 +30,8 @@ class Tested:
         Bolt torque, N m.
     pressure : float or None
         Mean surface pressure, Pa.
-    frf : FRF
-        Measured functions.
+    folder : Path
+        Where its results are.
     measured : ModalModel
         Identified modes.
     quality : Quality
@@ -43,10 +43,14 @@ class Tested:
     name: str
     torque: float | None
     pressure: float | None
-    frf: FRF
+    folder: Path
     measured: ModalModel
     quality: Quality
     fit: Fit | None
+
+    def frf(self) -> FRF:
+        """Read the measured functions; they are not kept, so that a report of many configurations stays small."""
+        return read_frf(self.folder / "measurement.npz")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -129,7 +133,7 @@ def _read_tested(folder: Path, configuration: dict[str, Any]) -> Tested:
         name=configuration["name"],
         torque=configuration["torque"],
         pressure=configuration["pressure"],
-        frf=read_frf(folder / "measurement.npz"),
+        folder=folder,
         measured=read_result(folder / "modal_model.json", ModalModel),
         quality=read_result(folder / "quality.json", Quality),
         fit=read_result(folder / "fit.json", Fit) if (folder / "fit.json").exists() else None,

@@ -42,7 +42,7 @@ def table_overview(results: Results) -> Section:
         ),
         note="Error after eq. (2). ± is one standard deviation and contains the scatter that the model leaves. A click "
         "on a heading sorts, one on a stack leads to it.",
-        link=tuple(anchor(_title(f)) for f in fits),
+        link=tuple(f"#{anchor(_title(f))}" for f in fits),
     )  # fmt: skip
     picture = Picture(
         name="all_stacks",
