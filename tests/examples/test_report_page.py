@@ -176,7 +176,8 @@ def test_the_window_shows_a_chosen_mode_that_moves(demo, tmp_path):
 def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tmp_path, monkeypatch):
     shutil.copytree(demo[0], tmp_path / "many", ignore=shutil.ignore_patterns("figures", "report.*"))
     monkeypatch.setattr(page_module, "MOST_TOGETHER", 1)
-    monkeypatch.setattr(page_module, "configuration_section", modes_section)  # without the figures, to be quick
+    # without the figures, to be quick
+    monkeypatch.setattr(page_module, "configuration_section", modes_section)
     front = write_report(tmp_path / "many")
     text = front.read_text(encoding="utf-8")
     assert "Modes of M1" not in text
