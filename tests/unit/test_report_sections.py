@@ -132,7 +132,10 @@ def test_the_provenance_names_versions_options_and_every_input():
         "options": {"threshold": 0.8},
         "inputs": {"a.toml": "12", "b.uff": "34"},
     }
-    result, inputs = provenance_section(results(origin={"M1/fit.json": made})).blocks
-    assert result.rows[0][:3] == ("M1/fit.json", "lamella 0.1", "threshold = 0.8")
+    other = made | {"options": {}}
+    origin = {"M1/fit.json": made, "M2/fit.json": made, "M3/fit.json": other}
+    result, inputs = provenance_section(results(origin=origin)).blocks
+    assert result.rows[0][:3] == ("M1/fit.json and 1 more", "lamella 0.1", "threshold = 0.8")
+    assert result.rows[1][0] == "M3/fit.json"
     assert inputs.rows == (("a.toml", "12"), ("b.uff", "34"))
     assert inputs.folded

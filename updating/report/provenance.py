@@ -14,15 +14,17 @@ def provenance_section(results: Results) -> Section:
 
 
 def result_table(results: Results) -> Table:
-    """List versions and options of every result, and a digest over all of its inputs."""
-    rows = tuple(
-        (
-            file,
+    """List versions and options of every result, and a digest over all of its inputs; equal ones together."""
+    files: dict[tuple[str, str, str], list[str]] = {}
+    for file, made in results.origin.items():
+        row = (
             ", ".join(f"{name} {number}" for name, number in made["versions"].items()),
             ", ".join(f"{name} = {value}" for name, value in made["options"].items()) or "none",
             f"{len(made['inputs'])}, all: {_digest(made['inputs'])}",
         )
-        for file, made in results.origin.items()
+        files.setdefault(row, []).append(file)
+    rows = tuple(
+        (own[0] if len(own) == 1 else f"{own[0]} and {len(own) - 1} more", *row) for row, own in files.items()
     )
     return Table(
         title="",
