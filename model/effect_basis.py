@@ -8,12 +8,13 @@ place they are its attachment modes.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from model.effect import Effect
 from model.solver import Solver
 from model.system import Assembly, Kron, Term, ratio
 from model.z_basis import N_RIGID, shear_shift
@@ -70,7 +71,12 @@ def effect_samples(assembly: Assembly, theta: Mapping[str, float]) -> list[dict[
 
 
 def effect_answers(
-    assembly: Assembly, solver: Solver, theta: Mapping[str, float], basis: NDArray[np.float64], n_mode: int
+    assembly: Assembly,
+    effects: Sequence[Effect],
+    solver: Solver,
+    theta: Mapping[str, float],
+    basis: NDArray[np.float64],
+    n_mode: int,
 ) -> NDArray[np.float64]:
     """Return the displacements by which the modes at `theta` answer to the effects' terms at their full strength.
 
@@ -78,6 +84,8 @@ def effect_answers(
     ----------
     assembly : Assembly
         Equations of motion after reduction over z.
+    effects : sequence of Effect
+        Those of its stack's that are meant.
     solver : Solver
         Of the terms that act at `theta`.
     theta : mapping of str to float
@@ -93,7 +101,7 @@ def effect_answers(
         The principal ones of all answers, by energy.
     """
     stack = assembly.stack
-    if not stack.effects:
+    if not effects:
         return np.empty((assembly.size, 0))
     stiffness, mass = (basis.T @ assembly.apply(assembly.krons(t, theta), basis) for t in ("K", "M"))
     values, vectors = la.eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
@@ -101,7 +109,7 @@ def effect_answers(
     factor = solver.factor(theta, shear_shift(stack, theta))
     unit_energy = modes / np.sqrt(values)
     forces, seen = [], set()
-    for term, strength in _strengths(assembly, theta):
+    for term, strength in _strengths(assembly, effects, theta):
         if id(term.krons) not in seen:
             seen.add(id(term.krons))
             force = assembly.apply(term.krons, unit_energy) * (values if term.target == "M" else 1.0)
@@ -115,11 +123,13 @@ def effect_answers(
     return np.asarray(answer @ principal[:, energy > _ENERGY])
 
 
-def _strengths(assembly: Assembly, theta: Mapping[str, float]) -> list[tuple[Term, float]]:
+def _strengths(
+    assembly: Assembly, effects: Sequence[Effect], theta: Mapping[str, float]
+) -> list[tuple[Term, float]]:
     """Return the mass and stiffness terms that effects can switch on, with the largest factor that they can have."""
     corners = [
         {**theta, **dict(zip([p.name for p in effect.parameters], corner, strict=True))}
-        for effect in assembly.stack.effects
+        for effect in effects
         for corner in itertools.product(*((p.lower, p.nominal, p.upper) for p in effect.parameters))
     ]
     found = []

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.assemble import assemble
-from model.effect_basis import effect_answers, effect_samples, shaping
+from model.effect_basis import effect_answers, effect_samples
 from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.low_rank import Factor
@@ -168,7 +168,7 @@ def reduce(
     n_mode : int
         Modes of each snapshot, the six rigid-body modes included.
     n_snapshot : int, optional
-        Number of snapshots: at the Chebyshev nodes of log G_f, or, with n further ranges, one in 1 + n of them there
+        Number of snapshots: at the Chebyshev nodes of log G_f, or, with n further ranges, one in n + 2 of them there
         and the others at points of a Sobol sequence over all ranges. By default four for each range.
     z_tolerance : float
         Relative error of frequencies that the functions of z may cause, checked over a few shapes of the plan.
@@ -195,7 +195,11 @@ def reduce(
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
     samples = [{**laminas.theta, **sample} for sample in _samples(box, laminas.theta, count)]
-    outer = samples[: 2 * len(shaping(laminas, box))]
+    middle = {**laminas.theta, "G_f": float(np.sqrt(np.prod(box["G_f"])))}
+    sampled = [effect for effect in stack.effects if any(p.name in box for p in effect.parameters)]
+    if sampled and count > 1:  # their typical strength is worth a sample of its own
+        samples[-1] = {**middle, **{p.name: p.nominal for effect in sampled for p in effect.parameters}}
+    outer = samples[: len(box) + 1]
     with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
     over_z = z_basis(stack, laminas, outer + with_effects, n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
@@ -223,10 +227,14 @@ def reduce(
         )
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-    middle = samples[max(count // len(box), 1) - 1]  # among those without further parameters
-    answers = effect_answers(assembly, solver, middle, basis, n_mode)
-    if answers.shape[1]:
-        basis = np.hstack([basis, orthonormalize(answers, product, [(basis, mass_basis)])[0]])
+    for effects, at in (
+        (stack.effects, middle),
+        (sampled, samples[-1]),
+    ):  # these have modes of their own there
+        answers = effect_answers(assembly, effects, solver, at, basis, n_mode)
+        if answers.shape[1]:
+            block, mass_block = orthonormalize(answers, product, [(basis, mass_basis)])
+            basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     projection = Projection(assembly, basis, basis)
     projected: dict[
         int, NDArray[np.float64]
@@ -275,12 +283,13 @@ def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str,
 def _samples(
     ranges: Mapping[str, tuple[float, float]], nominal: Mapping[str, float], n: int
 ) -> list[dict[str, float]]:
-    """Return n points of a box of parameters: an equal share of them along its first parameter, and then all over it.
+    """Return n points of a box of parameters, some of them along its first parameter, and then all over it.
 
     Along the first parameter they stand at Chebyshev's nodes, the outer two first because they tell most, with the
-    others at their nominal values. Positive parameters are spaced by their logarithm, those from 0 by their root.
+    others at their nominal values. Positive parameters are spaced by their logarithm, those from 0 more closely near
+    it.
     """
-    n_first = max(n // len(ranges), 1)
+    n_first = n if len(ranges) == 1 else max(n // (len(ranges) + 1), 1)
     nodes = (1.0 + np.cos((np.arange(n_first) + 0.5) * np.pi / n_first)) / 2.0
     order = [*range(n_first)[:: max(n_first - 1, 1)], *range(n_first)[1:-1]]
     with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
@@ -288,7 +297,7 @@ def _samples(
         unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n - n_first)
 
     def place(low: float, high: float, part: float) -> float:
-        return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**2)
+        return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**1.5)
 
     (first, range_), *others = ranges.items()
     middle = {name: float(np.clip(nominal[name], low, high)) for name, (low, high) in others}
