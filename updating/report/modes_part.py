@@ -114,15 +114,13 @@ def quality_table(tested: Tested) -> Table:
 
 def mac_section(tested: Tested) -> Section:
     """Show the MAC of every two modes and, of a fit, the CoMAC of every point and the objectives."""
-    if tested.fit is None:
+    fit = tested.fit
+    if fit is None:
         return Section(title=f"MAC of {tested.name}", blocks=(auto_mac_picture(tested),))
+    comac = (comac_picture(tested, fit),) if fit.pairing.measured.size else ()
     return Section(
         title=f"MAC and CoMAC of {tested.name}",
-        blocks=(
-            mac_picture(tested, tested.fit),
-            comac_picture(tested, tested.fit),
-            objective_picture(tested.fit),
-        ),
+        blocks=(mac_picture(tested, fit), *comac, objective_picture(fit)),
     )
 
 

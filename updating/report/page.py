@@ -88,7 +88,7 @@ def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:
 def configuration_section(tested: Tested) -> Section:
     """Show everything about one configuration."""
     parts = [modes_section(tested), mac_section(tested), frf_section(tested), shape_section(tested)]
-    if tested.fit is not None:
+    if tested.fit is not None and tested.fit.pairing.measured.size:
         parts.append(location_section(tested, tested.fit))
     stated = [
         f"{value:g} {unit}"

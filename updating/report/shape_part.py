@@ -17,7 +17,10 @@ _DIGITS = 1000  # displacements are drawn, so a thousandth of the largest is eno
 
 def shape_section(tested: Tested) -> Section:
     """Show all measured shapes, each with its partner in the model."""
-    return Section(title=f"Mode shapes of {tested.name}", blocks=(gallery(tested),))
+    title = f"Mode shapes of {tested.name}"
+    if not np.isin(tested.measured.node, tested.measured.geometry.node).any():
+        return Section(title=title, text=("None of the measured points has coordinates.",))
+    return Section(title=title, blocks=(gallery(tested),))
 
 
 def gallery(tested: Tested) -> Gallery:
@@ -41,9 +44,13 @@ def gallery(tested: Tested) -> Gallery:
         title=tuple(_title(k, pair) for k, pair in enumerate(pairs, start=1)),
         paired=tuple(pair.has_model for pair in pairs),
         still=tuple(_still(tested.name, k, pair) for k, pair in enumerate(pairs, start=1)),
-        note="Drag a shape to turn it, or use the arrow keys. Wide grey lines are measured, thin blue ones modelled, "
-        "pale ones at rest; only the directions that were measured are drawn. The model's shape is scaled to fit "
-        "the measured one.",
+        note="Drag a shape to turn it, or use the arrow keys. "
+        + (
+            "Pale: at rest. "
+            if stack is None
+            else "Wide grey lines are measured, thin blue ones modelled, scaled to fit; pale ones are at rest. "
+        )
+        + "Only the directions that were measured are drawn.",
     )
 
 

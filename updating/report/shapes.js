@@ -81,7 +81,7 @@
     c.lineCap = "round";
     const pair = data.pair[+canvas.dataset.pair], what = canvas.dataset.what;
     if (data.box) wire(c, corners(data.box).map(to), EDGES, COLOUR.rest, 1, 0);
-    wire(c, data.point.map(to), data.line, COLOUR.rest, 1, 1);
+    wire(c, data.point.map(to), data.line, COLOUR.rest, 1, data.line.length ? 1 : 3);
     const swell = (size * data.swell * state.amplitude) / 1000;
     const real = swell * Math.cos(state.phase), imaginary = -swell * Math.sin(state.phase);
     if (what !== "model") {
