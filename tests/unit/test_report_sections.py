@@ -17,6 +17,7 @@ from updating.report.page import render, sections
 from updating.report.parameter_part import interval_table
 from updating.report.provenance import provenance_section
 from updating.report.results import Results
+from updating.signature_plot import signature_pattern_figure
 
 STACK = Path(__file__).parents[2] / "data/demo_stack/stack.toml"
 NAN = float("nan")
@@ -139,3 +140,15 @@ def test_the_provenance_names_versions_options_and_every_input():
     assert result.rows[1][0] == "M3/fit.json"
     assert inputs.rows == (("a.toml", "12"), ("b.uff", "34"))
     assert inputs.folded
+
+
+def test_what_is_lacking_stands_beside_what_effects_bring_mode_by_mode():
+    figure = signature_pattern_figure(
+        ("M1", "M1", "M2"), ("1", "2", "1"), (0.02, -0.01, 0.03), (0.001,) * 3, {"a": (0.021, -0.012, 0.0)}
+    )
+    first, second = figure.axes
+    assert [bar.get_height() for bar in first.patches] == pytest.approx([2.0, -1.0])
+    assert [bar.get_height() for bar in second.patches] == pytest.approx([3.0])
+    line = next(line for line in first.lines if line.get_label() == "a")
+    np.testing.assert_allclose(line.get_ydata(), [2.1, -1.2])
+    assert first.get_ylabel() == "change of frequency [%]"
