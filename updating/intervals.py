@@ -7,7 +7,6 @@ fits data that are drawn from the fitted model (Efron and Tibshirani, An Introdu
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import chi2, norm
 
-from updating.descent import at_bound, descend
+from updating.descent import Descent, at_bound, descend
 from updating.joint_problem import Problem
 
 Vector = NDArray[np.float64]
@@ -67,26 +66,15 @@ def profile_intervals(
     methods: list[Method] = ["normal"] * x.size
     on_bound = at_bound(problem, x)
     for j in _worth_profiling(problem):
-        latest = {"x": best.last}
-
-        def rise(value: float, j: int = j, latest: dict[str, Vector] = latest) -> float:
-            first = latest["x"].copy()
-            first[j] = value
-            trial = descend(problem, first, held=[j], weight=weight)
-            latest["x"] = trial.last
-            return 2.0 * (trial.cost - best.cost)
-
+        rise = _Profile(problem, j, best, weight)
         ends = normal[j]
-        inside = (ends > problem.low[j]) & (ends < problem.high[j])
-        if not on_bound[j] and inside.all():
-            latest["x"] = best.last
+        if not on_bound[j] and problem.low[j] < ends[0] and ends[1] < problem.high[j]:
             rises = np.array([rise(float(end)) for end in ends]) / _RISE
             if np.abs(rises - 1.0).max() < _PARABOLA:
                 continue
         methods[j] = "profile"
         for side, bound in enumerate((problem.low[j], problem.high[j])):
-            latest["x"] = best.last
-            found[j, side] = _end(rise, float(best.last[j]), float(bound))
+            found[j, side] = rise.end(float(bound))
     return found, methods
 
 
@@ -116,9 +104,27 @@ def _worth_profiling(problem: Problem) -> list[int]:
     return [j for j, f in enumerate(problem.free) if f.name != "pressure" and (alone or owners[j] > 1)]
 
 
-def _end(rise: Callable[[float], float], centre: float, bound: float) -> float:
-    """Return where the profile reaches the level between its centre and a bound; the bound where it does not."""
-    reach = bound - centre
-    if abs(reach) < 1e-12 or rise(bound) <= _RISE:
-        return bound
-    return float(brentq(lambda value: rise(value) - _RISE, centre, bound, xtol=_STEP * abs(reach)))
+class _Profile:
+    """By how much chi-square rises when one variable is held, the others fitted from the nearest point known."""
+
+    def __init__(self, problem: Problem, j: int, best: Descent, weight: Vector) -> None:
+        self.problem, self.j, self.best, self.weight = problem, j, best, weight
+        self.known = {float(best.last[j]): best.last}
+
+    def __call__(self, value: float) -> float:
+        nearest = min(self.known, key=lambda other: abs(other - value))
+        if nearest == value == self.best.last[self.j]:
+            return 0.0
+        first = self.known[nearest].copy()
+        first[self.j] = value
+        trial = descend(self.problem, first, held=[self.j], weight=self.weight)
+        self.known[value] = trial.last
+        return 2.0 * (trial.cost - self.best.cost)
+
+    def end(self, bound: float) -> float:
+        """Return where the profile reaches the level towards a bound; the bound where it does not."""
+        centre = float(self.best.last[self.j])
+        reach = bound - centre
+        if abs(reach) < 1e-12 or self(bound) <= _RISE:
+            return bound
+        return float(brentq(lambda value: self(value) - _RISE, centre, bound, xtol=_STEP * abs(reach)))

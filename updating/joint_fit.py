@@ -238,7 +238,7 @@ def joint_fit(
     damping: bool = True,
     scatter: Scatter | None = None,
     n_start: int = 4,
-    first: Mapping[str, float] | None = None,
+    first: Mapping[str, float] | JointFit | None = None,
     intervals: Method = "normal",
     seed: int = 0,
 ) -> JointFit:
@@ -270,8 +270,9 @@ def joint_fit(
     n_start : int
         Descents: from the effects' nominal values, from near their neutral ones, and from points of a Sobol
         sequence. Each begins with the best G_f of a scan. Without effects there is one.
-    first : mapping of str to float, optional
-        Values of effects' parameters from which the first descent begins, in place of the nominal ones.
+    first : mapping of str to float, or JointFit, optional
+        Where the first descent begins: values of effects' parameters in place of the nominal ones, or what another
+        fit has found, G_f included.
     intervals : "normal", "profile" or "bootstrap"
         Where intervals come from. With "profile", the normal interval of a parameter that configurations share is kept
         where the profile of chi-square confirms it; the others are normal. With "bootstrap", all come from fits
@@ -297,9 +298,10 @@ def joint_fit(
         damping=damping and any(np.any(np.isfinite(p.target.damping)) for p in prepared),
         scatter=scatter or Scatter(),
     )
-    found = [
-        descend(problem, begin) for begin in problem.starts(n_start if problem.of_effects else 1, first or {})
-    ]
+    n = n_start if problem.of_effects else 1
+    near = {(p.name, p.group): p.value for p in first.parameter} if isinstance(first, JointFit) else {}
+    given = {} if first is None or isinstance(first, JointFit) else first
+    found = [descend(problem, begin) for begin in problem.starts(n, given, near)]
     found.sort(key=lambda descent: descent.cost)
     if not found[0].converged:
         message = (

@@ -213,8 +213,11 @@ class Problem:
         self._latest = (x.copy(), found)
         return found
 
-    def starts(self, n: int, first: Mapping[str, float]) -> list[NDArray[np.float64]]:
-        """Return n points to descend from; see `joint_fit`."""
+    def starts(
+        self, n: int, first: Mapping[str, float], near: Mapping[tuple[str, str], float] | None = None
+    ) -> list[NDArray[np.float64]]:
+        """Return n points to descend from; see `joint_fit`. The first is `near`, estimates by name and group."""
+        near = near or {}
         shared = self.of_effects
         stiffness = [j for j, f in enumerate(self.free) if f.name == "G_f"]
         inside = 1e-3 * (self.high - self.low)
@@ -236,14 +239,19 @@ class Problem:
                     x[j] = neutral + 0.05 * (nominal - neutral)
                 elif k > 1:
                     x[j] = self.low[j] + sobol[k - 2, m] * (self.high[j] - self.low[j])
+            at = {j: near[f.name, f.group] for j, f in enumerate(self.free) if (f.name, f.group) in near}
+            for j, value in at.items() if k == 0 else ():
+                x[j] = self.free[j].inward(value)
             x = np.clip(x, self.low + inside, self.high - inside)
-            if stiffness:
+            if k > 0 or any(j not in at for j in stiffness):
                 x = self._scan(x, stiffness)
             found.append(x)
         return found
 
     def _scan(self, x: NDArray[np.float64], stiffness: list[int]) -> NDArray[np.float64]:
         """Give each G_f the best value of a grid, the other parameters kept."""
+        if not stiffness:
+            return x
         grid = [np.linspace(self.low[j], self.high[j], _SCAN + 2)[1:-1] for j in stiffness]
         cost = np.zeros((len(stiffness), _SCAN))
         for k in range(_SCAN):

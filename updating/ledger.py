@@ -114,15 +114,14 @@ class _Options:
 
 def _entry(prepared: Sequence[Prepared], effects: tuple[str, ...], options: _Options) -> Entry:
     whole = _fit(prepared, effects, options)
-    known = _shared(whole)
     by_mode, by_configuration = _Errors(), _Errors()
     for p in prepared:
         for r in np.flatnonzero(p.used):
             if sum(np.count_nonzero(other.used) for other in _kin(prepared, p)) > 1:
-                fit = _fit(prepared, effects, options, first=known, hold_out={p.target.name: [int(r)]})
+                fit = _fit(prepared, effects, options, first=whole, hold_out={p.target.name: [int(r)]})
                 by_mode.add(fit, p.target.name, [int(r)])
     for one in prepared if len(prepared) > 1 else ():
-        predicted = _without(prepared, one, effects, options, known)
+        predicted = _without(prepared, one, effects, options, whole)
         if predicted is not None:
             by_configuration.add(predicted, one.target.name, np.flatnonzero(one.used))
     return Entry(
@@ -145,7 +144,7 @@ def _without(
     one: Prepared,
     effects: tuple[str, ...],
     options: _Options,
-    known: Mapping[str, float],
+    whole: JointFit,
 ) -> JointFit | None:
     """Return a fit that predicts one configuration from the others; None where they do not determine enough."""
     rest = [p for p in prepared if p is not one]
@@ -155,9 +154,9 @@ def _without(
     alone = any(scope == "configuration" for scope in (options.scope or {}).values())
     if kin and not alone:
         out = {one.target.name: range(one.used.size)}
-        others = _fit(prepared, effects, options, first=known, hold_out=out)
+        others = _fit(prepared, effects, options, first=whole, hold_out=out)
     else:
-        others = _fit(rest, effects, options, first=known)
+        others = _fit(rest, effects, options, first=whole)
     if not all(p.determined or p.at_bound for p in others.parameter if not p.group):
         return None
     if kin and not alone:
@@ -176,7 +175,7 @@ def _fit(
     effects: tuple[str, ...],
     options: _Options,
     *,
-    first: Mapping[str, float] | None = None,
+    first: JointFit | None = None,
     fixed: Mapping[str, float] | None = None,
     hold_out: Mapping[str, Sequence[int]] | None = None,
 ) -> JointFit:
@@ -194,10 +193,6 @@ def _fit(
         priors=options.priors,
         n_start=4 if first is None else 1,
     )
-
-
-def _shared(fit: JointFit) -> dict[str, float]:
-    return {p.name: p.value for p in fit.parameter if not p.group}
 
 
 class _Errors:

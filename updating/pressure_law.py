@@ -94,13 +94,13 @@ def pressure_law(
     for weak, strong in zip(low, high, strict=True):
         rest = {name: value for name, value in shared.items() if name != "exponent"}
         own.append(_fit([weak, strong], effects, scatter, rest).value("exponent"))
-        others = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, shared)
+        others = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, best)
         known = {p.name: p.value for p in others.parameter if not p.group}
         without.append(known["exponent"])
         # the other parameters are fitted to the same data under each law: only what n does is compared
         held = {weak.target.name: range(weak.target.frequency.size)}
         proportional = _fit(
-            [p for p in prepared if p not in (weak, strong)], effects, scatter, {"exponent": 1.0}, shared
+            [p for p in prepared if p not in (weak, strong)], effects, scatter, {"exponent": 1.0}, best
         )
         fixed = {p.name: p.value for p in proportional.parameter if not p.group} | {"exponent": 1.0}
         linear.append(_fit([weak, strong], effects, scatter, fixed, held=held).configuration[0].frequency)
@@ -126,7 +126,7 @@ def _fit(
     effects: Collection[str],
     scatter: Scatter,
     fixed: Mapping[str, float],
-    first: Mapping[str, float] | None = None,
+    first: JointFit | None = None,
     held: Mapping[str, Collection[int]] | None = None,
     intervals: Method = "normal",
 ) -> JointFit:

@@ -308,11 +308,10 @@ def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
 def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_validate: bool = True) -> Shared:
     """Fit shared effects to all stacks, and to all but one to predict that one with its own G_f alone."""
     fit = joint_fit(sevens, effects=effects, damping=False, scatter=SCATTER)
-    best = _shared_values(fit)
     left_out = []
     for one in sevens if cross_validate else ():
         others = [p for p in sevens if p is not one]
-        known = joint_fit(others, effects=effects, damping=False, scatter=SCATTER, n_start=1, first=best)
+        known = joint_fit(others, effects=effects, damping=False, scatter=SCATTER, n_start=1, first=fit)
         found = joint_fit([one], effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)
         left_out.append(found.configuration[0])
     return Shared(effects=tuple(effects), fit=fit, left_out=tuple(left_out))

@@ -171,6 +171,13 @@ def test_modes_held_out_are_predicted_not_fitted(prepared):
     assert found.error(held_out=True) == pytest.approx(1.0 - 1.0 / 1.5, rel=1e-3)
 
 
+def test_a_fit_begins_where_another_ended(prepared, fitted):
+    again = joint_fit(prepared, first=fitted, n_start=1)
+    np.testing.assert_allclose(again.start[0].first, [p.value for p in fitted.parameter], rtol=2e-2)
+    assert again.start[0].objective.size < fitted.start[0].objective.size
+    assert again.value("clamp_station") == pytest.approx(TRUE["clamp_station"], rel=1e-4)
+
+
 def test_a_prior_draws_the_estimate(prepared):
     found = joint_fit(prepared, fixed={"clamp_station": 0.7}, priors={"clamp_roll_inertia": (0.006, 1e-5)})
     assert found.value("clamp_roll_inertia") == pytest.approx(0.006, rel=1e-2)
