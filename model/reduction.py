@@ -35,6 +35,7 @@ from model.system import Assembly, ParameterFactor, Target, Term
 from model.z_basis import N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
+_ROUNDING = 1e-8  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 
@@ -241,7 +242,7 @@ def reduce(
     ] = {}  # terms that differ by their factor only are projected once
     for term in assembly.terms:
         if id(term.krons) not in projected:
-            projected[id(term.krons)] = _symmetric(projection(term.krons))
+            projected[id(term.krons)] = _without_rounding(_symmetric(projection(term.krons)))
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
@@ -315,7 +316,18 @@ def _samples(
 
 def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> Factor:
     """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
-    return solver_over_plan(system.assembly).factor(theta, shear_shift(system.stack, theta))
+    solver = solver_over_plan(acting(system.assembly, [theta]))
+    return solver.factor(theta, shear_shift(system.stack, theta))
+
+
+def _without_rounding(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a projected term with exact zeros for the rigid-body motion that it does not feel.
+
+    What rounding leaves there would, times a large stiffness, pass for a negative one.
+    """
+    if np.abs(matrix[:N_RIGID]).max() < _ROUNDING * np.abs(matrix).max():
+        matrix[:N_RIGID] = matrix[:, :N_RIGID] = 0.0
+    return matrix
 
 
 def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
