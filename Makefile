@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint benchmark blind clean
+.PHONY: demo test lint benchmark blind published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -26,6 +26,9 @@ benchmark: $(READY)
 
 blind: $(READY)
 	$(BIN)/python -m pytest -m blind -s
+
+published: $(READY)
+	$(BIN)/lamella published -o out/published
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -75,13 +75,13 @@ def stabilization_figure(diagram: StabilizationDiagram, figure: Figure | None = 
     from matplotlib.figure import Figure
 
     if figure is None:
-        figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+        figure = Figure(figsize=(7.5, 4.0), layout="constrained")
     axes = figure.subplots()
     behind = axes.twinx()
     indicator = diagram.indicator[0]
     at = _thinned(indicator)
     behind.semilogy(diagram.frequency[at], indicator[at], color="0.8", linewidth=0.9)
-    behind.set_yticks([])
+    behind.tick_params(which="both", right=False, labelright=False)
     axes.set_zorder(behind.get_zorder() + 1)
     axes.patch.set_visible(False)
     hertz = np.abs(diagram.pole) / (2.0 * np.pi)
@@ -99,7 +99,9 @@ def stabilization_figure(diagram: StabilizationDiagram, figure: Figure | None = 
     axes.set_xlim(diagram.frequency[0], diagram.frequency[-1])
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("model order")
-    axes.legend(loc="upper right", fontsize="small")
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize="small", frameon=False
+    )
     return figure
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from model.eigen import orthonormalize
 from model.modes import reduced_eigenpairs
+from model.projection import Projection
 from model.reduction import ReducedSystem, acting
 from model.solver import solver_over_plan
 from model.z_basis import N_RIGID, shear_shift
@@ -56,13 +57,13 @@ def _extended(system: ReducedSystem, fresh: NDArray[np.float64]) -> ReducedSyste
     assembly, n = system.assembly, system.size
     basis = np.hstack([system.basis, fresh])
     krons = {id(old.matrix): new.krons for old, new in zip(system.terms, assembly.terms, strict=True)}
-    grown = {}
+    grown, project = {}, Projection(assembly, basis, fresh)
     for old in system.terms:
         if id(old.matrix) not in grown:
             matrix = np.zeros((basis.shape[1], basis.shape[1]))
             matrix[:n, :n] = old.matrix
-            matrix[n:] = assembly.apply(krons[id(old.matrix)], fresh).T @ basis
-            matrix[:, n:] = matrix[n:].T
+            matrix[:, n:] = project(krons[id(old.matrix)])
+            matrix[n:] = matrix[:, n:].T
             matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
             grown[id(old.matrix)] = matrix
     return dataclasses.replace(

@@ -8,7 +8,7 @@ Computations, 4th ed., section 2.1.4).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from model.chain import ChainFactor
 from model.mesh import FIELDS, Field
-from model.system import Assembly, Kron
+from model.system import Assembly, Kron, Term
 
 Vector = NDArray[np.float64]
 
@@ -60,14 +60,40 @@ class LowRank:
         return core
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FarProduct:
+    """A Kronecker product of a term that couples places far apart.
+
+    Attributes
+    ----------
+    term : Term
+        The term.
+    kron : Kron
+        The product.
+    row, column : (n_planar, rank)
+        Orthonormal ranges of its planar matrix and of that one's transpose.
+    """
+
+    term: Term
+    kron: Kron
+    row: Vector
+    column: Vector
+
+    @classmethod
+    def of(cls, term: Term, kron: Kron) -> FarProduct:
+        """Return the product with its ranges."""
+        row, column = (_range([sp.csc_matrix(m)], m.shape[0]) for m in (kron.planar, kron.planar.T))
+        return cls(term=term, kron=kron, row=row, column=column)
+
+
 def low_rank(
-    assembly: Assembly, krons: tuple[Kron, ...], members: Mapping[Field, NDArray[np.intp]]
+    assembly: Assembly, products: Sequence[FarProduct], members: Mapping[Field, NDArray[np.intp]]
 ) -> LowRank:
     """Find the spaces in which Kronecker products act on the given indices over z."""
     z, planar = {}, {}
     for field in FIELDS:
-        own = [(k.z, k.planar) for k in krons if k.row == field]
-        own += [(k.z.T, k.planar.T) for k in krons if k.column == field]
+        own = [(p.kron.z, p.row) for p in products if p.kron.row == field]
+        own += [(p.kron.z.T, p.column) for p in products if p.kron.column == field]
         here = sp.diags_array(np.isin(np.arange(assembly.n_z[field]), members[field]).astype(float))
         z[field] = _range([sp.csc_matrix(here @ a) for a, _ in own], assembly.n_z[field])
         planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))

@@ -27,6 +27,7 @@ from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.low_rank import Factor
 from model.mesh import Field
+from model.projection import Projection
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan
 from model.stack import Stack
@@ -34,6 +35,7 @@ from model.system import Assembly, ParameterFactor, Target, Term
 from model.z_basis import N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
+_ROUNDING = 1e-8  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 
@@ -167,8 +169,8 @@ def reduce(
     n_mode : int
         Modes of each snapshot, the six rigid-body modes included.
     n_snapshot : int, optional
-        Number of snapshots: at the Chebyshev nodes of log G_f, or at points of a Sobol sequence over several
-        ranges. By default four for each range.
+        Number of snapshots: at the Chebyshev nodes of log G_f, or, with n further ranges, one in n + 2 of them there
+        and the others at points of a Sobol sequence over all ranges. By default four for each range.
     z_tolerance : float
         Relative error of frequencies that the functions of z may cause, checked over a few shapes of the plan.
     terms : callable
@@ -193,11 +195,14 @@ def reduce(
     }
     _check_ranges(box, laminas.theta)
     count = 4 * len(box) if n_snapshot is None else n_snapshot
-    samples = [{**laminas.theta, **sample} for sample in _samples(box, count)]
-    outer = samples[: 2 * len(box)]
-    over_z = z_basis(
-        stack, laminas, outer + effect_samples(stack, samples[-1]), n_mode, z_tolerance, len(outer)
-    )
+    samples = [{**laminas.theta, **sample} for sample in _samples(box, laminas.theta, count)]
+    middle = {**laminas.theta, "G_f": float(np.sqrt(np.prod(box["G_f"])))}
+    sampled = [effect for effect in stack.effects if any(p.name in box for p in effect.parameters)]
+    if sampled and count > 1:  # their typical strength is worth a sample of its own
+        samples[-1] = {**middle, **{p.name: p.nominal for effect in sampled for p in effect.parameters}}
+    outer = samples[: len(box) + 1]
+    with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
+    over_z = z_basis(stack, laminas, outer + with_effects, n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     solver = solver_over_plan(acting(assembly, samples))
     mass = assembly.krons("M", assembly.theta)
@@ -223,15 +228,21 @@ def reduce(
         )
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-    answers = effect_answers(assembly, solver, samples[-1], basis, n_mode)
-    if answers.shape[1]:
-        basis = np.hstack([basis, orthonormalize(answers, product, [(basis, mass_basis)])[0]])
+    for effects, at in (
+        (stack.effects, middle),
+        (sampled, samples[-1]),
+    ):  # these have modes of their own there
+        answers = effect_answers(assembly, effects, solver, at, basis, n_mode)
+        if answers.shape[1]:
+            block, mass_block = orthonormalize(answers, product, [(basis, mass_basis)])
+            basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+    projection = Projection(assembly, basis, basis)
     projected: dict[
         int, NDArray[np.float64]
     ] = {}  # terms that differ by their factor only are projected once
     for term in assembly.terms:
         if id(term.krons) not in projected:
-            projected[id(term.krons)] = _symmetric(basis.T @ assembly.apply(term.krons, basis))
+            projected[id(term.krons)] = _without_rounding(_symmetric(projection(term.krons)))
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
@@ -270,28 +281,53 @@ def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str,
             raise SolveError(message)
 
 
-def _samples(ranges: Mapping[str, tuple[float, float]], n: int) -> list[dict[str, float]]:
-    """Return n points of a box of parameters; positive ones are spaced by their logarithm."""
-    if len(ranges) == 1:
-        nodes = (1.0 + np.cos((np.arange(n) + 0.5) * np.pi / n)) / 2.0  # Chebyshev's
-        order = [*range(n)[:: max(n - 1, 1)], *range(n)[1:-1]]  # the outer two first: they tell most
-        unit = nodes[order, None]
-    else:
-        with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
-            warnings.simplefilter("ignore", UserWarning)
-            unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n)
+def _samples(
+    ranges: Mapping[str, tuple[float, float]], nominal: Mapping[str, float], n: int
+) -> list[dict[str, float]]:
+    """Return n points of a box of parameters, some of them along its first parameter, and then all over it.
+
+    Along the first parameter they stand at Chebyshev's nodes, the outer two first because they tell most, with the
+    others at their nominal values. Positive parameters are spaced by their logarithm, those from 0 more closely near
+    it.
+    """
+    n_first = n if len(ranges) == 1 else max(n // (len(ranges) + 1), 1)
+    nodes = (1.0 + np.cos((np.arange(n_first) + 0.5) * np.pi / n_first)) / 2.0
+    order = [*range(n_first)[:: max(n_first - 1, 1)], *range(n_first)[1:-1]]
+    with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
+        warnings.simplefilter("ignore", UserWarning)
+        unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n - n_first)
+
+    def place(low: float, high: float, part: float) -> float:
+        return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**1.5)
+
+    (first, range_), *others = ranges.items()
+    middle = {name: float(np.clip(nominal[name], low, high)) for name, (low, high) in others}
     return [
-        {
-            name: float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part)
-            for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
-        }
-        for point in unit
+        *({first: place(*range_, part), **middle} for part in nodes[order]),
+        *(
+            {
+                name: place(low, high, part)
+                for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
+            }
+            for point in unit
+        ),
     ]
 
 
 def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> Factor:
     """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
-    return solver_over_plan(system.assembly).factor(theta, shear_shift(system.stack, theta))
+    solver = solver_over_plan(acting(system.assembly, [theta]))
+    return solver.factor(theta, shear_shift(system.stack, theta))
+
+
+def _without_rounding(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a projected term with exact zeros for the rigid-body motion that it does not feel.
+
+    What rounding leaves there would, times a large stiffness, pass for a negative one.
+    """
+    if np.abs(matrix[:N_RIGID]).max() < _ROUNDING * np.abs(matrix).max():
+        matrix[:N_RIGID] = matrix[:, :N_RIGID] = 0.0
+    return matrix
 
 
 def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

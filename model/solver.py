@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.chain import factorize, levels
 from model.eigen import Block, lowest_modes, orthonormalize
-from model.low_rank import Factor, LowRank, low_rank, with_change
+from model.low_rank import Factor, FarProduct, low_rank, with_change
 from model.mesh import FIELDS, Field
 from model.system import Assembly, Kron, ParameterFactor, Target, Term
 
@@ -163,12 +164,14 @@ class Chain:
     ----------
     groups : tuple of Group
         The blocks.
-    change : LowRank
-        The space in which the products act that couple blocks that are not neighbours.
     """
 
     groups: tuple[Group, ...]
-    change: LowRank
+
+    @property
+    def members(self) -> dict[Field, Index]:
+        """The indices over z of each field."""
+        return {f: np.unique(np.concatenate([group.z[f] for group in self.groups])) for f in FIELDS}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -183,14 +186,14 @@ class Solver:
         Independent parts of the equations.
     couplings : tuple of Coupling
         The matrices, without what couples blocks that are not neighbours.
-    far : tuple of (Term, Kron)
+    far : tuple of FarProduct
         The products that do so.
     """
 
     assembly: Assembly
     chains: tuple[Chain, ...]
     couplings: tuple[Coupling, ...]
-    far: tuple[tuple[Term, Kron], ...]
+    far: tuple[FarProduct, ...]
 
     def _columns(self, groups: tuple[Group, ...], weighted: list[Vector]) -> Iterator[tuple[Vector, Vector]]:
         """Yield each diagonal block and its coupling to the next block as `factorize` wants them."""
@@ -226,16 +229,15 @@ class Solver:
             The matrix is not positive definite.
         """
         weighted = [c.weighted_z(theta, shift) for c in self.couplings]
-        shares = [term.factor(theta) * (shift if term.target == "M" else 1.0) for term, _ in self.far]
-        far = tuple(
-            Kron(row=kron.row, column=kron.column, z=share * kron.z, planar=kron.planar)
-            for share, (_, kron) in zip(shares, self.far, strict=True)
-        )
+        shares = [p.term.factor(theta) * (shift if p.term.target == "M" else 1.0) for p in self.far]
+        acting = [(share, p) for share, p in zip(shares, self.far, strict=True) if share != 0.0]
+        far = tuple(dataclasses.replace(p.kron, z=share * p.kron.z) for share, p in acting)
         parts = []
         for chain in self.chains:
             rows = np.concatenate([group.unknowns(self.assembly) for group in chain.groups])
             factor = factorize(self._columns(chain.groups, weighted))
-            parts.append(with_change(factor, rows, chain.change, chain.change.core(far)))
+            change = low_rank(self.assembly, [p for _, p in acting], chain.members)
+            parts.append(with_change(factor, rows, change, change.core(far)))
         return Factor(parts=tuple(parts))
 
     def modes(
@@ -296,18 +298,10 @@ def _solver(
 ) -> Solver:
     products = [(term, kron) for term in assembly.terms if term.target != "C" for kron in term.krons]
     near = [is_near(kron) for _, kron in products]
-    far = tuple(product for product, ok in zip(products, near, strict=True) if not ok)
-    far_krons = tuple(kron for _, kron in far)
-    members = [
-        {field: np.unique(np.concatenate([group.z[field] for group in groups])) for field in FIELDS}
-        for groups in chains
-    ]
+    far = tuple(FarProduct.of(*product) for product, ok in zip(products, near, strict=True) if not ok)
     return Solver(
         assembly=assembly,
-        chains=tuple(
-            Chain(groups=groups, change=low_rank(assembly, far_krons, z))
-            for groups, z in zip(chains, members, strict=True)
-        ),
+        chains=tuple(Chain(groups=groups) for groups in chains),
         couplings=_couplings(
             assembly, [p for p, ok in zip(products, near, strict=True) if ok], planar_groups
         ),

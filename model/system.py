@@ -8,7 +8,7 @@ replaces Z by Phi' Z Phi and leaves everything else as it is.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -28,6 +28,7 @@ Theta = Mapping[str, Any]
 
 OMEGA = "omega"
 """The parameter, rad/s, of factors that depend on frequency: modes are solved at their own, responses line by line."""
+_SAME = 1e-13  # relative difference between matrices over z that count as multiples of each other
 _STEP = 1e-30  # of the complex step, which loses nothing to rounding however small it is
 
 
@@ -161,6 +162,36 @@ class Kron:
     planar: sp.csr_matrix
 
 
+def _collected(krons: Iterable[Kron]) -> tuple[Kron, ...]:
+    """Sum products of which the matrices over z are multiples of each other."""
+    found: list[Kron] = []
+    for kron in krons:
+        for i, other in enumerate(found):
+            share = ratio(kron.z, other.z) if (kron.row, kron.column) == (other.row, other.column) else 0.0
+            if share:
+                found[i] = dataclasses.replace(other, planar=other.planar + share * kron.planar)
+                break
+        else:
+            found.append(kron)
+    return tuple(found)
+
+
+def ratio(a: Matrix, b: Matrix) -> float:
+    """Return the number by which b must be multiplied to give a, 0 if there is none."""
+    if sp.issparse(a) != sp.issparse(b):
+        return 0.0
+    if sp.issparse(a):
+        a, b = sp.csr_array(a), sp.csr_array(b)
+        if not (np.array_equal(a.indptr, b.indptr) and np.array_equal(a.indices, b.indices)):
+            return 0.0
+        a, b = a.data, b.data
+    largest = np.unravel_index(np.argmax(np.abs(b)), b.shape) if b.size else ()
+    if not b.size or b[largest] == 0.0:
+        return 0.0
+    found = float(a[largest] / b[largest])
+    return found if np.abs(a - found * b).max() <= _SAME * np.abs(a).max() else 0.0
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Term:
     """One named part of the mass (M), damping (C) or stiffness (K) matrix."""
@@ -231,9 +262,12 @@ class Assembly:
         return dataclasses.replace(self, terms=self.terms + terms, theta={**self.theta, **theta})
 
     def krons(self, target: Target, theta: Mapping[str, float]) -> tuple[Kron, ...]:
-        """Return the Kronecker products of a matrix, factors multiplied in; those with factor 0 are left out."""
+        """Return the Kronecker products of a matrix, factors multiplied in.
+
+        Those with factor 0 are left out, and those that share their matrix over z are summed over the plan.
+        """
         factors = [(term, term.factor(theta)) for term in self.terms if term.target == target]
-        return tuple(
+        return _collected(
             dataclasses.replace(kron, z=factor * kron.z)
             for term, factor in factors
             if factor != 0.0

@@ -12,12 +12,14 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from ema import Identification
-from updating import effect_jobs, jobs, tables
+from updating import effect_jobs, jobs, tables, update_job
 from updating.errors import LAMELLA_ERRORS
 from updating.modal_table import is_modal_table
 from updating.published import CALIBRATIONS
-from updating.published_tables import summary_table
+from updating.published_tables import screening_table, summary_table
 from updating.quality import quality
+from updating.report.pdf import print_pdf
+from updating.view import view as view_results
 
 app = typer.Typer(
     name="lamella",
@@ -47,6 +49,9 @@ SharedEffects = Annotated[
         help="Physical effect to fit; may be given several times.",
         show_default=False,
     ),
+]
+ResultsFolder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)
 ]
 CampaignFile = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False)
@@ -197,8 +202,9 @@ def fit(
     G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC. A campaign whose modes are
     given as a table is fitted row by row, with modes paired by shape class.
 
-    With --effect, effects whose parameters all configurations share are added, each alone and all together, and the
-    ledger says what each does to the error on data fitted and on data held out.
+    With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
+    contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
+    held out.
     """
     if is_modal_table(campaign):
         rows = jobs.fit_modal_table(campaign, output, _OUT)
@@ -216,6 +222,24 @@ def fit(
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
 
 
+@app.command(epilog="Example: lamella update data/demo_stack/update.toml -o out/update")
+def update(
+    specification: Annotated[
+        Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False)
+    ],
+    output: Folder,
+) -> None:
+    """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
+
+    data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
+    with the error without effects, with each and with all, and both as tables and pictures.
+    """
+    updated = update_job.update(specification, output, _OUT)
+    _OUT.print(update_job.parameter_table(updated.fit))
+    _OUT.print(effect_jobs.ledger_table(updated.ledger))
+    _OUT.print(f"Results in [bold]{output}[/bold]")
+
+
 @app.command(epilog="Example: lamella published --calibration C1 -o out/published")
 def published(
     output: Folder,
@@ -224,6 +248,15 @@ def published(
         typer.Option(help="C0, C1, C2 or C3; may be given several times. All four by default."),
     ] = None,
     effect: SharedEffects = None,
+    screen: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MINUTES",
+            min=0.0,
+            help="Try all effects and the best pairs too, under each calibration until so much processor time is used.",
+            show_default=False,
+        ),
+    ] = None,
     data: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the published tables.")] = Path(
         "data/pirnat2013"
     ),
@@ -232,12 +265,14 @@ def published(
 
     Writes for each calibration of planform and clamps what is fitted, with Tables 6 and 7 and figures 12 to 16 beside
     ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, and how contact
-    stiffness grows with pressure. A calibration takes some minutes.
+    stiffness grows with pressure. A calibration takes some minutes; trying all effects takes half an hour.
     """
-    found = effect_jobs.published(
-        data, calibration or list(CALIBRATIONS), effect or ["clamp_inertia"], output, _OUT
+    calibrations = calibration or list(CALIBRATIONS)
+    _OUT.print(
+        summary_table(effect_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT))
     )
-    _OUT.print(summary_table(found))
+    if screen is not None:
+        _OUT.print(screening_table(effect_jobs.screen_published(data, calibrations, screen, output, _OUT)))
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 
@@ -260,7 +295,7 @@ def diagnose(
     for sentence in found.sentences:
         _OUT.print(sentence, highlight=False)
     _OUT.print(tables.diagnosis_table(found))
-    _OUT.print(f"Results in [bold]{output}[/bold]")
+    _OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
 
 
 @app.command(
@@ -275,12 +310,40 @@ def next_test(campaign: CampaignFile, output: Folder) -> None:
     _OUT.print(tables.next_test_table(found))
 
 
-@app.command(epilog="Example: lamella report out/demo")
+@app.command(epilog="Example: lamella report out/demo --pdf")
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)],
+    folder: ResultsFolder,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
+    ] = False,
 ) -> None:
-    """Make one self-contained HTML page from the results in a folder."""
-    _OUT.print(f"Report: [bold]{jobs.report(folder)}[/bold]")
+    """Make one self-contained HTML page from the results in a folder.
+
+    Every figure is also written to the folder figures there, with its numbers as CSV.
+    """
+    with _OUT.status("drawing"):
+        page = jobs.report(folder)
+    _OUT.print(f"Report: [bold]{page}[/bold]")
+    if pdf:
+        _OUT.print(f"PDF: [bold]{print_pdf(page)}[/bold]")
+
+
+@app.command(epilog="Example: lamella view out/demo")
+def view(
+    folder: ResultsFolder,
+    configuration: Annotated[
+        str | None,
+        typer.Argument(metavar="CONFIGURATION", help="Its name; the first by default.", show_default=False),
+    ] = None,
+) -> None:
+    """Show mode shapes and stabilisation chart of one configuration.
+
+    In a window where there is a display: drag to turn, choose the mode with the slider. Otherwise a page, view.html,
+    is written and opened in the browser.
+    """
+    page = view_results(folder, configuration)
+    if page is not None:
+        _OUT.print(f"No display for a window; page: [bold]{page}[/bold]")
 
 
 @app.command(epilog="Example: lamella simulate data/demo_stack/virtual_test.toml -o data/demo_stack")

@@ -11,8 +11,10 @@ from model import Stack
 from updating.energy import Regions
 from updating.frf_correlation import FrfCorrelation
 from updating.localization import ErrorMap, stiffness_index
+from updating.point_correlation import PointCorrelation
 
 if TYPE_CHECKING:
+    import pyvista
     from matplotlib.figure import Figure
 
 _VIEWS = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
@@ -55,7 +57,31 @@ def region_picture(
     label: str,
     size: tuple[int, int] = (1200, 460),
 ) -> bytes:
-    """Draw a quantity of every region on the stack, seen from two opposite corners, clamps as rods, as a PNG.
+    """Return the picture of `region_plotter` as a PNG file's bytes."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    plotter: Any = region_plotter(value, where, stack, title=title, label=label, size=size)
+    try:
+        image = plotter.screenshot(return_img=True)
+    finally:
+        plotter.close()
+    buffer = BytesIO()
+    Image.fromarray(image).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()
+
+
+def region_plotter(
+    value: NDArray[np.float64],
+    where: Regions,
+    stack: Stack,
+    *,
+    title: str,
+    label: str,
+    size: tuple[int, int] = (1200, 460),
+) -> pyvista.Plotter:
+    """Draw a quantity of every region on the stack, seen from two opposite corners, clamps as rods.
 
     Parameters
     ----------
@@ -69,11 +95,13 @@ def region_picture(
         Heading, and name of the quantity.
     size : (int, int)
         Width and height in pixels.
-    """
-    from io import BytesIO
 
+    Returns
+    -------
+    pyvista.Plotter
+        Off-screen and not yet rendered; the caller closes it.
+    """
     import pyvista as pv
-    from PIL import Image
 
     grid: Any = pv.RectilinearGrid(where.x, where.y, where.z)
     grid.cell_data[label] = value.ravel(order="F")
@@ -91,7 +119,18 @@ def region_picture(
             show_edges=True,
             edge_color="#8a8f98",
             show_scalar_bar=column == 0,
-            scalar_bar_args={"color": "black", "n_labels": 3, "fmt": "%.3g"},
+            scalar_bar_args={
+                "title": f"{label}\n",  # the empty line keeps it off the numbers
+                "color": "black",
+                "n_labels": 3,
+                "fmt": "%.2g",
+                "height": 0.13,
+                "width": 0.5,
+                "position_x": 0.25,
+                "position_y": 0.03,
+                "title_font_size": 15,
+                "label_font_size": 13,
+            },
         )
         for clamp in stack.clamps:
             ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
@@ -100,13 +139,7 @@ def region_picture(
         plotter.add_axes(color="black", viewport=(0.8, 0.0, 1.0, 0.3))
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
-    try:
-        image = plotter.screenshot(return_img=True)
-    finally:
-        plotter.close()
-    buffer = BytesIO()
-    Image.fromarray(image).save(buffer, format="png", optimize=True)
-    return buffer.getvalue()
+    return plotter
 
 
 def frf_correlation_figure(correlation: FrfCorrelation) -> Figure:
@@ -122,4 +155,25 @@ def frf_correlation_figure(correlation: FrfCorrelation) -> Figure:
     frac = correlation.frac.ravel(order="F")
     by_function.bar(np.arange(1, frac.size + 1), frac, color="#7a8699")
     by_function.set(xlabel="function (outputs of each input in turn)", ylabel="FRAC", ylim=(0.0, 1.05))
+    return figure
+
+
+def comac_figure(points: PointCorrelation) -> Figure:
+    """Draw 1 - CoMAC of every point above the difference of shapes and what noise makes of it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    at = np.arange(points.node.size)
+    above.bar(at, 1.0 - points.comac, color="#1f5f8b")
+    above.set_ylabel("1 - CoMAC [1]")
+    below.bar(at, points.error, color="#1f5f8b", label="measured - model")
+    below.plot(at, points.error_std, ".", color="#b3341f", markersize=4, label="from noise alone")
+    below.set_ylabel("difference / rms [1]")
+    step = max(1, -(-at.size // 12))
+    below.set_xticks(at[::step], [str(n) for n in points.node[::step]])
+    below.set_xlabel("point")
+    below.margins(x=0.01, y=0.35)
+    below.legend(loc="upper right", ncols=2, frameon=False, fontsize="small")
+    figure.align_ylabels()
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,30 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import Identification
+from model import catalogue
 from updating.fit import Fit
+from updating.joint_fit import FittedParameter
 from updating.ledger import Entry, ledger
 from updating.modal_table import TableFit, read_modal_table
 from updating.plot import as_png
 from updating.prepared import prepare
 from updating.published import SCATTER, Calibrated, read_published, reproduce
-from updating.published_plot import contact_figure, error_figure, fall_figure, law_figure, pattern_figure
-from updating.published_tables import parameters_csv, table_6_csv, table_7_csv
+from updating.published_plot import (
+    contact_figure,
+    error_figure,
+    fall_figure,
+    law_figure,
+    pattern_figure,
+    treatment_figure,
+)
+from updating.published_screening import Screening, screen
+from updating.published_tables import parameters_csv, screening_csv, table_6_csv, table_7_csv
+from updating.sensitivity import Scatter
 from updating.store import write_bytes, write_result
-from updating.target import target_of_modes, target_of_table
+from updating.target import specimen_name, target_of_modes, target_of_table
+
+TORQUE_SCATTER = Scatter(pressure=0.03)
+"""Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,12 +49,21 @@ class Ledger:
 def campaign_ledger(
     fits: Sequence[tuple[Identification, Fit]], effects: Sequence[str], campaign: Path, output: Path
 ) -> tuple[Entry, ...]:
-    """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv."""
+    """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv.
+
+    Configurations of one height are one stack, with one G_f and one d_f for all its torques.
+    """
+    heights = {fitted.stack.height for _, fitted in fits}
     targets = [
-        target_of_modes(fitted.stack.with_effects(*effects), found.modal_model) for found, fitted in fits
+        target_of_modes(
+            fitted.stack.with_effects(*effects),
+            found.modal_model,
+            specimen=specimen_name(fitted.stack.name, fitted.stack.height, heights),
+        )
+        for found, fitted in fits
     ]
-    entries = ledger(prepare(targets), effects)
-    _write_ledger(entries, effects, (campaign,), output)
+    entries = ledger(prepare(targets), effects, scatter=TORQUE_SCATTER)
+    write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
     return entries
 
 
@@ -56,36 +79,52 @@ def table_ledger(
         for fit in fits
     ]
     entries = ledger(prepare(targets), effects, damping=False, scatter=SCATTER)
-    _write_ledger(entries, effects, table.inputs, output)
+    write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
     return entries
 
 
 def ledger_table(entries: Sequence[Entry]) -> Table:
     """Print what each effect does to the error, on data used and held out."""
+    damping = any(np.isfinite(e.damping_error) for e in entries)
+    unknown = any(np.isnan(e.configuration_error) and np.isfinite(e.error) for e in entries)
     table = Table(
-        title="Mean frequency error [%], eq. (2)",
+        title="Mean error [%], eq. (2), of frequencies" + (" | of damping ratios" if damping else ""),
         title_justify="left",
-        caption="Held out: each mode predicted by a fit without it; each configuration with the effects' parameters of "
-        "the others.",
+        caption="Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
+        + (" -: those do not determine it." if unknown else ""),
         caption_justify="left",
     )
-    table.add_column("model")
-    for name in ("fitted", "mode\nheld out", "configuration\nheld out", "chi-square"):
-        table.add_column(name, justify="right")
-    table.add_column("parameters")
-    for entry in entries:
-        errors = (entry.error, entry.mode_error, entry.configuration_error)
+    table.add_column("model", overflow="fold")
+    for name in ("fitted", "mode\nheld out", "config.\nheld out"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("parameters", overflow="fold")
+    for e in entries:
+        pairs = (
+            (e.error, e.damping_error),
+            (e.mode_error, e.mode_damping_error),
+            (e.configuration_error, e.configuration_damping_error),
+        )
         table.add_row(
-            " + ".join(("base", *entry.effects)),
-            *("-" if np.isnan(e) else f"{100 * e:.2f}" for e in errors),
-            f"{entry.chi_square:.4g} of {entry.n_residual}",
-            "\n".join(
-                f"{p.name} = {p.value:.4g} ± {p.std:.2g} {p.unit}"
-                + (" (at its bound)" if p.at_bound else "" if p.determined else " (not determined)")
-                for p in entry.shared
-            ),
+            "\n+ ".join(("base", *e.effects)),
+            *(" | ".join(_percent(v) for v in pair[: 1 + damping]) for pair in pairs),
+            "\n".join([*(_estimate(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
         )
     return table
+
+
+def _estimate(p: FittedParameter) -> str:
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    doubt = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
+    return f"{p.name} = {p.value:.4g} ± {p.std:.2g}{unit}{doubt}"
+
+
+def _pressure(p: FittedParameter) -> str:
+    nominal = np.sqrt(p.lower * p.upper)
+    return f"{p.group}: {p.value / 1e3:.0f} kPa for {nominal / 1e3:.0f}"
+
+
+def _percent(value: float) -> str:
+    return "-" if np.isnan(value) else f"{100 * value:.2f}"
 
 
 def published(
@@ -104,7 +143,8 @@ def published(
         ("table_6.csv", table_6_csv(found)),
         ("table_7.csv", table_7_csv(found)),
         ("parameters.csv", parameters_csv(found)),
-        ("figures_12_to_15.png", as_png(contact_figure(found))),
+        ("figure_12.png", as_png(contact_figure(found, data))),
+        ("figures_13_to_15.png", as_png(treatment_figure(found, data))),
         ("figure_16.png", as_png(error_figure(found))),
         ("error_fall.png", as_png(fall_figure(found))),
         ("error_pattern.png", as_png(pattern_figure(found))),
@@ -114,26 +154,36 @@ def published(
     return tuple(found)
 
 
-def _write_ledger(
-    entries: tuple[Entry, ...], effects: Sequence[str], inputs: tuple[Path, ...], output: Path
+def screen_published(
+    folder: Path, calibrations: Sequence[str], minutes: float, output: Path, console: Console
+) -> tuple[Screening, ...]:
+    """Try all effects of the catalogue, and the most promising pairs, on the published campaign.
+
+    What was found under one calibration is written before the next begins.
+    """
+    data = read_published(folder)
+    found: list[Screening] = []
+    for calibration in calibrations:
+        with console.status(f"calibration {calibration}: effects one by one, then pairs"):
+            found.append(screen(data, calibration, list(catalogue()), seconds=60.0 * minutes))
+        inputs = (*data.table.inputs, folder / f"stack_{calibration}.toml")
+        options = {"minutes": minutes}
+        write_result(output / f"screening_{calibration}.json", found[-1], inputs=inputs, options=options)
+        write_bytes(output / "screening.csv", screening_csv(found))
+    return tuple(found)
+
+
+def write_ledger(
+    entries: tuple[Entry, ...], options: Mapping[str, object], inputs: tuple[Path, ...], output: Path
 ) -> None:
-    write_result(
-        output / "ledger.json", Ledger(entry=entries), inputs=inputs, options={"effects": list(effects)}
-    )
+    """Write ledger.json and ledger.csv."""
+    write_result(output / "ledger.json", Ledger(entry=entries), inputs=inputs, options=options)
+    columns = [
+        "error", "mode_error", "configuration_error", "damping_error", "mode_damping_error",
+        "configuration_damping_error", "chi_square", "n_residual",
+    ]  # fmt: skip
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        ["model", "error", "mode_held_out_error", "configuration_held_out_error", "chi_square", "n_residual"]
-    )
-    for e in entries:
-        writer.writerow(
-            [
-                " + ".join(("base", *e.effects)),
-                e.error,
-                e.mode_error,
-                e.configuration_error,
-                e.chi_square,
-                e.n_residual,
-            ]
-        )
+    writer.writerow(["model", *columns])
+    writer.writerows([" + ".join(("base", *e.effects)), *(getattr(e, c) for c in columns)] for e in entries)
     write_bytes(output / "ledger.csv", text.getvalue().encode())

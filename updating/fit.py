@@ -14,6 +14,7 @@ from ema.mac import mac
 from ema.modes import ModalModel
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from updating.errors import FitError
+from updating.expansion import visible
 from updating.objective import frequency_error, opt_d, opt_G
 from updating.pairing import Pairing, pair
 from updating.registration import Registration, register
@@ -289,12 +290,12 @@ def _modes_that_pair(
     threshold: float,
     bounds: tuple[float, float],
 ) -> NDArray[np.int64]:
-    """Return the measured modes of the scan point at which the paired MAC values add up to most."""
+    """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most."""
     trials = [
         pair(measured, _elastic(system, registration, g, 0.0), threshold=threshold)
         for g in np.geomspace(*bounds, 13)
     ]
-    best = max(trials, key=lambda p: float(np.sum(p.paired_mac)))
+    best = max(trials, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
         largest = max(float(p.mac.max()) for p in trials)
         message = (
@@ -312,4 +313,5 @@ def _elastic(system: ReducedSystem, registration: Registration, G_f: float, d_f:
 
 def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:
     """Return the model mode of each measured shape by the largest sum of MAC values, without a threshold."""
-    return np.asarray(linear_sum_assignment(mac(shape, modes.shape), maximize=True)[1])
+    likeness = np.where(visible(modes.shape), mac(shape, modes.shape), 0.0)
+    return np.asarray(linear_sum_assignment(likeness, maximize=True)[1])

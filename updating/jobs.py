@@ -47,6 +47,7 @@ from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, write_bytes, write_frf, write_result
+from updating.target import stack_in_state
 from updating.virtual_campaign import write_virtual_test
 from updating.virtual_test_file import read_virtual_test
 
@@ -156,7 +157,7 @@ def fit(
         task = progress.add_task("identify and fit", total=len(campaign.configurations))
         for configuration, found in _identified(campaign, output, {}):
             fitted = fit_configuration(
-                _in_state(stack, configuration), found.modal_model, threshold=threshold
+                stack_in_state(stack, configuration), found.modal_model, threshold=threshold
             )
             folder = output / folder_name(configuration.name)
             inputs = (campaign_file, campaign.stack)
@@ -309,13 +310,6 @@ def _draw_identification(found: Identification, folder: Path) -> None:
     write_poles(folder / "poles.txt", modes.pole)
     for r in range(modes.frequency.size):
         write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
-
-
-def _in_state(stack: Stack, configuration: Configuration) -> Stack:
-    """Put the configuration's pressure and height, where it states them, in place of those of the stack file."""
-    if configuration.pressure is not None:
-        stack = stack.with_contact(pressure=configuration.pressure)
-    return stack if configuration.height is None else replace(stack, height=configuration.height)
 
 
 def _progress(console: Console) -> Progress:

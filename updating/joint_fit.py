@@ -9,20 +9,21 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ema.arrays import readonly
 from ema.mac import mac
+from updating.descent import at_bound, covariance, descend
 from updating.errors import FitError
-from updating.joint_problem import Problem, Scope
+from updating.intervals import Method, bootstrap_intervals, normal_intervals, profile_intervals
+from updating.joint_problem import Problem, Scope, require_known
 from updating.objective import frequency_error
 from updating.prepared import Prepared, solve_target
-from updating.sensitivity import Scatter
-
-_AT_BOUND = 1e-4  # of the range
+from updating.sensitivity import PRIOR, Scatter
+from updating.subset import select
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,11 @@ class FittedParameter:
         The stack or configuration that it belongs to; empty where all share it.
     value, std : float
         Estimate and standard deviation. The latter counts the misfit: where the model is off by more than the stated
-        errors, it grows with the root of chi-square over the degrees of freedom.
+        errors, it grows with it, for frequencies, damping ratios and shapes apart.
+    interval : (float, float)
+        Of 95 %. An end at a bound is open: the data do not exclude what lies beyond.
+    method : "normal", "profile" or "bootstrap"
+        Where the interval comes from: the standard deviation, the profile of chi-square, or fits to simulated data.
     lower, upper : float
         Bounds.
     at_bound : bool
@@ -45,6 +50,12 @@ class FittedParameter:
     determined : bool
         Whether the data, with the priors, say more than the bounds do: the standard deviation is less than that of
         a uniform distribution between them.
+    rank : int
+        Place of the parameter, from 1, when those are chosen one after another that the data alone know best (see
+        `subset.select`).
+    gain : float
+        By how many standard deviations the data change when it moves by the spread of a uniform distribution between
+        its bounds, without what the parameters of lower rank can do. Below 1 it could as well be fixed.
     """
 
     name: str
@@ -52,10 +63,14 @@ class FittedParameter:
     group: str
     value: float
     std: float
+    interval: tuple[float, float]
+    method: Method
     lower: float
     upper: float
     at_bound: bool
     determined: bool
+    rank: int
+    gain: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -124,6 +139,12 @@ class ConfigurationFit:
         """Error of each frequency, model less measured over measured (n_mode,)."""
         return np.asarray(self.frequency / self.measured_frequency - 1.0)
 
+    @property
+    def relative_damping_error(self) -> NDArray[np.float64]:
+        """Error of each damping ratio, model less measured over measured (n_mode,); NaN where none was measured."""
+        known = np.where(self.measured_damping > 0.0, self.measured_damping, np.nan)
+        return np.asarray(self.damping / known - 1.0)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointFit:
@@ -166,6 +187,11 @@ class JointFit:
         safe = np.where(std > 0.0, std, np.inf)
         return np.asarray(self.covariance / np.outer(safe, safe))
 
+    @property
+    def subset(self) -> tuple[FittedParameter, ...]:
+        """The parameters that the data alone determine together, the best known first; the others may be fixed."""
+        return tuple(sorted((p for p in self.parameter if p.gain > 1.0), key=lambda p: p.rank))
+
     def value(self, name: str, group: str = "") -> float:
         """Return an estimate.
 
@@ -182,17 +208,19 @@ class JointFit:
         )
         raise FitError(message)
 
-    def error(self, *, held_out: bool = False, before: bool = False) -> float:
-        """Return the mean relative frequency error, eq. (2), over the modes used, or over those held out.
+    def error(self, *, held_out: bool = False, before: bool = False, damping: bool = False) -> float:
+        """Return the mean relative error of frequencies, eq. (2), or of damping ratios.
 
-        NaN where there are none.
+        Over the modes used, or over those held out; NaN where there are none.
         """
         measured, model = [], []
         for c in self.configuration:
-            f = c.frequency_before if before else c.frequency
-            chosen = (c.used != held_out) & np.isfinite(c.measured_frequency) & np.isfinite(f)
-            measured.append(c.measured_frequency[chosen])
-            model.append(f[chosen])
+            known = c.measured_damping if damping else c.measured_frequency
+            name = ("damping" if damping else "frequency") + ("_before" if before else "")
+            found = getattr(c, name)
+            chosen = (c.used != held_out) & np.isfinite(known) & np.isfinite(found)
+            measured.append(known[chosen])
+            model.append(found[chosen])
         together = np.concatenate(measured)
         return frequency_error(together, np.concatenate(model)) if together.size else float("nan")
 
@@ -201,6 +229,7 @@ def joint_fit(
     prepared: Sequence[Prepared],
     *,
     effects: Collection[str] | None = None,
+    free: Collection[str] = (),
     scope: Mapping[str, Scope] | None = None,
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -209,7 +238,9 @@ def joint_fit(
     damping: bool = True,
     scatter: Scatter | None = None,
     n_start: int = 4,
-    first: Mapping[str, float] | None = None,
+    first: Mapping[str, float] | JointFit | None = None,
+    intervals: Method = "normal",
+    seed: int = 0,
 ) -> JointFit:
     """Fit contact parameters and effects to several configurations at once.
 
@@ -219,8 +250,11 @@ def joint_fit(
         The configurations, from `prepare`.
     effects : collection of str, optional
         Effects of the stacks whose parameters are free; by default all. The others keep the stacks' values.
+    free : collection of str, optional
+        Further parameters of the stacks that are free, as ratios to what their files say: "young", "density",
+        "normal_modulus". They are hardly ever known without a prior.
     scope : mapping of parameter name to "all", "specimen" or "configuration", optional
-        Who shares a parameter; by default each configuration has its own G_f and d_f, and all share the effects'.
+        Who shares a parameter; by default the configurations of one stack share G_f and d_f, and all share the others.
     fixed : mapping of str to float, optional
         Values of parameters that are not fitted.
     bounds : mapping of str to (float, float), optional
@@ -236,17 +270,26 @@ def joint_fit(
     n_start : int
         Descents: from the effects' nominal values, from near their neutral ones, and from points of a Sobol
         sequence. Each begins with the best G_f of a scan. Without effects there is one.
-    first : mapping of str to float, optional
-        Values of effects' parameters from which the first descent begins, in place of the nominal ones.
+    first : mapping of str to float, or JointFit, optional
+        Where the first descent begins: values of effects' parameters in place of the nominal ones, or what another
+        fit has found, G_f included.
+    intervals : "normal", "profile" or "bootstrap"
+        Where intervals come from. With "profile", the normal interval of a parameter that configurations share is kept
+        where the profile of chi-square confirms it; the others are normal. With "bootstrap", all come from fits
+        to simulated data.
+    seed : int
+        Of the simulated data.
 
     Raises
     ------
     FitError
         A name is unknown, nothing is left to fit, or no descent converges.
     """
+    require_known("intervals", [intervals], get_args(Method))
     problem = Problem(
         prepared,
         effects=effects,
+        free=free,
         scope=scope or {},
         fixed=fixed or {},
         bounds=bounds or {},
@@ -255,71 +298,56 @@ def joint_fit(
         damping=damping and any(np.any(np.isfinite(p.target.damping)) for p in prepared),
         scatter=scatter or Scatter(),
     )
-    starts = []
-    for begin in problem.starts(n_start if problem.has_effects else 1, first or {}):
-        history: list[float] = []
-
-        def residual(x: NDArray[np.float64], record: list[float] = history) -> NDArray[np.float64]:
-            value = problem.evaluate(x)[0]
-            record.append(0.5 * float(value @ value))
-            return value
-
-        found = least_squares(
-            residual,
-            begin,
-            jac=lambda x: problem.evaluate(x)[1],
-            bounds=(problem.low, problem.high),
-            x_scale="jac",
-            xtol=1e-8,
-            ftol=1e-10,
-            max_nfev=100,
+    n = n_start if problem.of_effects else 1
+    near = {(p.name, p.group): p.value for p in first.parameter} if isinstance(first, JointFit) else {}
+    given = {} if first is None or isinstance(first, JointFit) else first
+    found = [descend(problem, begin) for begin in problem.starts(n, given, near)]
+    found.sort(key=lambda descent: descent.cost)
+    if not found[0].converged:
+        message = (
+            f"the fit did not converge in {found[0].objective.size} evaluations; fix or bound a parameter"
         )
-        starts.append((found.cost, found.x, begin, history, found.status > 0))
-    starts.sort(key=lambda s: s[0])
-    if not starts[0][-1]:
-        message = f"the fit did not converge in {len(starts[0][3])} evaluations; fix or bound a parameter"
         raise FitError(message)
-    return _result(
-        problem,
-        starts[0][1],
-        tuple(
-            Start(
-                first=problem.value(begin),
-                last=problem.value(last),
-                objective=np.array(history),
-                converged=converged,
-            )
-            for _, last, begin, history, converged in starts
-        ),
+    starts = tuple(
+        Start(
+            first=problem.value(descent.first),
+            last=problem.value(descent.last),
+            objective=descent.objective,
+            converged=descent.converged,
+        )
+        for descent in found
     )
-
-
-def _result(problem: Problem, x: NDArray[np.float64], starts: tuple[Start, ...]) -> JointFit:
+    x = found[0].last
     residual, jacobian = problem.evaluate(x)
-    value = problem.value(x)
+    spread, inflation = covariance(problem, x)
+    between = normal_intervals(problem, x, spread)
+    method: Sequence[Method] = ["normal"] * x.size
+    if intervals == "profile":
+        between, method = profile_intervals(problem, x, between, inflation)
+    elif intervals == "bootstrap":
+        between, method = bootstrap_intervals(problem, x, inflation, seed=seed), ["bootstrap"] * x.size
     reach = problem.high - problem.low
-    at_bound = np.minimum(x - problem.low, problem.high - x) < _AT_BOUND * reach
+    uniform = reach / np.sqrt(12.0)
+    data = (problem.block != PRIOR)[:, None] * jacobian / inflation[:, None]
+    order, gain = select(data * uniform)
+    rank = np.argsort(order)
+    value = problem.value(x)
     slope = np.array([f.slope(v) for f, v in zip(problem.free, value, strict=True)])
-    inner = np.flatnonzero(~at_bound)
-    degrees = max(1, residual.size - inner.size)
-    inflation = max(1.0, float(residual @ residual) / degrees)
-    covariance = np.zeros((x.size, x.size))
-    covariance[np.ix_(inner, inner)] = inflation * np.linalg.pinv(
-        jacobian[:, inner].T @ jacobian[:, inner], rcond=1e-12, hermitian=True
-    )
-    std = np.sqrt(np.diag(covariance))
-    seen = np.linalg.norm(jacobian, axis=0) > 0.0
+    std = np.sqrt(np.diag(spread))
+    bounded = at_bound(problem, x)
     return JointFit(
         effect=problem.effects,
         parameter=tuple(
             FittedParameter(
-                name=f.name, unit=f.unit, group=f.group, value=float(value[j]),
-                std=float(std[j] * slope[j]), lower=f.lower, upper=f.upper, at_bound=bool(at_bound[j]),
-                determined=bool(seen[j] and not at_bound[j] and std[j] < reach[j] / np.sqrt(12.0)),
+                name=f.name, unit=f.unit, group=f.group, value=float(value[j]), std=float(std[j] * slope[j]),
+                interval=(f.outward(float(between[j, 0])), f.outward(float(between[j, 1]))), method=method[j],
+                lower=f.lower, upper=f.upper, at_bound=bool(bounded[j]),
+                determined=bool(not bounded[j] and std[j] < uniform[j]), rank=int(rank[j]) + 1,
+                gain=float(gain[j]),
             )
             for j, f in enumerate(problem.free)
         ),
-        covariance=covariance * np.outer(slope, slope),
+        covariance=spread * np.outer(slope, slope),
         chi_square=float(residual @ residual),
         n_residual=residual.size,
         configuration=tuple(_configuration(problem, i, x) for i in range(len(problem.prepared))),

@@ -16,7 +16,7 @@ from model.effect import Parameter, shared_parameters
 from updating.errors import FitError
 from updating.fit import D_F_BOUNDS, G_F_BOUNDS
 from updating.prepared import Prepared, solve_target
-from updating.sensitivity import Scatter, whitened_residual
+from updating.sensitivity import PRIOR, Scatter, whitened_residual
 
 Scope = Literal["all", "specimen", "configuration"]
 """Who shares a parameter: all configurations, those of one stack, or nobody."""
@@ -24,7 +24,11 @@ Scope = Literal["all", "specimen", "configuration"]
 Differences = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Weighted differences (n_residual,) and their derivatives (n_residual, n_variable)."""
 
+RATIOS = ("young", "density", "normal_modulus")
+"""Parameters of every stack, as ratios to the values of its file."""
+_RATIO_BOUNDS = (0.5, 2.0)
 _SCAN = 15  # values of G_f tried before each descent
+_PRESSURE_REACH = 5.0  # bounds of a pressure that has a prior, in standard deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +65,7 @@ class Problem:
         prepared: Sequence[Prepared],
         *,
         effects: Collection[str] | None,
+        free: Collection[str],
         scope: Mapping[str, Scope],
         fixed: Mapping[str, float],
         bounds: Mapping[str, tuple[float, float]],
@@ -75,7 +80,8 @@ class Problem:
         self.effects = tuple(there) if effects is None else tuple(effects)
         require_known("effect", self.effects, there)
         parameters = shared_parameters(there[name] for name in self.effects)
-        every = {"G_f", "d_f", *shared_parameters(there.values())}
+        every = {"G_f", "d_f", *RATIOS, *shared_parameters(there.values())}
+        require_known("free: parameter", free, RATIOS)
         for what, given in (("scope", scope), ("bounds", bounds), ("priors", priors)):
             require_known(f"{what}: parameter", given, every)
         require_known("fixed: parameter", fixed, {*every, *(n for p in prepared for n in p.system.theta)})
@@ -86,34 +92,67 @@ class Problem:
         if not any(np.any(used) for used in self.used):
             message = "no mode is left to fit"
             raise FitError(message)
-        self._latest: tuple[NDArray[np.float64], Differences] | None = (
-            None  # asked for twice: values, derivatives
-        )
+        # asked for twice: values, derivatives
+        self._latest: tuple[NDArray[np.float64], Differences] | None = None
+        self.block = np.empty(0, np.int64)
+        self.priors: dict[int, tuple[float, float]] = {}
         self.free: list[Free] = []
         self.column: list[dict[str, int]] = [{} for _ in self.prepared]
         candidates = [
             _contact("G_f", "Pa/Pa", G_F_BOUNDS, nominal=1000.0),
             *([_contact("d_f", "s/Pa", D_F_BOUNDS, nominal=1e-10)] if damping else []),
+            *(_contact(name, "1", _RATIO_BOUNDS, nominal=1.0) for name in free),
             *parameters.values(),
         ]
         for parameter in candidates:
             if parameter.name in fixed:
                 continue
             own = parameter.name in ("G_f", "d_f")
-            self._add(parameter, scope.get(parameter.name, "configuration" if own else "all"), bounds)
+            given_scope = scope.get(parameter.name, "specimen" if own else "all")
+            self._add(parameter, given_scope, bounds, priors.get(parameter.name))
+        if scatter.pressure > 0.0 and "pressure" not in fixed:
+            self._add_pressures(scatter.pressure)
+        if not self.free:
+            message = "no parameter is left to fit"
+            raise FitError(message)
         self.low = np.array([f.inward(f.lower) for f in self.free])
         self.high = np.array([f.inward(f.upper) for f in self.free])
-        self.priors = {i: priors[f.name] for i, f in enumerate(self.free) if f.name in priors}
-        self.has_effects = any(f.name not in ("G_f", "d_f") for f in self.free)
+        self.of_effects = [j for j, f in enumerate(self.free) if f.name in parameters]
 
-    def _add(self, parameter: Parameter, scope: Scope, bounds: Mapping[str, tuple[float, float]]) -> None:
+    def _add_pressures(self, std: float) -> None:
+        """Free the pressure of each configuration, with its nominal value as the mean of a prior."""
+        for p, column in zip(self.prepared, self.column, strict=True):
+            nominal = p.target.stack.contact.pressure
+            reach = np.exp(_PRESSURE_REACH * std)
+            column["pressure"] = len(self.free)
+            self.priors[len(self.free)] = (nominal, std * nominal)
+            self.free.append(
+                Free(
+                    name="pressure", unit="Pa", group=p.target.name, lower=nominal / reach,
+                    upper=nominal * reach, logarithmic=True, nominal=nominal, neutral=nominal,
+                )
+            )  # fmt: skip
+
+    def _add(
+        self,
+        parameter: Parameter,
+        scope: Scope,
+        bounds: Mapping[str, tuple[float, float]],
+        prior: tuple[float, float] | None,
+    ) -> None:
         lower, upper = bounds.get(parameter.name, (parameter.lower, parameter.upper))
+        if not lower < upper:
+            message = f"bounds of {parameter.name}: {lower:g} is not below {upper:g}"
+            raise FitError(message)
         groups: dict[str, int] = {}
+        known: set[str] = set()
         for p, used, column in zip(self.prepared, self.used, self.column, strict=True):
             kind = {"all": "", "specimen": p.target.specimen, "configuration": p.target.name}
             group = kind[scope]
             if group not in groups:
                 groups[group] = len(self.free)
+                if prior is not None:
+                    self.priors[len(self.free)] = prior
                 self.free.append(
                     Free(
                         name=parameter.name, unit=parameter.unit, group=group, lower=lower, upper=upper,
@@ -123,8 +162,11 @@ class Problem:
                     )
                 )  # fmt: skip
             column[parameter.name] = groups[group]
-            if scope == "configuration" and not np.any(used):
-                message = f"{p.target.name}: all its modes are held out, so its own {parameter.name} cannot be fitted"
+            if prior is not None or np.any(used):
+                known.add(group)
+        for group in groups:
+            if group not in known:
+                message = f"{group}: all its modes are held out, so its own {parameter.name} cannot be fitted"
                 raise FitError(message)
 
     def value(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -145,14 +187,15 @@ class Problem:
             return self._latest[1]
         value = self.value(x)
         slope = np.array([f.slope(v) for f, v in zip(self.free, value, strict=True)])
-        residuals, jacobians = [], []
+        residuals, jacobians, blocks = [], [], []
         for i, (p, used) in enumerate(zip(self.prepared, self.used, strict=True)):
             if not np.any(used):
                 continue
             modes, column = self.modes(i, x, self.column[i])
-            residual, by_parameter = whitened_residual(
+            residual, by_parameter, block = whitened_residual(
                 p.target, used, modes, column, self.scatter, with_damping=self.damping
             )
+            blocks.append(block)
             jacobian = np.zeros((residual.size, x.size))
             for k, name in enumerate(modes.parameter):
                 j = self.column[i][name]
@@ -164,13 +207,18 @@ class Problem:
             row[0, j] = slope[j] / std
             residuals.append(np.array([(value[j] - mean) / std]))
             jacobians.append(row)
+            blocks.append(np.array([PRIOR]))
+        self.block = np.concatenate(blocks)
         found = np.concatenate(residuals), np.vstack(jacobians)
         self._latest = (x.copy(), found)
         return found
 
-    def starts(self, n: int, first: Mapping[str, float]) -> list[NDArray[np.float64]]:
-        """Return n points to descend from; see `joint_fit`."""
-        shared = [j for j, f in enumerate(self.free) if f.name not in ("G_f", "d_f")]
+    def starts(
+        self, n: int, first: Mapping[str, float], near: Mapping[tuple[str, str], float] | None = None
+    ) -> list[NDArray[np.float64]]:
+        """Return n points to descend from; see `joint_fit`. The first is `near`, estimates by name and group."""
+        near = near or {}
+        shared = self.of_effects
         stiffness = [j for j, f in enumerate(self.free) if f.name == "G_f"]
         inside = 1e-3 * (self.high - self.low)
         sobol = (
@@ -191,14 +239,19 @@ class Problem:
                     x[j] = neutral + 0.05 * (nominal - neutral)
                 elif k > 1:
                     x[j] = self.low[j] + sobol[k - 2, m] * (self.high[j] - self.low[j])
+            at = {j: near[f.name, f.group] for j, f in enumerate(self.free) if (f.name, f.group) in near}
+            for j, value in at.items() if k == 0 else ():
+                x[j] = self.free[j].inward(value)
             x = np.clip(x, self.low + inside, self.high - inside)
-            if stiffness:
+            if k > 0 or any(j not in at for j in stiffness):
                 x = self._scan(x, stiffness)
             found.append(x)
         return found
 
     def _scan(self, x: NDArray[np.float64], stiffness: list[int]) -> NDArray[np.float64]:
         """Give each G_f the best value of a grid, the other parameters kept."""
+        if not stiffness:
+            return x
         grid = [np.linspace(self.low[j], self.high[j], _SCAN + 2)[1:-1] for j in stiffness]
         cost = np.zeros((len(stiffness), _SCAN))
         for k in range(_SCAN):
@@ -207,12 +260,14 @@ class Problem:
             for i, (p, used) in enumerate(zip(self.prepared, self.used, strict=True)):
                 if np.any(used):
                     modes, column = self.modes(i, trial)
-                    residual, _ = whitened_residual(
+                    residual = whitened_residual(
                         p.target, used, modes, column, self.scatter, with_damping=False
-                    )
+                    )[0]
                     cost[stiffness.index(self.column[i]["G_f"]), k] += residual @ residual
         x = x.copy()
-        x[stiffness] = [g[int(np.argmin(c))] for g, c in zip(grid, cost, strict=True)]
+        for j, g, c in zip(stiffness, grid, cost, strict=True):
+            if np.any(c):  # else no mode of that group counts
+                x[j] = g[int(np.argmin(c))]
         return x
 
 

@@ -15,6 +15,7 @@ from ema.mac import mac
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from model.observation import Observed, observe
 from updating.errors import FitError
+from updating.expansion import visible
 from updating.fit import G_F_BOUNDS, N_SNAPSHOT
 from updating.pairing import pair
 from updating.shape_class import shape_classes
@@ -119,18 +120,17 @@ def solve_target(
     if target.shape_class:
         names = shape_classes(modes)
         return modes, np.array([names.index(n) if n in names else -1 for n in target.shape_class], np.int64)
-    return modes, np.asarray(
-        linear_sum_assignment(mac(target.shape, modes.shape), maximize=True)[1], np.int64
-    )
+    likeness = np.where(visible(modes.shape), mac(target.shape, modes.shape), 0.0)
+    return modes, np.asarray(linear_sum_assignment(likeness, maximize=True)[1], np.int64)
 
 
 def _pairs(prepared: Prepared, bounds: tuple[float, float], threshold: float) -> NDArray[np.bool_]:
-    """Return the measured modes of the value of G_f at which the paired MAC values add up to most."""
+    """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most."""
     trials = [
         pair(prepared.target, solve_target(prepared, {"G_f": float(g)}, ())[0], threshold=threshold)
         for g in np.geomspace(*bounds, 13)
     ]
-    best = max(trials, key=lambda p: float(np.sum(p.paired_mac)))
+    best = max(trials, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
         message = (
             f"{prepared.target.name}: no measured mode reaches a MAC of {threshold:g} with the model for any G_f "

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.stats import t as student_t
 
 from ema.arrays import readonly
+from updating.intervals import Method
 from updating.joint_fit import JointFit, joint_fit
 from updating.prepared import Prepared
 from updating.sensitivity import Scatter
 
 _RANGE = (-1.0, 2.0)  # of the exponent: stiffness that falls with pressure must not be excluded beforehand
-_CHI_SQUARE_95 = 3.841458820694124  # of one degree of freedom
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,7 +27,7 @@ class PressureLaw:
     exponent, std : float
         Estimate and standard deviation from the curvature at the optimum.
     interval : (float, float)
-        Of 95 %, where the profile of chi-square, scaled by its value per degree of freedom, rises by 3.84.
+        Of 95 %, from the profile of chi-square or, where that confirms it, from `std`.
     jackknife : (float, float)
         Of 95 %, from the estimates without each stack in turn: it counts how much stacks differ.
     stack : tuple of str
@@ -87,21 +86,21 @@ def pressure_law(
     """
     low, high = _pairs(prepared)
     stacks = tuple(one.target.specimen for one in low)
-    best = _fit(prepared, effects, scatter, {})
-    n = best.value("exponent")
+    best = _fit(prepared, effects, scatter, {}, intervals="profile")
     estimate = next(p for p in best.parameter if p.name == "exponent")
+    n = estimate.value
     shared = {p.name: p.value for p in best.parameter if not p.group}
     own, without, linear, power, refitted = [], [], [], [], []
     for weak, strong in zip(low, high, strict=True):
         rest = {name: value for name, value in shared.items() if name != "exponent"}
         own.append(_fit([weak, strong], effects, scatter, rest).value("exponent"))
-        others = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, shared)
+        others = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, best)
         known = {p.name: p.value for p in others.parameter if not p.group}
         without.append(known["exponent"])
         # the other parameters are fitted to the same data under each law: only what n does is compared
         held = {weak.target.name: range(weak.target.frequency.size)}
         proportional = _fit(
-            [p for p in prepared if p not in (weak, strong)], effects, scatter, {"exponent": 1.0}, shared
+            [p for p in prepared if p not in (weak, strong)], effects, scatter, {"exponent": 1.0}, best
         )
         fixed = {p.name: p.value for p in proportional.parameter if not p.group} | {"exponent": 1.0}
         linear.append(_fit([weak, strong], effects, scatter, fixed, held=held).configuration[0].frequency)
@@ -111,7 +110,7 @@ def pressure_law(
     return PressureLaw(
         exponent=n,
         std=estimate.std,
-        interval=_profile(prepared, effects, scatter, best, shared),
+        interval=estimate.interval,
         jackknife=(n - spread, n + spread),
         stack=stacks,
         own=np.array(own),
@@ -122,40 +121,18 @@ def pressure_law(
     )
 
 
-def _profile(
-    prepared: Sequence[Prepared],
-    effects: Collection[str],
-    scatter: Scatter,
-    best: JointFit,
-    shared: Mapping[str, float],
-) -> tuple[float, float]:
-    """Return where chi-square, the other parameters refitted, rises by 3.84 times its value per degree of freedom."""
-    scale = max(1.0, best.chi_square / (best.n_residual - len(best.parameter)))
-    n = best.value("exponent")
-
-    def rise(value: float) -> float:
-        fit = _fit(prepared, effects, scatter, {"exponent": value}, shared)
-        return (fit.chi_square - best.chi_square) / scale - _CHI_SQUARE_95
-
-    ends = [
-        brentq(rise, n, end, xtol=0.02) if rise(end) > 0.0 else end  # else open as far as was searched
-        for end in _RANGE
-    ]
-    return float(ends[0]), float(ends[1])
-
-
 def _fit(
     prepared: Sequence[Prepared],
     effects: Collection[str],
     scatter: Scatter,
     fixed: Mapping[str, float],
-    first: Mapping[str, float] | None = None,
+    first: JointFit | None = None,
     held: Mapping[str, Collection[int]] | None = None,
+    intervals: Method = "normal",
 ) -> JointFit:
     return joint_fit(
         prepared,
         effects=(*effects, "pressure_exponent"),
-        scope={"G_f": "specimen"},
         fixed=fixed,
         bounds={"exponent": _RANGE},
         hold_out=held,
@@ -163,6 +140,7 @@ def _fit(
         scatter=scatter,
         n_start=1 if first else 2,
         first=first,
+        intervals=intervals,
     )
 
 

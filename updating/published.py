@@ -214,11 +214,11 @@ def read_published(folder: Path) -> Published:
 
 
 def prepare_published(
-    data: Published, calibration: str, effects: Collection[str] = ()
+    data: Published, calibration: str, effects: Collection[str] = (), *, both: bool = True
 ) -> tuple[tuple[Prepared, ...], tuple[Prepared, ...]]:
     """Reduce the models of the stacks of Table 7 and of Table 4 under a calibration.
 
-    Stacks of the same height share one reduction.
+    Stacks of the same height share one reduction. Without `both`, those of Table 4 are left out.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def prepare_published(
             specimen=row["stack"],
             damping=np.array([_number(row[f"xi{r}_percent"]) / 100.0 for r in range(1, 5)]),
         )
-        for row in data.both
+        for row in (data.both if both else ())
     ]
     every = prepare([*sevens, *fours], n_snapshot=_N_SNAPSHOT)
     return every[: len(sevens)], every[len(sevens) :]
@@ -308,11 +308,10 @@ def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
 def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_validate: bool = True) -> Shared:
     """Fit shared effects to all stacks, and to all but one to predict that one with its own G_f alone."""
     fit = joint_fit(sevens, effects=effects, damping=False, scatter=SCATTER)
-    best = _shared_values(fit)
     left_out = []
     for one in sevens if cross_validate else ():
         others = [p for p in sevens if p is not one]
-        known = joint_fit(others, effects=effects, damping=False, scatter=SCATTER, n_start=1, first=best)
+        known = joint_fit(others, effects=effects, damping=False, scatter=SCATTER, n_start=1, first=fit)
         found = joint_fit([one], effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)
         left_out.append(found.configuration[0])
     return Shared(effects=tuple(effects), fit=fit, left_out=tuple(left_out))

@@ -2,47 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from updating.published import Calibrated
+from updating.published import Calibrated, Published
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TREATED = {
-    "silicon layers": ("2", "12", "13"),
-    "adhesive": ("5", "14", "4", "15"),
-    "lubricant": ("8", "16", "3", "17", "1", "18"),
-}
+    "silicon layers (figure 13)": {"2": "plain", "12": "two layers", "13": "four layers"},
+    "adhesive (figure 14)": {"5": "plain", "14": "adhesive", "4": "plain", "15": "adhesive"},
+    "lubricant (figure 15)": {
+        "8": "plain", "16": "lubricated", "3": "plain", "17": "lubricated", "1": "plain", "18": "lubricated",
+    },
+}  # fmt: skip
 """Stacks of figures 13 to 15: without and with the treatment of Table 1, from the same sheets."""
 
 
-def contact_figure(found: Sequence[Calibrated]) -> Figure:
-    """Draw contact stiffness of all stacks and of those of figures 13 to 15, published and ours, at 320 kPa."""
+def contact_figure(found: Sequence[Calibrated], published: Published) -> Figure:
+    """Draw contact stiffness and contact damping of all stacks, figure 12, published and ours."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    groups = {"all stacks (figure 12)": tuple(row.stack for row in found[0].row)}
-    groups |= {f"{name} (figure {13 + i})": stacks for i, (name, stacks) in enumerate(TREATED.items())}
-    for i, (title, stacks) in enumerate(groups.items()):
-        axes = figure.add_subplot(grid[0, :] if i == 0 else grid[1, i - 1])
-        for k, one in enumerate(found):
-            value = {row.stack: row.G_f for row in one.row}
-            place = np.arange(len(stacks)) + 0.8 * (k + 0.5) / len(found) - 0.4
-            axes.bar(place, [value[s] for s in stacks], 0.8 / len(found), label=one.calibration)
-        published = {row.stack: row.published_G_f for row in found[0].row}
-        axes.plot(range(len(stacks)), [published[s] for s in stacks], "kD", label="published")
-        axes.set_xticks(range(len(stacks)), stacks)
-        axes.set_title(title, fontsize=10)
-        axes.set_xlabel("stack")
-        axes.set_ylabel("$G_f$ [Pa/Pa]")
-    figure.axes[0].legend(ncols=5, fontsize=8)
+    ticks = {row.stack: "" for row in found[0].row}
+    for axes, damping in zip(figure.subplots(2, 1), (False, True), strict=True):
+        _contact(axes, found, published, ticks, damping=damping)
+    figure.axes[0].set_title("Contact parameters of the base model (figure 12)", fontsize=10)
+    _legend_above(figure)
     return figure
+
+
+def treatment_figure(found: Sequence[Calibrated], published: Published) -> Figure:
+    """Draw what silicon layers, adhesive and lubricant do to contact stiffness and damping, figures 13 to 15."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.0, 7.0), layout="constrained")
+    panels = figure.subplots(2, 3, width_ratios=[3, 4, 6], sharey="row")
+    for column, (title, ticks) in zip(panels.T, TREATED.items(), strict=True):
+        for axes, damping in zip(column, (False, True), strict=True):
+            _contact(axes, found, published, ticks, damping=damping)
+        column[0].set_title(title, fontsize=10)
+        for axes in column:
+            axes.label_outer()
+    _legend_above(figure)
+    return figure
+
+
+def _legend_above(figure: Figure) -> None:
+    figure.legend(
+        *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8
+    )
+
+
+def _contact(
+    axes: Axes, found: Sequence[Calibrated], published: Published, ticks: Mapping[str, str], *, damping: bool
+) -> None:
+    """Draw G_f at 320 kPa, or d_f as the mean of both torques, as bars and the published ones as diamonds."""
+    x = np.arange(len(ticks))
+    for k, one in enumerate(found):
+        value = _damping(one) if damping else {row.stack: row.G_f for row in one.row}
+        place = x + 0.8 * (k + 0.5) / len(found) - 0.4
+        height = [value.get(stack, np.nan) for stack in ticks]
+        axes.bar(place, height, 0.8 / len(found), label=one.calibration)
+    key, factor = ("df_avg", 1e12) if damping else ("Gf_M2", 1.0)
+    diamonds = [factor * published.contact.get(stack, {}).get(key, np.nan) for stack in ticks]
+    axes.plot(x, diamonds, "kD", markerfacecolor="white", label="published")
+    axes.set_xticks(x, [f"{stack}\n{text}".strip() for stack, text in ticks.items()], fontsize=8)
+    axes.set_xlim(-0.6, len(ticks) - 0.4)
+    axes.set_xlabel("stack (no bar: damping not in Table 4)" if damping else "stack")
+    axes.set_ylabel("$d_f$, mean of M1 and M2 [ps/Pa]" if damping else "$G_f$ at M2 [Pa/Pa]")
+
+
+def _damping(one: Calibrated) -> dict[str, float]:
+    """Return the mean of d_f at both torques by stack, ps/Pa."""
+    stacks = dict.fromkeys(t.stack for t in one.torque)
+    return {s: 1e12 * float(np.mean([t.d_f for t in one.torque if t.stack == s])) for s in stacks}
 
 
 def error_figure(found: Sequence[Calibrated]) -> Figure:
@@ -110,11 +148,13 @@ def law_figure(found: Sequence[Calibrated]) -> Figure:
     figure = Figure(figsize=(10.0, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     for k, one in enumerate(found):
-        law, shift = one.law, 0.12 * (k - (len(found) - 1) / 2)
+        law, shift = one.law, 0.15 * (k - (len(found) - 1) / 2)
         x = np.arange(len(law.stack) + 1) + shift
-        (line,) = left.plot(x[:-1], law.own, "o", label=one.calibration)
+        (line,) = left.plot(x[:-1], law.own, "o", markersize=4, label=one.calibration)
         around = np.abs(np.array(law.jackknife) - law.exponent)[:, None]
-        left.errorbar(x[-1:], [law.exponent], around, fmt="D", color=line.get_color(), capsize=3)
+        left.errorbar(
+            x[-1:], [law.exponent], around, fmt="D", markersize=4, color=line.get_color(), capsize=3
+        )
         errors = [100 * law.error(name) for name in ("linear", "power", "refitted")]
         right.bar(np.arange(3) + 0.2 * (k - (len(found) - 1) / 2), errors, 0.2, label=one.calibration)
     left.axhline(1.0, color="k", linewidth=0.8, linestyle="--")

@@ -10,6 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from updating.published import Calibrated
+from updating.published_screening import Screening
 
 TARGET = {"C0": 0.057, "C1": 0.040, "C2": 0.057, "C3": 0.040}
 """Errors that shared effects should reach: what an independent prototype with another model reached."""
@@ -25,16 +26,16 @@ def summary_table(found: Sequence[Calibrated]) -> Table:
         caption_justify="left",
     )
     for name in (
-        "calibration", "base\npubl. ours", f"with\n{effects}", "stack\nleft out", "n of\nG ~ p^n",
-        "95 %", "M1 from M2\nn = 1, n, refitted",
+        "", "base\npubl. | ours", f"with\n{effects}", "stack\nleft out", "n of\nG ~ p^n",
+        "95 %", "M1 from M2\nn = 1 | n | own G_f",
     ):  # fmt: skip
         table.add_column(name, justify="right", no_wrap=True)
     for one in found:
         law = one.law
         published = np.mean([row.published_error for row in one.row])
-        m1 = " ".join(f"{100 * law.error(name):.1f}" for name in ("linear", "power", "refitted"))
+        m1 = " | ".join(f"{100 * law.error(name):.1f}" for name in ("linear", "power", "refitted"))
         table.add_row(
-            one.calibration, f"{100 * published:.1f} {100 * one.error:.1f}", f"{100 * one.shared.error:.2f}",
+            one.calibration, f"{100 * published:.1f} | {100 * one.error:.1f}", f"{100 * one.shared.error:.2f}",
             f"{100 * one.shared.left_out_error:.2f}", f"{law.exponent:.2f}",
             f"{law.jackknife[0]:.2f} to {law.jackknife[1]:.2f}", m1,
         )  # fmt: skip
@@ -47,20 +48,87 @@ def conclusion(found: Sequence[Calibrated]) -> str:
     names = ", ".join(one.calibration for one in found)
     fall = [one.shared.error / one.error for one in found]
     lines.append(
-        f"Under {names} the shared effects leave {100 * min(fall):.0f} to {100 * max(fall):.0f} % of the base error."
+        f"Under {names} the shared effects leave {_range([100 * f for f in fall], '.0f')} % of the base error."
     )
     met = [one.calibration for one in found if one.shared.error <= TARGET[one.calibration]]
     lines.append(f"At or below the error of the prototype: {', '.join(met) or 'none'}.")
     for i, p in enumerate(p for p in found[0].shared.fit.parameter if not p.group):
         values = [[q for q in one.shared.fit.parameter if not q.group][i].value for one in found]
-        lines.append(f"{p.name}: {min(values):.4g} to {max(values):.4g} {p.unit} by calibration.")
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        lines.append(f"{p.name}: {_range(values, '.4g')}{unit}.")
     below = all(one.law.jackknife[1] < 1.0 for one in found)
     lines.append(
-        "Contact stiffness grows less than in proportion to pressure under all of them."
+        "Contact stiffness grows less than in proportion to pressure."
         if below
-        else "Under some of them contact stiffness may grow in proportion to pressure."
+        else "Contact stiffness may grow in proportion to pressure under some of them."
     )
     return "\n".join(lines)
+
+
+def _range(values: Sequence[float], form: str) -> str:
+    low, high = format(min(values), form), format(max(values), form)
+    return low if low == high else f"{low} to {high}"
+
+
+def screening_table(found: Sequence[Screening], n_row: int = 12) -> Table:
+    """Print the effects and pairs that leave the least error, the best of any calibration first."""
+    table = Table(
+        title="Effects that all stacks share, mean error of eq. (2) in %",
+        title_justify="left",
+        caption="! = a parameter at the end of its range.\n" + survivors(found),
+        caption_justify="left",
+    )
+    table.add_column("effects", overflow="fold")
+    for one in found:
+        table.add_column(one.calibration, justify="right")
+    by_effects = {one.calibration: {t.effects: t for t in one.tried} for one in found}
+    every = dict.fromkeys(t.effects for one in found for t in one.tried)
+
+    def least(effects: tuple[str, ...]) -> float:
+        errors = [tried[effects].error for tried in by_effects.values() if effects in tried]
+        return min((e for e in errors if np.isfinite(e)), default=np.inf)
+
+    for effects in sorted(every, key=least)[:n_row]:
+        cells = [tried.get(effects) for tried in by_effects.values()]
+        table.add_row(
+            " + ".join(effects),
+            *(
+                "-" if c is None or not np.isfinite(c.error) else f"{100 * c.error:.2f}" + "!" * c.at_bound
+                for c in cells
+            ),
+        )
+    return table
+
+
+def survivors(found: Sequence[Screening]) -> str:
+    """Say which effects reach the prototype's error alone and inside their ranges, under all calibrations or some."""
+    reach = [
+        {
+            t.effects[0]
+            for t in one.tried
+            if len(t.effects) == 1 and t.error <= TARGET[one.calibration] and not t.at_bound
+        }
+        for one in found
+    ]
+    names = ", ".join(one.calibration for one in found)
+    always, sometimes = set.intersection(*reach), set.union(*reach)
+    text = f"At or below the prototype's error inside their ranges, alone: under {names}: "
+    text += ", ".join(sorted(always)) or "none"
+    if sometimes - always:
+        text += "; under some of them: " + ", ".join(sorted(sometimes - always))
+    untried = sum(bool(t.note) for one in found for t in one.tried)
+    return text + "." + (f" Without a result: {untried}, see screening.csv." if untried else "")
+
+
+def screening_csv(found: Sequence[Screening]) -> bytes:
+    """All effects and pairs that were tried under each calibration, with their parameters."""
+    rows = [["calibration", "effects", "error", "at_bound", "parameters", "note"]]
+    for one in found:
+        for t in one.tried:
+            values = "; ".join(f"{p.name} = {p.value:.6g} {p.unit}" for p in t.shared)
+            bound = "" if t.note else str(t.at_bound)
+            rows.append([one.calibration, " + ".join(t.effects), _cell(t.error), bound, values, t.note])
+    return _csv(rows)
 
 
 def table_7_csv(found: Sequence[Calibrated]) -> bytes:

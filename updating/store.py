@@ -172,7 +172,9 @@ def _sha256(path: Path) -> str:
 
 
 def _plain(array: NDArray[Any]) -> Any:
-    """Array as nested lists; complex as two of them; NaN, which JSON does not have, as null."""
+    """Array as nested lists; complex as two of them; NaN, which JSON does not have, as null; empty ones as a shape."""
+    if array.size == 0 and array.ndim > 1:
+        return {"shape": list(array.shape)}
     if np.iscomplexobj(array):
         return {"real": _plain(array.real), "imag": _plain(array.imag)}
     if array.dtype.kind == "f" and not np.all(np.isfinite(array)):
@@ -183,6 +185,8 @@ def _plain(array: NDArray[Any]) -> Any:
 
 
 def _array(value: Any, _: type) -> NDArray[Any]:
+    if isinstance(value, dict) and "shape" in value:
+        return np.empty(value["shape"])
     if isinstance(value, dict):
         return np.asarray(value["real"], float) + 1j * np.asarray(value["imag"], float)
     array = np.asarray(value)

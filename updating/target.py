@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema import Configuration
 from ema.arrays import readonly
 from ema.mac import real_shape
 from ema.modes import ModalModel
@@ -76,6 +78,18 @@ class Target:
     def direction(self) -> NDArray[np.float64]:
         """Direction of each DOF (n_dof, 3)."""
         return self.observation.direction
+
+
+def stack_in_state(stack: Stack, configuration: Configuration) -> Stack:
+    """Put a configuration's pressure and height, where it states them, in place of those of the stack file."""
+    if configuration.pressure is not None:
+        stack = stack.with_contact(pressure=configuration.pressure)
+    return stack if configuration.height is None else replace(stack, height=configuration.height)
+
+
+def specimen_name(name: str, height: float, heights: Collection[float]) -> str:
+    """Name the stack of a configuration: configurations of other heights (m) are other stacks."""
+    return name if len(set(heights)) == 1 else f"{name}, {1e3 * height:g} mm"
 
 
 def target_of_modes(

@@ -8,7 +8,9 @@ import pytest
 
 from model import read_stack
 from model.stack import Mesh
+from updating.descent import covariance, descend
 from updating.errors import FitError
+from updating.intervals import bootstrap_intervals, normal_intervals
 from updating.joint_fit import joint_fit
 from updating.joint_problem import Problem
 from updating.prepared import prepare, solve_target
@@ -67,6 +69,7 @@ def problem_of(prepared):
     return Problem(
         prepared,
         effects=None,
+        free=(),
         scope={},
         fixed={},
         bounds={},
@@ -168,6 +171,13 @@ def test_modes_held_out_are_predicted_not_fitted(prepared):
     assert found.error(held_out=True) == pytest.approx(1.0 - 1.0 / 1.5, rel=1e-3)
 
 
+def test_a_fit_begins_where_another_ended(prepared, fitted):
+    again = joint_fit(prepared, first=fitted, n_start=1)
+    np.testing.assert_allclose(again.start[0].first, [p.value for p in fitted.parameter], rtol=2e-2)
+    assert again.start[0].objective.size < fitted.start[0].objective.size
+    assert again.value("clamp_station") == pytest.approx(TRUE["clamp_station"], rel=1e-4)
+
+
 def test_a_prior_draws_the_estimate(prepared):
     found = joint_fit(prepared, fixed={"clamp_station": 0.7}, priors={"clamp_roll_inertia": (0.006, 1e-5)})
     assert found.value("clamp_roll_inertia") == pytest.approx(0.006, rel=1e-2)
@@ -181,11 +191,103 @@ def test_an_estimate_at_its_bound_says_so(prepared):
     assert inertia.std == 0.0
 
 
+def noisy(prepared, std, seed):
+    random = np.random.default_rng(seed)
+    return [
+        dataclasses.replace(
+            p,
+            target=dataclasses.replace(
+                p.target, frequency=p.target.frequency * np.exp(std * random.standard_normal(4))
+            ),
+        )
+        for p in prepared
+    ]
+
+
+def test_a_profile_ends_where_chi_square_has_risen(prepared):
+    """An inertia that is hardly known is bounded more sharply from below: its interval is not symmetric."""
+    options = {"damping": False, "scatter": Scatter(frequency=0.1), "fixed": {"clamp_station": 0.7}}
+    data = noisy(prepared, 0.01, 1)
+    found = joint_fit(data, **options, n_start=1, intervals="profile")
+    inertia = next(p for p in found.parameter if p.name == "clamp_roll_inertia")
+    assert inertia.method == "profile"
+    above, below = inertia.interval[1] - inertia.value, inertia.value - inertia.interval[0]
+    assert above > 1.2 * below > 0.0
+    for end in inertia.interval:
+        fixed = {**options["fixed"], "clamp_roll_inertia": end}
+        there = joint_fit(data, **{**options, "fixed": fixed})
+        assert there.chi_square - found.chi_square == pytest.approx(3.84, abs=0.05)
+
+
+def test_simulated_data_give_the_interval_of_the_covariance_where_all_is_nearly_linear(prepared):
+    problem = problem_of(noisy(prepared, 0.003, 2))
+    x = descend(problem, problem.starts(1, {})[0]).last
+    spread, inflation = covariance(problem, x)
+    normal = normal_intervals(problem, x, spread)
+    drawn = bootstrap_intervals(problem, x, inflation, seed=0, n_draw=40)
+    stiffness = [j for j, f in enumerate(problem.free) if f.name in ("G_f", "clamp_roll_inertia")]
+    assert np.ptp(drawn, axis=1)[stiffness] == pytest.approx(np.ptp(normal, axis=1)[stiffness], rel=0.4)
+    assert np.all((drawn[:, 0] < x) & (x < drawn[:, 1]))
+
+
+def test_what_only_a_product_of_two_parameters_changes_is_not_determined(prepared):
+    """Young's modulus, density and G_f scale together: frequencies tell two of the three."""
+    found = joint_fit(
+        prepared, effects=(), fixed=TRUE, free=("young", "density"), scope={"G_f": "all"}, damping=False
+    )
+    assert len(found.subset) < len(found.parameter)
+    assert not all(p.determined for p in found.parameter)
+    known = joint_fit(
+        prepared,
+        effects=(),
+        fixed=TRUE,
+        free=("young", "density"),
+        damping=False,
+        priors={"young": (1.0, 0.02), "density": (1.0, 0.01)},
+    )
+    assert known.value("young") == pytest.approx(1.0, abs=0.002)
+    assert known.value("G_f", "A") == pytest.approx(G_F["A"], rel=1e-2)
+    assert all(p.determined for p in known.parameter)
+
+
+def test_frequencies_that_fit_badly_are_not_excused_by_shapes_that_fit_well(prepared):
+    """88 shape components that fit must not shrink the uncertainty that 8 frequencies off by 3 % leave."""
+    off = np.array([1.03, 0.97, 1.03, 0.97])
+    spoilt = [
+        dataclasses.replace(p, target=dataclasses.replace(p.target, frequency=p.target.frequency * off))
+        for p in prepared
+    ]
+    plain, shaped = (
+        joint_fit(data, effects=(), fixed=TRUE, damping=False)
+        for data in (spoilt, [with_shapes_of(p, q) for p, q in zip(prepared, spoilt, strict=True)])
+    )
+    assert shaped.parameter[0].std > 0.7 * plain.parameter[0].std
+
+
+def with_shapes_of(right, one):
+    """Return a target with the true shapes and its own frequencies."""
+    shaped = with_shapes(right)
+    return dataclasses.replace(
+        shaped, target=dataclasses.replace(shaped.target, frequency=one.target.frequency)
+    )
+
+
+def test_a_pressure_with_a_prior_takes_up_a_torque_error(prepared):
+    same = [dataclasses.replace(p, target=dataclasses.replace(p.target, specimen="S")) for p in prepared]
+    found = joint_fit(same, damping=False, fixed=TRUE, effects=(), scatter=Scatter(pressure=0.3))
+    a, b = (found.value("pressure", name) for name in "AB")
+    assert found.error() < 2e-3
+    assert a / b == pytest.approx(G_F["A"] * 160e3 / (G_F["B"] * 320e3), rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"effects": ["clamp_inertias"]}, "did you mean clamp_inertia"),
         ({"priors": {"G_ff": (1.0, 1.0)}}, "did you mean G_f"),
+        ({"free": ["joung"]}, "did you mean young"),
+        ({"intervals": "profil"}, "did you mean profile"),
+        ({"bounds": {"clamp_station": (0.9, 0.1)}}, "is not below"),
         ({"hold_out": {"C": [0]}}, "configuration 'C' is unknown"),
         ({"hold_out": {"A": range(4)}}, "all its modes are held out"),
         (

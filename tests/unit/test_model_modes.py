@@ -113,6 +113,14 @@ def test_frf_agrees_with_the_direct_solution(system):
     np.testing.assert_allclose(accelerance, -((2 * np.pi * lines) ** 2) * receptance)
 
 
+def test_stiffness_that_rigid_body_motion_does_not_feel_leaves_it_at_zero():
+    stiff = dataclasses.replace(STACK, clamps=(model.Clamp(mass=1.0, x=0.05, y=0.0, footprint=(0.02, 0.02)),))
+    system = model.reduce(stiff.with_effects("clamp_bars", "suspension"), n_snapshot=1)
+    term = {term.name: np.abs(term.matrix) for term in system.terms}
+    assert term["clamp_bars"][:6].max() == 0.0 < term["clamp_bars"].max()
+    assert term["suspension"][:3, :3].max() > 0.0
+
+
 def test_what_cannot_be_asked_is_refused(system):
     with pytest.raises(model.SolveError, match=r"n_mode = 0"):
         model.solve_modes(system, G_f=825.0, d_f=0.0, n_mode=0, observation=CORNERS)

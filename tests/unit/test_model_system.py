@@ -5,7 +5,9 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
+from model.effect_basis import shaping
 from model.normal_contact import normal_krons
+from model.projection import Projection
 from model.solver import solver_over_laminas, solver_over_plan
 from model.system import Product
 from model.tangential_contact import tangential_krons
@@ -70,6 +72,30 @@ def test_chain_solution_agrees_with_the_full_sparse_matrices(cut):
     np.testing.assert_allclose(np.sqrt(values[6:]) / (2 * np.pi), expected[6:], rtol=1e-7)
     mass = vectors.T @ (assembly.matrix("M", assembly.theta) @ vectors)
     np.testing.assert_allclose(mass, np.eye(vectors.shape[1]), atol=1e-8)
+
+
+def test_projection_agrees_with_the_full_sparse_matrices():
+    stack = STACK.with_effects("edge_pressure", "stinger_mass", edge_excess=0.4, stinger_moving_mass=0.1)
+    assembly = model.assemble(stack)
+    rng = np.random.default_rng(3)
+    left, right = rng.standard_normal((2, assembly.size, 5))
+    project = Projection(assembly, left, right[:, :4])
+    for term in (*assembly.terms, *assembly.terms):  # the second time from what is known
+        expected = left.T @ (assembly.sparse_sum(term.krons) @ right[:, :4])
+        np.testing.assert_allclose(project(term.krons), expected, atol=1e-12 * abs(expected).max())
+
+
+def test_products_that_share_their_matrix_over_z_are_summed():
+    assembly = model.assemble(dataclasses.replace(STACK, clamps=(model.Clamp(mass=2.0, x=0.05, y=0.0),)))
+    assert len(assembly.krons("M", assembly.theta)) == 3  # sheets and clamp together, for u, v and w
+
+
+def test_parameters_that_act_over_the_plan_alone_shape_no_functions_of_z():
+    names = ("edge_pressure", "fill_factor", "height_gradient", "soft_interlayers", "normal_stiffness")
+    assembly = model.assemble(STACK.with_effects(*names))
+    values = ("edge_excess", "fill_ratio", "height_excess", "interlayer_loss", "normal_ratio")
+    assert shaping(assembly, values) == {"height_excess", "interlayer_loss"}
+    assert shaping(assembly, ("G_f", "density")) == {"G_f"}
 
 
 def test_rigid_body_motion_has_no_strain_energy():

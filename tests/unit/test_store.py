@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import model
-from ema import FRF, Dofs
+from ema import FRF, Dofs, Geometry
 from ema.table import TableLayout
 from updating.errors import StoreError
 from updating.store import (
@@ -174,3 +174,9 @@ def test_a_stack_with_an_effect_and_the_columns_of_tables_come_back(tmp_path):
     assert back.table == held.table
     assert [effect.name for effect in back.stack.effects] == ["clamp_mass"]
     assert back.stack.effect_values == {"clamp_added_mass": 0.3}
+
+
+def test_points_without_trace_lines_are_read_back(tmp_path):
+    points = Geometry(node=np.array([1, 2]), coordinate=np.eye(2, 3), line=np.empty((0, 2), int))
+    write_result(tmp_path / "points.json", points, inputs=(), options={})
+    assert read_result(tmp_path / "points.json", Geometry).line.shape == (0, 2)

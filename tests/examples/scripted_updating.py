@@ -1,0 +1,71 @@
+"""Scripted updating of the demo stack: from FRF files to where the model fails, and to what it lacks.
+
+Run it in the folder of the source checkout: python tests/examples/scripted_updating.py
+"""
+
+import numpy as np
+
+import ema
+import model
+import updating
+
+campaign = ema.read_campaign("data/demo_stack/campaign.toml")
+stack = model.read_stack(campaign.stack)
+tested = {found.modal_model.name: found for found in ema.identify(campaign)}
+
+# One configuration: modes paired and compared, mode by mode, point by point, and without modes on the FRFs.
+measured = tested["M1"].modal_model
+fit = updating.fit(stack.with_contact(pressure=160e3), measured)
+compared = updating.correlate(measured, fit.modes, fit.pairing)
+points = updating.correlate_points(measured, fit.modes, fit.pairing)
+print(
+    f"M1: frequency errors {np.round(100 * compared.frequency_error, 2)} %, MAC {np.round(compared.mac, 4)}"
+)
+print(f"least COMAC {points.comac.min():.4f} at point {points.node[np.argmin(points.comac)]}")
+
+r, s = fit.pairing.measured, fit.pairing.model
+likeness = updating.macxp(
+    measured.shape[:, r],
+    measured.pole[r],
+    fit.modes.shape[:, s],
+    updating.poles(fit.modes.frequency[s], fit.modes.damping[s]),
+)
+print(f"MACXP of the pairs {np.round(np.diag(likeness), 3)}")
+
+# Measured shapes on the whole stack, and where the model's stiffness is off.
+place = updating.register(fit.stack, measured.geometry, measured.node, measured.direction, tolerance=0.01)
+expanded = updating.expand(measured.shape, measured.shape_std, fit.modes)
+system = model.reduce(fit.stack, n_snapshot=4)
+fault = updating.map_error(
+    system,
+    measured,
+    place.observation,
+    updating.regions(fit.stack),
+    G_f=fit.G_f.value,
+    modes=fit.pairing.measured,
+)
+print(f"expansion meets the shapes with a MAC of {expanded.met.min():.4f} or more")
+print(f"error in constitutive relation: {100 * np.sqrt(fault.total.max()):.2f} % of the stiffness at most")
+
+# Both torques at once: one contact law, with and without an exponent of pressure; the last mode of M2 is predicted.
+targets = [
+    updating.target_of_modes(
+        stack.with_contact(pressure=campaign.configuration(name).pressure).with_effects("pressure_exponent"),
+        found.modal_model,
+    )
+    for name, found in tested.items()
+]
+prepared = updating.prepare(targets)
+last = {"M2": [targets[1].frequency.size - 1]}
+for effects in ((), ("pressure_exponent",)):
+    joint = updating.joint_fit(
+        prepared, effects=effects, scope={"d_f": "configuration"}, hold_out=last, intervals="profile"
+    )
+    print(
+        f"{' + '.join(('base', *effects))}: error {100 * joint.error():.2f} %, "
+        f"held out {100 * joint.error(held_out=True):.2f} %"
+    )
+for p in joint.parameter:
+    print(
+        f"  {p.name} of {p.group or 'all'} = {p.value:.4g} {p.unit}, {p.interval[0]:.4g} to {p.interval[1]:.4g}"
+    )

@@ -1,0 +1,19 @@
+"""The example of scripted updating runs, and says what the demo stack was played with."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_script_runs_and_finds_the_pressure_law(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names = runpy.run_path("tests/examples/scripted_updating.py")
+    printed = capsys.readouterr().out
+    base, law = re.findall(r"error ([\d.]+) %, held out ([\d.]+) %", printed)
+    assert all(float(b) > 1.0 > 0.1 > float(x) for b, x in zip(base, law, strict=True))
+    assert names["joint"].value("exponent") == pytest.approx(0.3, abs=0.01)
+    assert names["points"].comac.min() > 0.999

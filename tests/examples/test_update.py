@@ -1,0 +1,109 @@
+"""Updating from a file: what comes out of the shipped one, and what is said of one that is wrong."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from updating.errors import FitError
+from updating.store import read_result
+from updating.update_file import read_update_file
+from updating.update_job import Updated, parameter_table, update
+
+ROOT = Path(__file__).parents[2]
+SPEC = ROOT / "data/demo_stack/update.toml"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("update")
+    return folder, update(SPEC, folder, Console(quiet=True))
+
+
+def test_the_shipped_file_finds_the_pressure_law(done):
+    """G_f of the two torques was played 1480 and 911, which is p**0.3."""
+    truth = json.loads((ROOT / "data/demo_stack/truth.json").read_text(encoding="utf-8"))["result"]
+    (low, high) = truth["configurations"]
+    played = 1.0 + np.log(high["G_f"] / low["G_f"]) / np.log(2.0)
+    fit = done[1].fit
+    exponent = next(p for p in fit.parameter if p.name == "exponent")
+    assert exponent.value == pytest.approx(played, abs=0.01)
+    assert exponent.interval[0] < played < exponent.interval[1]
+    assert fit.value("d_f", "M1") == pytest.approx(low["d_f"], rel=0.01)
+    assert fit.value("d_f", "M2") == pytest.approx(high["d_f"], rel=0.01)
+    assert fit.value("young") == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_error_falls_on_data_used_and_held_out(done):
+    fit, (base, law) = done[1].fit, done[1].ledger
+    assert fit.error() < 1e-3
+    assert fit.error(held_out=True) < 1e-3
+    assert [c.used.tolist().count(False) for c in fit.configuration] == [0, 1]
+    assert law.error < 0.1 * base.error
+    assert law.mode_error < 0.1 * base.mode_error
+
+
+def test_what_is_written_is_what_was_found(done):
+    folder, result = done
+    again = read_result(folder / "update.json", Updated)
+    np.testing.assert_array_equal(again.fit.covariance, result.fit.covariance)
+    np.testing.assert_array_equal(again.fit.start[0].objective, result.fit.start[0].objective)
+    with (folder / "correlation.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    np.testing.assert_allclose(np.array([r[1:] for r in rows[1:]], float), result.fit.correlation)
+    for name in ("correlation.png", "convergence.png"):
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
+    cells = list(parameter_table(result.fit).columns[5].cells)
+    assert "profile" in cells
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("effects =", "efects =", "efects: unknown key; did you mean 'effects'"),
+        ("bounds =", "bound =", "parameter.G_f.bound: unknown key; did you mean 'bounds'"),
+        ('scope = "specimen"', 'scope = "stack"', "parameter.G_f.scope: .*'specimen'.*found 'stack'"),
+        ("prior = [1.0, 0.02]", "prior = [1.0, 0.0]", "parameter.young.prior"),
+        ("prior = [1.0, 0.02]", "prior = [1.0, 0.02]\nfixed = 1.0", "take out 'fixed' or prior"),
+        ('name = "Demo', 'title = "Demo', "name: this key is missing"),
+        ("starts = 3", "starts = three", "not valid TOML"),
+    ],
+)
+def test_a_wrong_key_is_named_with_what_would_be_right(tmp_path, old, new, message):
+    text = SPEC.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "update.toml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(FitError, match=message):
+        read_update_file(path)
+
+
+def test_an_unknown_configuration_is_said_before_anything_is_identified(tmp_path):
+    path = tmp_path / "update.toml"
+    text = SPEC.read_text(encoding="utf-8").replace('"M1", "M2"', '"M1", "M3"')
+    path.write_text(text.replace("campaign.toml", str(SPEC.parent / "campaign.toml")), encoding="utf-8")
+    with pytest.raises(FitError, match="'M3' is unknown; there are M1, M2"):
+        update(path, tmp_path / "out", Console(quiet=True))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mode_that_is_not_there_cannot_be_held_out(tmp_path):
+    """Rows of a table: the smallest updating, of two of the published stacks."""
+    path = tmp_path / "update.toml"
+    path.write_text(
+        f"""
+name = "two stacks"
+damping = false
+[[campaign]]
+file = "{ROOT / "data/pirnat2013/campaign.toml"}"
+configurations = ["6", "8"]
+[hold_out]
+6 = [5]
+""",
+        encoding="utf-8",
+    )
+    with pytest.raises(FitError, match=r"hold_out\.6: there is no mode 5; it has 4"):
+        update(path, tmp_path / "out", Console(quiet=True))

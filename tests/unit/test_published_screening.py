@@ -1,0 +1,71 @@
+"""The screening of effects on the published campaign: what is tried, in which order, and what is said of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from updating import published_screening
+from updating.joint_fit import FittedParameter
+from updating.published import read_published
+from updating.published_screening import Screening, Tried, screen
+from updating.published_tables import screening_csv, screening_table, survivors
+
+DATA = read_published(Path(__file__).parents[2] / "data/pirnat2013")
+
+
+def parameter(*, at_bound=False):
+    return FittedParameter(
+        name="a", unit="1", group="", value=1.0, std=0.1, interval=(0.8, 1.2), method="normal", lower=0.0,
+        upper=1.0, at_bound=at_bound, determined=not at_bound, rank=1, gain=2.0,
+    )  # fmt: skip
+
+
+def tried(*effects, error, at_bound=False, note=""):
+    return Tried(effects=effects, error=error, shared=(parameter(at_bound=at_bound),), note=note)
+
+
+@pytest.fixture
+def errors(monkeypatch):
+    """Replace the fits: the error of each effect is given, a pair has the smaller one."""
+    given = {"A": 0.1, "B": 0.03, "C": np.nan, "D": 0.12, "E": 0.2, "F": 0.15}
+    monkeypatch.setattr(published_screening, "prepare_published", lambda *_, **__: ((), ()))
+
+    class Fit:
+        def __init__(self, effects):
+            self.parameter = (parameter(),)
+            self.error = lambda: min(given[e] for e in effects)
+
+    def fit(_, effects, **__):
+        if any(np.isnan(given[e]) for e in effects):
+            message = "no mode of its class"
+            raise published_screening.UpdatingError(message)
+        return Fit(effects)
+
+    monkeypatch.setattr(published_screening, "joint_fit", fit)
+    return given
+
+
+def test_all_are_tried_alone_then_the_best_with_each_then_the_next_best_among_themselves(errors):
+    found = screen(DATA, "C1", list(errors), seconds=60.0).tried
+    assert [t.effects for t in found[:6]] == [(name,) for name in errors]
+    assert [t.effects for t in found[6:10]] == [("B", "A"), ("B", "D"), ("B", "F"), ("B", "E")]
+    assert ("A", "D") in [t.effects for t in found[10:]]
+    assert found[2].note == "no mode of its class"
+
+
+def test_what_there_is_no_time_for_is_listed(errors):
+    found = screen(DATA, "C1", list(errors), seconds=-1.0).tried
+    assert len(found) == len(errors)
+    assert all("not tried" in t.note for t in found)
+
+
+def test_what_survives_is_said():
+    one = Screening(calibration="C1", tried=(tried("A", error=0.039), tried("B", error=0.03, at_bound=True)))
+    two = Screening(calibration="C0", tried=(tried("A", error=0.05), tried("B", error=0.04)))
+    assert "under C1, C0: A; under some of them: B." in survivors([one, two])
+    text = screening_csv([one, two]).decode()
+    assert "C1,B,0.03,True,a = 1 1," in text
+    table = screening_table([one, two])
+    assert list(table.columns[0].cells) == ["B", "A"]
+    assert list(table.columns[1].cells) == ["3.00!", "3.90"]

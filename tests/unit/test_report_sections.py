@@ -1,0 +1,154 @@
+"""Sections of a report from results made by hand: what they say and list."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model import read_stack
+from updating.diagnosis import Diagnosis
+from updating.fit import Estimate
+from updating.joint_fit import FittedParameter
+from updating.ledger import Entry
+from updating.modal_table import TableFit, TableRow
+from updating.report.answer import answer_section
+from updating.report.ledger_part import ledger_figure, ledger_section
+from updating.report.page import render, sections
+from updating.report.parameter_part import interval_table
+from updating.report.provenance import provenance_section
+from updating.report.results import Results
+from updating.signature_plot import signature_pattern_figure
+
+STACK = Path(__file__).parents[2] / "data/demo_stack/stack.toml"
+NAN = float("nan")
+
+
+def results(**given):
+    empty = {
+        "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
+        "diagnosis": None, "origin": {},
+    }  # fmt: skip
+    return Results(**(empty | given))
+
+
+def parameter(**given):
+    default = {
+        "name": "exponent", "unit": "1", "group": "", "value": 0.5, "std": 0.05, "lower": 0.1, "upper": 1.0,
+        "at_bound": False, "determined": True, "interval": (0.402, 0.598), "method": "normal", "rank": 1, "gain": 9.0,
+    }  # fmt: skip
+    return FittedParameter(**(default | given))
+
+
+def entry(*effects, error, damping=NAN, shared=()):
+    return Entry(
+        effects=effects, error=error, mode_error=1.5 * error, configuration_error=NAN, damping_error=damping,
+        mode_damping_error=damping, configuration_damping_error=damping, chi_square=12.0, n_residual=30,
+        shared=shared, pressure=(),
+    )  # fmt: skip
+
+
+def test_the_ledger_says_and_lists_what_the_best_effect_brings():
+    two = (entry(error=0.10), entry("a", error=0.02), entry("b", error=0.04))
+    section = ledger_section(results(ledger=two))
+    assert section.text == (
+        "With a the mean frequency error goes from 10.00 % to 2.00 % on the data fitted, and from 15.00 % to 3.00 % "
+        "on modes held out.",
+    )
+    errors = section.blocks[1]
+    assert errors.rows[1] == ("base + a", "2.00", "3.00", "")
+    assert "damping" not in " ".join(errors.header)
+
+
+def test_bars_of_the_ledger_are_its_errors():
+    figure = ledger_figure((entry(error=0.10, damping=0.3), entry("a", error=0.02, damping=0.2)))
+    frequency, damping = figure.axes
+    assert [b.get_width() for b in frequency.containers[0]] == pytest.approx([10.0, 2.0])
+    assert [b.get_width() for b in damping.containers[0]] == pytest.approx([30.0, 20.0])
+    assert frequency.get_xlabel() == "mean frequency error [%]"
+
+
+def test_a_parameter_at_its_bound_has_no_interval():
+    rows = interval_table(
+        results(
+            ledger=(
+                entry("a", error=0.1, shared=(parameter(), parameter(name="k", unit="N/m", at_bound=True))),
+            )
+        )
+    ).rows
+    assert rows[0] == ("all, base + a", "exponent", "", "0.5", "0.402", "0.598", "")
+    assert rows[1] == ("all, base + a", "k", "N/m", "0.5", "", "", "at its bound")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "candidates", "expected"),
+    [
+        ("nothing missing", (), "Nothing is missing"),
+        ("identified", (("a", "b"),), "lacks: a with b."),
+        ("one of", (("a",), ("b",)), "which: a; b."),
+        ("unlike anything", (), "unlike anything"),
+    ],
+)
+def test_the_verdict_of_a_diagnosis_comes_first(verdict, candidates, expected):
+    made = dict.fromkeys(Diagnosis.__dataclass_fields__, ())
+    made |= {"verdict": verdict, "candidates": candidates, "sentences": ("Because.",)}
+    section = answer_section(results(diagnosis=Diagnosis(**made), missing=("M2",)))
+    assert expected in section.text[0]
+    assert section.text[1:] == ("Because.", "Not done yet: M2.")
+
+
+def table_fit(name, factor):
+    measured = np.array([300.0, 400.0])
+    estimate = Estimate(
+        name="G_f", unit="Pa/Pa", value=1000.0 * factor, std=10.0, lower=100.0, upper=1e4, at_bound=False,
+        objective=1.0, history=np.array([[900.0, 2.0], [1000.0, 1.0]]),
+    )  # fmt: skip
+    row = TableRow(
+        name=name, stack=read_stack(STACK), frequency=measured, published_frequency=1.2 * measured,
+        published_G_f=NAN,
+    )  # fmt: skip
+    return TableFit(
+        row=row, G_f=estimate, frequency=factor * measured, error=abs(factor - 1.0), published_error=0.2,
+        G_f_to_published=estimate, frequency_to_published=measured, model_misfit=0.01,
+    )  # fmt: skip
+
+
+def test_every_row_of_a_table_leads_to_its_section():
+    given = results(
+        table=(table_fit("1", 1.1), table_fit("2", 0.9)),
+        shape_class=("torsion 1", "bending 1"),
+        origin={"stack_1/fit.json": {"versions": {"lamella": "1"}, "options": {}, "inputs": {"a": "00"}}},
+    )
+    parts = sections(given)
+    overview = parts[1].blocks[0]
+    assert overview.link == ("#stack-1", "#stack-2")
+    assert {f"#{part.anchor}" for part in parts} >= set(overview.link)
+    assert overview.rows[0][1:3] == ("300 | 360 | 330", "400 | 480 | 440")
+    assert parts[2].blocks[0].rows[0] == ("torsion 1", "300", "360", "+20.0", "330.0", "+10.0")
+    assert 'href="#stack-2"' in render("title", parts)
+
+
+def test_the_provenance_names_versions_options_and_every_input():
+    made = {
+        "versions": {"lamella": "0.1"},
+        "options": {"threshold": 0.8},
+        "inputs": {"a.toml": "12", "b.uff": "34"},
+    }
+    other = made | {"options": {}}
+    origin = {"M1/fit.json": made, "M2/fit.json": made, "M3/fit.json": other}
+    result, inputs = provenance_section(results(origin=origin)).blocks
+    assert result.rows[0][:3] == ("M1/fit.json and 1 more", "lamella 0.1", "threshold = 0.8")
+    assert result.rows[1][0] == "M3/fit.json"
+    assert inputs.rows == (("a.toml", "12"), ("b.uff", "34"))
+    assert inputs.folded
+
+
+def test_what_is_lacking_stands_beside_what_effects_bring_mode_by_mode():
+    figure = signature_pattern_figure(
+        ("M1", "M1", "M2"), ("1", "2", "1"), (0.02, -0.01, 0.03), (0.001,) * 3, {"a": (0.021, -0.012, 0.0)}
+    )
+    first, second = figure.axes
+    assert [bar.get_height() for bar in first.patches] == pytest.approx([2.0, -1.0])
+    assert [bar.get_height() for bar in second.patches] == pytest.approx([3.0])
+    line = next(line for line in first.lines if line.get_label() == "a")
+    np.testing.assert_allclose(line.get_ydata(), [2.1, -1.2])
+    assert first.get_ylabel() == "change of frequency [%]"

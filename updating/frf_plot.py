@@ -1,0 +1,98 @@
+"""Pictures of measured functions beside those that the identified modes stand for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.frf import FRF
+from ema.modes import ModalModel, synthesize
+from ema.plot import ACCENT, FITTED, MEASURED, UNIT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_RESIDUAL = "#e8bd80"  # paler than the measured line in grey too
+
+
+def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
+    """Return the outputs whose first function is met worst, in the middle, and best, by FRAC."""
+    order = np.argsort(measured.correlation[:, 0], kind="stable")
+    picked = (order[0], order[order.size // 2], order[-1])
+    return tuple(int(k) for k in dict.fromkeys(picked))
+
+
+def overlay_figure(frf: FRF, measured: ModalModel) -> Figure:
+    """Draw functions with the synthesised ones over them, their difference, their phase and their coherence.
+
+    Shown are the worst, the middle and the best of all by FRAC (`chosen_functions`), over the band that was
+    identified. Dashed lines mark the identified natural frequencies.
+
+    Parameters
+    ----------
+    frf : FRF
+        Measured functions.
+    measured : ModalModel
+        Modes identified from them.
+    """
+    from matplotlib.figure import Figure
+
+    lines, fitted = synthesized(frf, measured)
+    chosen = chosen_functions(measured)
+    n = 2 if lines.coherence is None else 3
+    height = 0.95 + 2.3 * len(chosen) if n == 2 else 0.95 + 2.8 * len(chosen)
+    figure = Figure(figsize=(7.5, height))
+    outer = figure.add_gridspec(
+        len(chosen), 1, hspace=0.17, left=0.1, right=0.985, top=1.0 - 0.5 / height, bottom=0.45 / height
+    )
+    panels: list[Axes] = []
+    for k in range(len(chosen)):
+        inner = outer[k].subgridspec(n, 1, height_ratios=[3, 1.2, 0.9][:n], hspace=0.14)
+        panels += [figure.add_subplot(inner[i]) for i in range(n)]
+    for k, o in enumerate(chosen):
+        magnitude, phase = panels[n * k], panels[n * k + 1]
+        _draw_magnitude(magnitude, lines, fitted, o)
+        for value, color, size in ((lines.value[o, 0], MEASURED, 1.8), (fitted[o, 0], FITTED, 0.8)):
+            phase.plot(lines.frequency, np.degrees(np.angle(value)), ".", color=color, markersize=size)
+        phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
+        if lines.coherence is not None:
+            panels[n * k + 2].plot(lines.frequency, lines.coherence[o, 0], color="0.35", linewidth=0.8)
+            panels[n * k + 2].set(ylabel="coh. [1]", ylim=(0.0, 1.1), yticks=[0, 1])
+        magnitude.set_title(
+            f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}",
+            fontsize="small",
+            loc="left",
+        )
+    for axes in panels:
+        axes.set_xlim(lines.frequency[0], lines.frequency[-1])
+        axes.tick_params(labelsize=8, labelbottom=axes is panels[-1])
+        axes.yaxis.label.set_fontsize(8)
+        for f in measured.frequency:
+            axes.axvline(f, color=ACCENT, linewidth=0.7, linestyle="--")
+    figure.align_ylabels()
+    panels[-1].set_xlabel("frequency [Hz]")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="upper right",
+        ncols=4,
+        frameon=False,
+        fontsize="small",
+    )
+    return figure
+
+
+def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, NDArray[np.complex128]]:
+    """Return the functions within the identified band and those that the modes stand for there."""
+    lines = frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
+    return lines, synthesize(measured, lines.frequency, lines.quantity)
+
+
+def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], output: int) -> None:
+    value, model = lines.value[output, 0], fitted[output, 0]
+    axes.semilogy(lines.frequency, np.abs(value - model), color=_RESIDUAL, linewidth=0.6, label="difference")
+    axes.semilogy(lines.frequency, np.abs(value), color=MEASURED, linewidth=1.8, label="measured")
+    axes.semilogy(lines.frequency, np.abs(model), color=FITTED, linewidth=0.8, label="from the modes")
+    axes.set_ylabel(UNIT[lines.quantity])

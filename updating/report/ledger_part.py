@@ -1,0 +1,150 @@
+"""What each physical effect does to the error, on data fitted and on data held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from updating.joint_fit import FittedParameter
+from updating.ledger import Entry
+from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.report.results import Results
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ERRORS = {
+    "frequency": ("error", "mode_error", "configuration_error"),
+    "damping": ("damping_error", "mode_damping_error", "configuration_damping_error"),
+}
+_NAMES = ("fitted", "mode held out", "configuration held out")
+_SHADES = ("#1f5f8b", "#7fa8c4", "#cfdde8")  # dark to light: they differ in grey as well
+
+
+def ledger_section(results: Results) -> Section:
+    """Show the error before and after each effect."""
+    entries = results.ledger
+    return Section(
+        title="Error before and after each effect",
+        text=(_sentence(entries),),
+        blocks=(ledger_picture(entries), error_table(entries), fit_table(entries)),
+    )
+
+
+def error_table(entries: Sequence[Entry]) -> Table:
+    """List the errors of each model, of frequencies and, where they took part, of damping ratios."""
+    kinds = _kinds(entries)
+    return Table(
+        title="Mean error [%]",
+        header=("model", *(f"{kind}, {name}" for kind in kinds for name in _NAMES)),
+        rows=tuple(
+            (
+                model_name(e),
+                *("" if np.isnan(x) else f"{100 * x:.2f}" for kind in kinds for x in _errors(e, kind)),
+            )
+            for e in entries
+        ),
+        note="Error after eq. (2), with one G_f and one d_f for all torques of a stack. Held out: each mode predicted "
+        "by a fit to all others, and each configuration by a fit to the other configurations; empty where those do "
+        "not determine it.",
+    )
+
+
+def fit_table(entries: Sequence[Entry]) -> Table:
+    """List misfit and parameters of each model."""
+    return Table(
+        title="Fits and their parameters",
+        header=("model", "chi-square", "differences", "parameters"),
+        rows=tuple(
+            (
+                model_name(e),
+                f"{e.chi_square:.4g}",
+                str(e.n_residual),
+                "; ".join([*(_estimate(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
+            )
+            for e in entries
+        ),
+        note="Chi-square: sum of all squared differences over their variances; a right model's is at most about their "
+        "number. ± is one standard deviation. A pressure far from the stated one says that the model could meet these "
+        "data by that alone.",
+    )
+
+
+def ledger_picture(entries: Sequence[Entry]) -> Picture:
+    """Draw the errors of each model."""
+    kinds = _kinds(entries)
+    return Picture(
+        name="error_ledger",
+        content=svg(ledger_figure(entries)),
+        form="svg",
+        data=as_csv(
+            ("model", *(f"{kind} error, {name} [1]" for kind in kinds for name in _NAMES)),
+            ((model_name(e), *(x for kind in kinds for x in _errors(e, kind))) for e in entries),
+        ),
+        alt="Errors by model",
+        caption=f"Mean {' and '.join(kinds)} error of each model, on the data that it was fitted to and on data held "
+        "out.",
+    )
+
+
+def ledger_figure(entries: Sequence[Entry]) -> Figure:
+    """Draw the errors of each model, on data fitted and held out, as bars."""
+    from matplotlib.figure import Figure
+
+    kinds = _kinds(entries)
+    figure = Figure(figsize=(8.5, 1.1 + 0.62 * len(entries)), layout="constrained")
+    panels: list[Axes] = list(figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0])
+    y = np.arange(len(entries))
+    for axes, kind in zip(panels, kinds, strict=True):
+        for k, (name, shade) in enumerate(zip(_NAMES, _SHADES, strict=True)):
+            value = 100.0 * np.array([_errors(e, kind)[k] for e in entries])
+            bars = axes.barh(
+                y + 0.26 * (k - 1), value, 0.24, color=shade, edgecolor="#33414f", linewidth=0.5, label=name
+            )
+            axes.bar_label(bars, ["" if np.isnan(v) else f"{v:.2f}" for v in value], padding=3, fontsize=8)
+        axes.margins(x=0.16)
+        axes.set_xlabel(f"mean {kind} error [%]")
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_yticks(y, ["\n+ ".join(("base", *e.effects)) for e in entries])
+    panels[0].invert_yaxis()
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False, fontsize=9
+    )
+    return figure
+
+
+def model_name(entry: Entry) -> str:
+    """Return the effects of a line of the ledger as one name."""
+    return " + ".join(("base", *entry.effects))
+
+
+def _kinds(entries: Sequence[Entry]) -> tuple[str, ...]:
+    return ("frequency", "damping") if any(np.isfinite(e.damping_error) for e in entries) else ("frequency",)
+
+
+def _errors(entry: Entry, kind: str) -> tuple[float, ...]:
+    return tuple(getattr(entry, name) for name in _ERRORS[kind])
+
+
+def _estimate(p: FittedParameter) -> str:
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    doubt = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
+    return f"{p.name} = {p.value:.4g} ± {p.std:.2g}{unit}{doubt}"
+
+
+def _pressure(p: FittedParameter) -> str:
+    return f"{p.group} at {p.value / 1e3:.0f} kPa, stated {np.sqrt(p.lower * p.upper) / 1e3:.0f} kPa"
+
+
+def _sentence(entries: Sequence[Entry]) -> str:
+    base, best = entries[0], min(entries[1:], key=lambda e: e.mode_error, default=entries[0])
+    if best is base:
+        return f"The base model's frequencies are off by {100 * base.error:.2f} % on average."
+    return (
+        f"With {' and '.join(best.effects)} the mean frequency error goes from {100 * base.error:.2f} % to "
+        f"{100 * best.error:.2f} % on the data fitted, and from {100 * base.mode_error:.2f} % to "
+        f"{100 * best.mode_error:.2f} % on modes held out."
+    )

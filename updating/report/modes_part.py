@@ -1,0 +1,202 @@
+"""Measured beside modelled modes: the table with intervals, the MAC of every two modes, the CoMAC of every point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.mac import mac
+from ema.plot import mac_figure
+from updating.correlation import correlate
+from updating.correlation_plot import comac_figure
+from updating.fit import Estimate
+from updating.plot import objective_figure
+from updating.point_correlation import correlate_points
+from updating.report.part import Picture, Section, Table, as_csv, png
+from updating.report.results import Tested
+from updating.tables import parameter_text
+
+if TYPE_CHECKING:
+    from updating.fit import Fit
+
+_SHADES = 128  # of the scale of MAC
+_T = 1.96  # half a 95 % interval over the standard deviation
+
+
+def modes_section(tested: Tested) -> Section:
+    """Show the table of modes, the fitted parameters, and what the checks found."""
+    if tested.fit is None:
+        blocks: tuple[Table, ...] = (identified_table(tested), quality_table(tested))
+    else:
+        blocks = (pair_table(tested, tested.fit), parameter_table(tested.fit), quality_table(tested))
+    return Section(title=f"Modes of {tested.name}", blocks=blocks)
+
+
+def identified_table(tested: Tested) -> Table:
+    """List identified frequencies and damping ratios with their 95 % intervals."""
+    m = tested.measured
+    columns = zip(m.frequency, m.frequency_std, 100 * m.damping, 100 * m.damping_std, strict=True)
+    return Table(
+        title="Identified modes",
+        header=("mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]"),
+        rows=tuple(
+            (str(r), f"{f:.3f}", f"{_T * fs:.2g}", f"{x:.4g}", f"{_T * xs:.2g}")
+            for r, (f, fs, x, xs) in enumerate(columns, start=1)
+        ),
+        note="± is half the 95 % interval that the noise of the measurement leaves.",
+    )
+
+
+def pair_table(tested: Tested, fit: Fit) -> Table:
+    """List paired modes: frequency and damping measured and modelled, their differences, and MAC."""
+    measured = tested.measured
+    c = correlate(measured, fit.modes, fit.pairing)
+    used = fit.pairing.measured
+    left_over = [f"{f:.1f} Hz" for f in measured.frequency[fit.pairing.unpaired_measured]]
+    note = (
+        "Error is (model - measured) / measured. ± is half the 95 % interval that the noise of the measurement leaves; "
+        "a right model's errors would stay within it."
+    )
+    if left_over:
+        note += (
+            f" Measured modes without a partner above MAC {fit.pairing.threshold:g}: {', '.join(left_over)}."
+        )
+    columns = zip(
+        used, c.measured_frequency, _T * measured.frequency_std[used], c.model_frequency, 100 * c.frequency_error,
+        100 * _T * c.frequency_error_std, 100 * c.measured_damping, 100 * _T * measured.damping_std[used],
+        100 * c.model_damping, c.mac, strict=True,
+    )  # fmt: skip
+    return Table(
+        title="Modes, measured and modelled",
+        header=(
+            "mode", "f measured [Hz]", "± [Hz]", "f model [Hz]", "error [%]", "± [%]", "damping measured [%]", "± [%]",
+            "damping model [%]", "MAC",
+        ),
+        rows=tuple(
+            (
+                str(m + 1), f"{f:.3f}", f"{fs:.2g}", f"{g:.3f}", f"{e:+.3f}", f"{es:.2g}", f"{x:.4g}", f"{xs:.2g}",
+                f"{y:.4g}", f"{a:.4f}",
+            )
+            for m, f, fs, g, e, es, x, xs, y, a in columns
+        ),
+        note=note,
+    )  # fmt: skip
+
+
+def parameter_table(fit: Fit) -> Table:
+    """List the fitted contact parameters and their objectives."""
+    return Table(
+        title="Fitted contact parameters",
+        header=("parameter", "value", "searched between", "objective"),
+        rows=(
+            ("contact stiffness", parameter_text(fit.G_f), f"{fit.G_f.lower:g} and {fit.G_f.upper:g}",
+             f"opt_G = {fit.G_f.objective:.4g} Hz"),
+            ("contact damping", parameter_text(fit.d_f), f"{fit.d_f.lower:g} and {fit.d_f.upper:g}",
+             f"opt_d = {100 * fit.d_f.objective:.3g} % damping"),
+        ),
+        note="± is one standard deviation and contains the scatter that the model leaves unexplained. Measured points "
+        f"lie at most {1e3 * fit.distance.max():.2f} mm from where the model is sampled.",
+    )  # fmt: skip
+
+
+def quality_table(tested: Tested) -> Table:
+    """List what the checks and the reading found, or say that all is in order."""
+    passed = [v.check for v in tested.quality.verdicts if v.level == "pass"]
+    return Table(
+        title="Quality of the measurement",
+        header=("finding",),
+        rows=tuple((line,) for line in tested.quality.findings) or (("nothing suspicious",),),
+        note=f"Passed: {', '.join(passed)}.",
+    )
+
+
+def mac_section(tested: Tested) -> Section:
+    """Show the MAC of every two modes and, of a fit, the CoMAC of every point and the objectives."""
+    fit = tested.fit
+    if fit is None:
+        return Section(title=f"MAC of {tested.name}", blocks=(auto_mac_picture(tested),))
+    comac = (comac_picture(tested, fit),) if fit.pairing.measured.size else ()
+    return Section(
+        title=f"MAC and CoMAC of {tested.name}",
+        blocks=(mac_picture(tested, fit), *comac, objective_picture(fit)),
+    )
+
+
+def mac_picture(tested: Tested, fit: Fit) -> Picture:
+    """Draw the MAC of measured with modelled modes, the latter up to the last that is paired and two more."""
+    last = int(fit.pairing.model.max(initial=0)) + 3
+    rows, columns = tested.measured.frequency, fit.modes.frequency[:last]
+    value = fit.pairing.mac[:, :last]
+    figure = mac_figure(value, rows, columns)
+    figure.axes[0].set(xlabel="model frequency [Hz]", ylabel="measured frequency [Hz]")
+    return Picture(
+        name=f"mac_{tested.name}",
+        content=png(figure, _SHADES),
+        form="png",
+        data=_matrix_csv(value, rows, columns),
+        alt="MAC matrix",
+        caption="MAC of measured with modelled modes: 1 where two shapes are alike, 0 where they share nothing.",
+        width="half",
+    )
+
+
+def auto_mac_picture(tested: Tested) -> Picture:
+    """Draw the MAC of the measured modes with each other."""
+    frequency = tested.measured.frequency
+    value = mac(tested.measured.shape, tested.measured.shape)
+    return Picture(
+        name=f"mac_{tested.name}",
+        content=png(mac_figure(value, frequency, frequency), _SHADES),
+        form="png",
+        data=_matrix_csv(value, frequency, frequency),
+        alt="MAC matrix of the measured modes",
+        caption="MAC of the measured modes with each other: off the diagonal it should be small.",
+        width="half",
+    )
+
+
+def comac_picture(tested: Tested, fit: Fit) -> Picture:
+    """Draw how far measured and modelled shapes differ at every point, beside what noise makes of it."""
+    points = correlate_points(tested.measured, fit.modes, fit.pairing)
+    return Picture(
+        name=f"comac_{tested.name}",
+        content=png(comac_figure(points)),
+        form="png",
+        data=as_csv(
+            ("point", "x", "y", "z", "CoMAC", "S-CoMAC", "eCoMAC", "difference", "difference from noise"),
+            zip(points.node, *points.direction.T, points.comac, points.s_comac, points.e_comac, points.error,
+                points.error_std, strict=True),
+        ),
+        alt="CoMAC by point",
+        caption="Above: 1 - CoMAC of every point, 0 where shapes agree. Below: their difference over the root mean "
+        "square of the shape, beside what the noise of the measurement alone would cause.",
+        width="half",
+    )  # fmt: skip
+
+
+def objective_picture(fit: Fit) -> Picture:
+    """Draw the objectives over every value that was tried of the contact parameters."""
+    return Picture(
+        name=f"objective_{fit.name}",
+        content=png(objective_figure((fit.G_f, fit.d_f))),
+        form="png",
+        data=as_csv(
+            ("parameter", "value [SI]", "objective [Hz for G_f, damping ratio for d_f]"),
+            ((e.name, *row) for e in (fit.G_f, fit.d_f) for row in _history(e)),
+        ),
+        alt="Objectives over their parameters",
+        caption="Every value tried for G_f (opt_G) and d_f (opt_d); the diamond is the estimate.",
+    )
+
+
+def _history(estimate: Estimate) -> NDArray[np.float64]:
+    return estimate.history[np.argsort(estimate.history[:, 0])]
+
+
+def _matrix_csv(value: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]) -> str:
+    return as_csv(
+        ("frequency [Hz]", *(f"{f:.6g}" for f in columns)),
+        ((f"{f:.6g}", *row) for f, row in zip(rows, value, strict=True)),
+    )

@@ -1,0 +1,130 @@
+"""Parameters over the torques, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.fit import Estimate
+from updating.joint_fit import FittedParameter
+from updating.report.ledger_part import model_name
+from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.report.results import Results, Tested
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_T = 1.96  # half a 95 % interval over the standard deviation
+_AXES = {"G_f": ("$G_f$ [Pa/Pa]", 1.0), "d_f": ("$d_f$ [10$^{-12}$ s/Pa]", 1e12)}
+
+
+def parameter_section(results: Results) -> Section:
+    """Show contact stiffness and damping of all configurations, and the effects' parameters."""
+    fitted = [t for t in results.tested if t.fit is not None]
+    pictures = (parameter_picture(fitted),) if len(fitted) > 1 else ()
+    return Section(title="Parameters", text=_law(fitted), blocks=(*pictures, interval_table(results)))
+
+
+def interval_table(results: Results) -> Table:
+    """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
+    rows = [
+        _row(t.name, e, (e.value - _T * e.std, e.value + _T * e.std), "at its bound" if e.at_bound else "")
+        for t in results.tested
+        for e in _estimates(t)
+    ]
+    rows += [
+        _row(
+            f"all, {model_name(entry)}",
+            p,
+            p.interval,
+            "at its bound" if p.at_bound else "" if p.determined else "not determined",
+        )
+        for entry in results.ledger
+        for p in entry.shared
+    ]
+    table = Table(
+        title="Parameters with 95 % intervals",
+        header=("fitted to", "parameter", "unit", "value", "lower", "upper", "remark"),
+        rows=tuple(rows),
+        note="Intervals contain the scatter that the model leaves unexplained; they mean nothing at a bound.",
+    )
+    return table.without_empty_columns()
+
+
+def _row(
+    fitted_to: str, estimate: Estimate | FittedParameter, interval: tuple[float, float], remark: str
+) -> tuple[str, ...]:
+    ends = ("" if estimate.at_bound else f"{end:.5g}" for end in interval)
+    unit = "" if estimate.unit == "1" else estimate.unit
+    return fitted_to, estimate.name, unit, f"{estimate.value:.5g}", *ends, remark
+
+
+def parameter_picture(fitted: Sequence[Tested]) -> Picture:
+    """Draw G_f and d_f over torque or pressure with their 95 % intervals."""
+    at, label = abscissa(fitted)
+    return Picture(
+        name="parameters",
+        content=svg(parameter_figure(fitted)),
+        form="svg",
+        data=as_csv(
+            ("configuration", label, "G_f [Pa/Pa]", "its std", "d_f [s/Pa]", "its std"),
+            (
+                (t.name, x, *(v for e in _estimates(t) for v in (e.value, e.std)))
+                for t, x in zip(fitted, at, strict=True)
+            ),
+        ),
+        alt="Contact parameters by configuration",
+        caption="Contact stiffness and damping, each fitted to its configuration alone, with 95 % intervals.",
+    )
+
+
+def parameter_figure(fitted: Sequence[Tested]) -> Figure:
+    """Draw G_f and d_f of fitted configurations over torque, pressure or their number, with 95 % intervals."""
+    from matplotlib.figure import Figure
+
+    at, label = abscissa(fitted)
+    figure = Figure(figsize=(7.5, 2.9), layout="constrained")
+    for k, axes in enumerate(figure.subplots(1, 2)):
+        own = [_estimates(t)[k] for t in fitted]
+        name, factor = _AXES[own[0].name]
+        axes.errorbar(
+            at, [factor * e.value for e in own], [_T * factor * e.std for e in own], fmt="o", color="#1f5f8b",
+            markersize=5, capsize=4,
+        )  # fmt: skip
+        axes.set(xlabel=label, ylabel=name)
+        axes.set_ylim(0.0, 1.15 * max(factor * (e.value + _T * e.std) for e in own))
+        axes.margins(x=0.15)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def abscissa(fitted: Sequence[Tested]) -> tuple[NDArray[np.float64], str]:
+    """Return what to draw over: torque or pressure where all state it and it varies, else the number."""
+    for name, label, factor in (("torque", "torque [N m]", 1.0), ("pressure", "pressure [kPa]", 1e-3)):
+        stated = [getattr(t, name) for t in fitted]
+        if None not in stated and len(set(stated)) > 1:
+            return factor * np.array(stated, dtype=float), label
+    return np.arange(1.0, len(fitted) + 1.0), "configuration"
+
+
+def _estimates(tested: Tested) -> tuple[Estimate, ...]:
+    return () if tested.fit is None else (tested.fit.G_f, tested.fit.d_f)
+
+
+def _law(fitted: Sequence[Tested]) -> tuple[str, ...]:
+    """Say how contact stiffness G_f p grows with pressure, where there are two pressures at least."""
+    known = [(t.fit.G_f, t.pressure) for t in fitted if t.fit is not None and t.pressure is not None]
+    pressure = np.array([p for _, p in known])
+    if np.unique(pressure).size < 2:
+        return ()
+    x = np.log(pressure) - np.mean(np.log(pressure))
+    stiffness = np.log([e.value for e, _ in known]) + np.log(pressure)
+    slope = float(x @ stiffness / (x @ x))
+    std = float(np.sqrt(np.sum((x * [e.std / e.value for e, _ in known]) ** 2)) / (x @ x))
+    return (
+        f"Contact stiffness G_f p grows with pressure p as p to the power {slope:.3f} ± {_T * std:.2g} (95 %); the "
+        "base model takes it as proportional, a power of 1.",
+    )

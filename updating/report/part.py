@@ -1,0 +1,220 @@
+"""What a report is put together from: tables, figures with their data, turnable shapes, and sections of these."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+_DPI = 125
+_NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
+_LONG = 30  # characters of a cell
+_COLOURS = 32  # of an embedded picture: line drawings need no more, and it is a fifth of the size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of text cells with a title and a note below.
+
+    Attributes
+    ----------
+    title : str
+        Heading; may be empty.
+    header : tuple of str
+        Names of the columns, with units.
+    rows : tuple of tuple of str
+        The cells; the page sorts them by the number that a cell starts with.
+    note : str
+        What stands below; may be empty.
+    link : tuple of str
+        For each row the address that its first cell leads to, "#anchor" within the page; may be empty.
+    folded : bool
+        Whether the page shows the title only until it is clicked.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+    link: tuple[str, ...] = ()
+    folded: bool = False
+    kind: Literal["table"] = "table"
+
+    @property
+    def column_class(self) -> tuple[str, ...]:
+        """How the page sets each column: numbers to the right, words ("text") to the left, sentences ("long") wide."""
+        columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.header)
+        return tuple(_column_class(column) for column in columns)
+
+    def without_empty_columns(self) -> Table:
+        """Return the table less the columns in which no row has anything."""
+        kept = [k for k in range(len(self.header)) if any(row[k] for row in self.rows)]
+        return replace(
+            self,
+            header=tuple(self.header[k] for k in kept),
+            rows=tuple(tuple(row[k] for k in kept) for row in self.rows),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A figure as a file's content, the numbers that it shows, and its text.
+
+    Attributes
+    ----------
+    name : str
+        Name of its file, without suffix.
+    content : bytes
+        The file.
+    form : {"svg", "png"}
+        What it is, and the file's suffix.
+    data : str
+        The numbers as CSV, names and units in the first line.
+    alt, caption : str
+        Text in place of the picture, and below it.
+    width : {"half", "full"}
+        Of the page.
+    """
+
+    name: str
+    content: bytes
+    form: Literal["svg", "png"]
+    data: str
+    alt: str
+    caption: str
+    width: Literal["half", "full"] = "full"
+    kind: Literal["picture"] = "picture"
+
+    @property
+    def uri(self) -> str:
+        """The picture as a data URI."""
+        mime = {"svg": "image/svg+xml", "png": "image/png"}[self.form]
+        return f"data:{mime};base64,{base64.b64encode(self.content).decode()}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gallery:
+    """Pairs of mode shapes that turn and move in the page.
+
+    Attributes
+    ----------
+    shapes : str
+        What `shapes.js` draws, as JSON (see `shape_part.gallery`).
+    title : tuple of str
+        Heading of each pair.
+    paired : tuple of bool
+        Whether it has a modelled shape.
+    still : tuple of Picture
+        The same at rest, for print and for a page whose scripts do not run.
+    note : str
+        What stands above them.
+    """
+
+    shapes: str
+    title: tuple[str, ...]
+    paired: tuple[bool, ...]
+    still: tuple[Picture, ...]
+    note: str
+    kind: Literal["gallery"] = "gallery"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A part of a report.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    text : tuple of str
+        Paragraphs below it.
+    blocks : tuple of Table, Picture or Gallery
+        What follows, in order.
+    parts : tuple of Section
+        Sections within it.
+    lead : bool
+        Whether the first paragraph is set large.
+    """
+
+    title: str
+    text: tuple[str, ...] = ()
+    blocks: tuple[Table | Picture | Gallery, ...] = ()
+    parts: tuple[Section, ...] = ()
+    lead: bool = False
+
+    @property
+    def anchor(self) -> str:
+        """Name for a link within the page."""
+        return anchor(self.title)
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All figures, those of the sections within too."""
+        own = [p for b in self.blocks for p in (b.still if isinstance(b, Gallery) else (b,))]
+        mine = tuple(p for p in own if isinstance(p, Picture))
+        return mine + tuple(p for part in self.parts for p in part.pictures)
+
+
+def _column_class(cells: Iterable[str]) -> str:
+    words = [cell for cell in cells if cell and not _NUMBER.match(cell)]
+    return "" if not words else "long" if max(map(len, words)) > _LONG else "text"
+
+
+def anchor(title: str) -> str:
+    """Return a heading as the name of a link within the page."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+
+def svg(figure: Figure) -> bytes:
+    """Return a matplotlib figure as SVG, the same bytes every time."""
+    import matplotlib as mpl
+
+    buffer = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "lamella"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def png(figure: Figure, n_colour: int = _COLOURS) -> bytes:
+    """Return a matplotlib figure as a small PNG: one with thousands of points is smaller so than as SVG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    figure.set_dpi(_DPI)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return _paletted(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"), n_colour)
+
+
+def fewer_colours(picture: bytes) -> bytes:
+    """Reduce a PNG to the 256 colours that fit it best."""
+    from PIL import Image
+
+    return _paletted(Image.open(io.BytesIO(picture)).convert("RGB"), 256)
+
+
+def _paletted(image: Image.Image, n_colour: int) -> bytes:
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    image.quantize(n_colour, dither=Image.Dither.NONE).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()
+
+
+def as_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Write numbers as CSV with a line of names and units above."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()

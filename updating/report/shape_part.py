@@ -1,0 +1,90 @@
+"""Mode shapes that turn and move in the page, measured and modelled side by side and over each other."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.report.part import Gallery, Picture, Section, as_csv, png
+from updating.report.results import Tested
+from updating.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
+
+_DIGITS = 1000  # displacements are drawn, so a thousandth of the largest is enough
+
+
+def shape_section(tested: Tested) -> Section:
+    """Show all measured shapes, each with its partner in the model."""
+    title = f"Mode shapes of {tested.name}"
+    if not np.isin(tested.measured.node, tested.measured.geometry.node).any():
+        return Section(title=title, text=("None of the measured points has coordinates.",))
+    return Section(title=title, blocks=(gallery(tested),))
+
+
+def gallery(tested: Tested) -> Gallery:
+    """Put the shapes into the form that the page's renderer draws.
+
+    Its JSON holds points (m), trace lines (rows of points), the box of the stack (m, or null), and for each pair the
+    real and the imaginary part of the measured and the model's displacements in thousandths of the largest.
+    """
+    pairs = shape_pairs(tested.measured, tested.fit)
+    stack = None if tested.fit is None else tested.fit.stack
+    data = {
+        "point": np.round(pairs[0].coordinate, 5).tolist(),
+        "line": pairs[0].line.tolist(),
+        "box": None if stack is None else [stack.length, stack.width, stack.height],
+        "view": [AZIMUTH, ELEVATION],
+        "swell": SWELL,
+        "pair": [_numbers(pair) for pair in pairs],
+    }
+    return Gallery(
+        shapes=json.dumps(data, separators=(",", ":")),
+        title=tuple(_title(k, pair) for k, pair in enumerate(pairs, start=1)),
+        paired=tuple(pair.has_model for pair in pairs),
+        still=tuple(_still(tested.name, k, pair) for k, pair in enumerate(pairs, start=1)),
+        note="Drag a shape to turn it, or use the arrow keys. "
+        + (
+            "Pale: at rest. "
+            if stack is None
+            else "Wide grey lines are measured, thin blue ones modelled, scaled to fit; pale ones are at rest. "
+        )
+        + "Only the directions that were measured are drawn.",
+    )
+
+
+def _numbers(pair: ShapePair) -> dict[str, Any]:
+    return {
+        "measured": [_whole(pair.measured.real), _whole(pair.measured.imag)],
+        "model": _whole(pair.model) if pair.has_model else None,
+    }
+
+
+def _whole(displacement: NDArray[np.float64]) -> list[int]:
+    return [int(v) for v in np.round(_DIGITS * displacement.ravel())]
+
+
+def _title(number: int, pair: ShapePair) -> str:
+    if not pair.has_model:
+        return f"Mode {number}: measured {pair.measured_frequency:.1f} Hz"
+    return (
+        f"Mode {number}: measured {pair.measured_frequency:.1f} Hz, model {pair.model_frequency:.1f} Hz, "
+        f"MAC {pair.mac:.4f}"
+    )
+
+
+def _still(name: str, number: int, pair: ShapePair) -> Picture:
+    columns = (pair.coordinate, pair.measured.real, pair.measured.imag, pair.model)
+    names = ("", "measured real ", "measured imaginary ", "model ")
+    return Picture(
+        name=f"shape_{name}_{number:02d}",
+        content=png(shape_pair_figure(pair)),
+        form="png",
+        data=as_csv(
+            [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in names for axis in "xyz"],
+            np.hstack(columns),
+        ),
+        alt=_title(number, pair),
+        caption="",
+    )

@@ -1,0 +1,173 @@
+"""The file that describes an updating (TOML): which campaigns, which parameters are free, and how they are fitted."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ema.campaign_file import did_you_mean
+from updating.errors import FitError
+from updating.intervals import Method
+from updating.joint_problem import RATIOS, Scope
+from updating.sensitivity import Scatter
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class CampaignSection(_Section):
+    """One campaign; `file` is relative to the file that names it.
+
+    By default all its configurations take part, and it is known by the name in its file. Its configurations are
+    one stack, but the rows of a modal table are one each.
+    """
+
+    file: str
+    name: str | None = None
+    configurations: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+
+
+class ParameterSection(_Section):
+    """What is known of one parameter: who shares it, its bounds, a prior (mean, standard deviation), or its value."""
+
+    scope: Scope | None = None
+    bounds: tuple[float, float] | None = None
+    prior: tuple[float, Annotated[float, Field(gt=0)]] | None = None
+    start: float | None = None
+    fixed: float | None = None
+
+    @model_validator(mode="after")
+    def _fixed_alone(self) -> ParameterSection:
+        if self.fixed is not None and len(self.model_fields_set) > 1:
+            others = ", ".join(sorted(self.model_fields_set - {"fixed"}))
+            message = f"a fixed parameter is not fitted; take out 'fixed' or {others}"
+            raise ValueError(message)
+        return self
+
+
+class ScatterSection(_Section):
+    """Standard deviations beyond the identification's; see `Scatter`."""
+
+    frequency: Annotated[float, Field(gt=0)] = Scatter.frequency
+    damping: Annotated[float, Field(gt=0)] = Scatter.damping
+    shape: Annotated[float, Field(gt=0)] = Scatter.shape
+    pressure: Annotated[float, Field(ge=0)] = Scatter.pressure
+
+
+class UpdateFile(_Section):
+    """An updating as its file describes it.
+
+    Attributes
+    ----------
+    name : str
+        Its title.
+    effects : tuple of str
+        Effects whose parameters are fitted.
+    effect_files : tuple of str
+        Python files with effects of the user's own, relative to the file.
+    damping : bool
+        Whether damping ratios take part.
+    threshold : float
+        Smallest MAC that makes a pair.
+    starts, seed, intervals
+        As in `joint_fit`.
+    campaign : tuple of CampaignSection
+        The campaigns.
+    parameter : mapping of str to ParameterSection
+        What differs from the defaults. A ratio such as `young` is free when it is named here.
+    hold_out : mapping of str to tuple of int
+        Modes by configuration, counted from 1, that are predicted instead of fitted. With several campaigns a
+        configuration is called "campaign/configuration".
+    scatter : ScatterSection
+        Weights.
+    """
+
+    name: str
+    effects: tuple[str, ...] = ()
+    effect_files: tuple[str, ...] = ()
+    damping: bool = True
+    threshold: Annotated[float, Field(ge=0, le=1)] = 0.8
+    starts: Annotated[int, Field(ge=1)] = 4
+    seed: Annotated[int, Field(ge=0)] = 0
+    intervals: Method = "normal"
+    campaign: Annotated[tuple[CampaignSection, ...], Field(min_length=1)]
+    parameter: Mapping[str, ParameterSection] = Field(default_factory=dict)
+    hold_out: Mapping[str, tuple[Annotated[int, Field(ge=1)], ...]] = Field(default_factory=dict)
+    scatter: ScatterSection = ScatterSection()
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Ratios of the stack's properties that are fitted."""
+        return tuple(n for n in RATIOS if n in self.parameter and self.parameter[n].fixed is None)
+
+    @property
+    def scope(self) -> dict[str, Scope]:
+        """Who shares a parameter, where that is said."""
+        return {name: p.scope for name, p in self.parameter.items() if p.scope is not None}
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds, where they are said."""
+        return {name: p.bounds for name, p in self.parameter.items() if p.bounds is not None}
+
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Means and standard deviations of priors."""
+        return {name: p.prior for name, p in self.parameter.items() if p.prior is not None}
+
+    @property
+    def first(self) -> dict[str, float]:
+        """Values of effects' parameters that the first descent begins with."""
+        return {name: p.start for name, p in self.parameter.items() if p.start is not None}
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        """Values of parameters that are not fitted."""
+        return {name: p.fixed for name, p in self.parameter.items() if p.fixed is not None}
+
+
+_SECTIONS: Mapping[str, type[_Section]] = {
+    "campaign": CampaignSection,
+    "parameter": ParameterSection,
+    "scatter": ScatterSection,
+}
+
+
+def read_update_file(path: Path) -> UpdateFile:
+    """Read the description of an updating.
+
+    Raises
+    ------
+    FitError
+        The file is missing, is not TOML, or has a key that is unknown, missing or impossible.
+    """
+    try:
+        return UpdateFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        message = f"cannot read {path}: {error.strerror}"
+        raise FitError(message) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        message = f"{path}: not valid TOML: {error}"
+        raise FitError(message) from error
+    except ValidationError as error:
+        message = "\n".join(f"{path}: {_explained(dict(fault))}" for fault in error.errors())
+        raise FitError(message) from error
+
+
+def _explained(fault: Mapping[str, object]) -> str:
+    """Return one fault as key, what is wrong, and what is allowed."""
+    location = fault["loc"]
+    assert isinstance(location, tuple)
+    key = "".join(f"[{p + 1}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
+    if fault["type"] == "extra_forbidden":
+        section = _SECTIONS.get(str(location[0]), UpdateFile) if len(location) > 1 else UpdateFile
+        return f"{key}: unknown key; {did_you_mean(str(location[-1]), list(section.model_fields))}"
+    if fault["type"] == "missing":
+        return f"{key}: this key is missing"
+    text = str(fault["msg"]).removeprefix("Value error, ")
+    return f"{key}: {text}" if fault["type"] == "value_error" else f"{key}: {text}, found {fault['input']!r}"
