@@ -30,7 +30,7 @@ from model.z_basis import SPARE, shear_shift
 Vector = NDArray[np.float64]
 
 _AT_ONCE = 2  # modes of which the residual is taken
-_RATIO = 2.0  # of eigenvalues over z that share one planar factor
+_RATIO = 8.0  # of eigenvalues over z that share one planar factor
 _MAX_STEPS = 30
 _MIN_STEPS = 6  # with functions of z, for modes that the reduced system lacks to come up
 _TOLERANCE = 1e-5  # relative change of eigenvalues with functions of z in the last step
