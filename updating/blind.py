@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import binomtest
 
 import model
+from ema.modes import ModalModel
 from model import Effect
 from updating.candidates import CandidateModel, candidate_model, instruments_of
 from updating.coordinates import coordinate_of
-from updating.diagnosis import Diagnosis, conclude
-from updating.evidence import Evidence, gather
+from updating.diagnosis import WORTH
+from updating.evidence import Campaigned, Evidence, gather
 from updating.experiment import aids
-from updating.explanation import explain
+from updating.explanation import Explanation, explain
+from updating.residual import residual
+from updating.search import VISIBLE, Search, search
+from updating.verdict import decide
 from updating.virtual_measurement import ModalNoise, play_modes
 from updating.virtual_test import VirtualTest
 from updating.virtual_test_file import read_virtual_test
@@ -36,8 +41,10 @@ SPREAD = {
 }
 """Standard deviations of what differs between the bench and the stack file, as ratios."""
 G_F, D_F = 1500.0, 2e-11
+HELD_OUT, HELD_OUT_PRESSURE = "held out", 240e3
+"""A third torque that is played but not shown to the diagnosis, with its pressure, Pa."""
 DETECTABLE = 4.0
-"""Distance above which an effect counts as detectable: the root of `diagnosis.GAIN_SINGLE`."""
+"""Distance above which an effect counts as detectable: the root of `verdict.GAIN_SINGLE`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,15 +61,26 @@ class Case:
         The planted effects.
     values : mapping of str to float
         Their parameters.
-    verdict, candidates, not_visible, p_value
+    verdict : str
         Of the diagnosis.
+    candidates : tuple of tuple of str
+        What it left, the best first.
+    not_visible : tuple of str
+        What it says that these data do not show.
     covered : tuple of bool
         Whether each 90 % interval of the true effects' parameters holds the truth, where they were fitted.
     distance : float
         Root of the fall of the misfit from the base model to the true effects, fitted: below `DETECTABLE` nobody could
         name them.
-    error_before, error_after : float
-        Mean frequency error of the base model and of the first candidate.
+    rival : float
+        Root of what the misfit of the best other single effect exceeds that of the true one by: below 3 the truth is
+        aliased. Infinite where there is none.
+    most_visible, bic : tuple of str
+        What two baselines say: the effect that changes the data most at its nominal strength, whatever the data are; and
+        stepwise choice by the Bayesian information criterion.
+    held_out : tuple of float
+        Mean frequency error of a third torque that nobody saw, its G_f fitted: with the base model, with the first
+        candidate (the base model where none is named), and with the true effects.
     """
 
     seed: int
@@ -72,11 +90,12 @@ class Case:
     verdict: str
     candidates: tuple[tuple[str, ...], ...]
     not_visible: tuple[str, ...]
-    p_value: float
     covered: tuple[bool, ...]
     distance: float
-    error_before: float
-    error_after: float
+    rival: float
+    most_visible: tuple[str, ...]
+    bic: tuple[str, ...]
+    held_out: tuple[float, float, float]
 
 
 def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
@@ -98,25 +117,51 @@ def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
 def blind_test(
     specification: Path, seed: int, effects: tuple[Effect, ...], values: dict[str, float]
 ) -> VirtualTest:
-    """Return the test of a file, such as that of data/demo_stack, with one G_f for all torques and effects planted."""
+    """Return the test of a file, such as that of data/demo_stack, with one G_f for all torques, a third one, and effects."""
     test = read_virtual_test(specification)
-    same = tuple(replace(c, G_f=G_F, d_f=D_F) for c in test.configurations)
-    return replace(test, configurations=same, effects=effects, effect_values=values, spread=SPREAD, seed=seed)
+    same = [replace(c, G_f=G_F, d_f=D_F) for c in test.configurations]
+    third = replace(same[-1], name=HELD_OUT, pressure=HELD_OUT_PRESSURE)
+    return replace(
+        test, configurations=(*same, third), effects=effects, effect_values=values, spread=SPREAD, seed=seed
+    )
 
 
 def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateModel:
     """Reduce the nominal model once for all cases."""
     test = blind_test(specification, 0, (), {})
-    modes = next(iter(play_modes(test, NOISE).values()))[0]
+    modes: ModalModel = played(test)[0][2]
     stack = model.read_stack(specification.parent / test.stack_file)
     return candidate_model(stack, instruments_of(modes), effects, aids())
 
 
-def run(specification: Path, seed: int, kind: str, candidates: CandidateModel) -> Case:
+@cache
+def _nominal(specification: Path) -> CandidateModel:
+    """Reduce the nominal model with the whole catalogue, once a process."""
+    return candidates_of(specification, model.catalogue())
+
+
+def run_all(specification: Path, cases: Iterable[tuple[int, str]], executor: Executor) -> Iterator[Case]:
+    """Run cases, given as seed and kind, on the workers of an executor; hand on each as soon as it is done."""
+    waiting = [executor.submit(run, specification, seed, kind) for seed, kind in cases]
+    for done in as_completed(waiting):
+        yield done.result()
+
+
+def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | None = None) -> Case:
     """Draw, play, diagnose and score one case.
 
-    `kind` is "null", "single", "pair" or "withheld", the effect then being taken out of the catalogue.
+    Parameters
+    ----------
+    specification : Path
+        Virtual test, such as that of data/demo_stack.
+    seed : int
+        Of all that is drawn.
+    kind : str
+        "null", "single", "pair" or "withheld", the effect then being taken out of the catalogue.
+    candidates : CandidateModel, optional
+        The nominal model; by default with the whole catalogue.
     """
+    candidates = _nominal(specification) if candidates is None else candidates
     rng = np.random.default_rng([7, seed])
     names = sorted(candidates.effects)
     n = {"null": 0, "single": 1, "withheld": 1, "pair": 2}[kind]
@@ -127,137 +172,78 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel) -
         chosen = tuple(candidates.effects[names[i]] for i in rng.choice(len(names), n, replace=False))
     values = {k: v for effect in chosen for k, v in strengths(effect, rng).items()}
     test = blind_test(specification, seed, chosen, values)
-    tested = [
-        (c.name, c.pressure, played[0])
-        for c, played in zip(test.configurations, play_modes(test, NOISE).values(), strict=True)
-    ]
+    *tested, unseen = played(test)
     truth = tuple(sorted(effect.name for effect in chosen))
     offered = candidates
     if kind == "withheld":
         offered = replace(candidates, effects={k: v for k, v in candidates.effects.items() if k not in truth})
-    found = conclude(gather(offered, tested))
-    return _scored(seed, kind, truth, values, found, _distance(gather(candidates, tested), truth, values))
-
-
-def _distance(evidence: Evidence, truth: tuple[str, ...], values: Mapping[str, float]) -> float:
-    """Return how far the base model is from the data beyond the model with the true effects."""
-    base = explain(evidence)
-    start = np.array([coordinate_of(p, values[p.name]) for p in evidence.parameters(truth)])
-    true = explain(evidence, truth, nuisance=base.nuisance, coordinate=start) if truth else base
-    return float(np.sqrt(max(base.misfit - true.misfit, 0.0)))
-
-
-def _scored(
-    seed: int,
-    kind: str,
-    truth: tuple[str, ...],
-    values: dict[str, float],
-    found: Diagnosis,
-    distance: float,
-) -> Case:
-    ranked = {tuple(sorted(x.effects)): x for x in found.ranking}
-    own = ranked.get(truth)
-    best = ranked[tuple(sorted(found.candidates[0]))] if found.candidates else ranked[()]
+    found = search(gather(offered, tested), WORTH)
+    decision = decide(found)
+    whole = replace(found.evidence, effects=candidates.effects)
+    true = _true(whole, found.base, truth, values)
+    others = [x.misfit - true.misfit for x in found.singles if x.effects != truth]
+    named = decision.left[0] if decision.left else found.base
+    unseen_evidence = gather(candidates, [unseen]).with_system(found.evidence.system)
     return Case(
         seed=seed,
         kind=kind,
         truth=truth,
         values=values,
-        verdict=found.verdict,
-        candidates=tuple(tuple(sorted(c)) for c in found.candidates),
-        not_visible=found.not_visible,
-        p_value=found.p_value,
-        covered=tuple(p.lower <= values[p.name] <= p.upper for p in own.parameter) if own else (),
-        distance=distance,
-        error_before=ranked[()].frequency_error,
-        error_after=best.frequency_error,
+        verdict=decision.verdict,
+        candidates=tuple(tuple(sorted(x.effects)) for x in decision.left),
+        not_visible=tuple(s.effect for s in found.screened if s.reach < VISIBLE),
+        covered=_covered(found, truth, values),
+        distance=float(np.sqrt(max(found.base.misfit - true.misfit, 0.0))),
+        rival=float(np.sqrt(max(min(others, default=np.inf), 0.0))),
+        most_visible=(max(found.screened, key=lambda s: s.reach).effect,),
+        bic=_bic(found),
+        held_out=(
+            _predicted(unseen_evidence, found.base),
+            _predicted(unseen_evidence, named),
+            _predicted(unseen_evidence, true),
+        ),
+    )
+
+
+def played(test: VirtualTest) -> list[Campaigned]:
+    """Return the configurations of a virtual test as an identification would give them, with noise `NOISE`."""
+    modes = (drawn for drawn, _ in play_modes(test, NOISE).values())
+    return [(c.name, c.pressure, m) for c, m in zip(test.configurations, modes, strict=True)]
+
+
+def _true(
+    evidence: Evidence, base: Explanation, truth: tuple[str, ...], values: Mapping[str, float]
+) -> Explanation:
+    """Fit the true effects, from the truth."""
+    if not truth:
+        return base
+    start = np.array([coordinate_of(p, values[p.name]) for p in evidence.parameters(truth)])
+    return explain(evidence, truth, nuisance=base.nuisance, coordinate=start)
+
+
+def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float]) -> tuple[bool, ...]:
+    own = next((x for x in found.explanations if tuple(sorted(x.effects)) == truth), None)
+    if own is None:
+        return ()
+    return tuple(
+        bool(low <= values[p.name] <= high)
+        for p, low, high in zip(own.parameter, own.lower, own.upper, strict=True)
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """A share of cases with its 95 % binomial interval (Clopper and Pearson 1934)."""
-
-    name: str
-    target: str
-    hits: int
-    total: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Lower and upper end; (0, 1) without cases."""
-        if not self.total:
-            return 0.0, 1.0
-        found = binomtest(self.hits, self.total).proportion_ci(method="exact")
-        return float(found.low), float(found.high)
+def _bic(found: Search) -> tuple[str, ...]:
+    """Return the explanation with the least misfit and logarithm of the number of data for each parameter."""
+    price = np.log(found.base.residual.value.size)
+    best = min(found.explanations, key=lambda x: x.misfit + price * len(x.parameter))
+    return tuple(sorted(best.effects))
 
 
-def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
-    """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
-    null = [c for c in cases if c.kind == "null"]
-    single = [c for c in cases if c.kind == "single"]
-    seen = [c for c in single if c.distance >= DETECTABLE]
-    unseen = [c for c in single if c.distance < DETECTABLE]
-    pairs = [c for c in cases if c.kind == "pair" and c.distance >= DETECTABLE]
-    withheld = [c for c in cases if c.kind == "withheld"]
-    far = [c for c in withheld if c.distance >= 5.0]
-
-    def within(c: Case) -> bool:
-        return any(set(c.truth) <= set(candidate) for candidate in c.candidates)
-
-    def top(c: Case) -> bool:
-        return bool(c.candidates) and c.candidates[0] == c.truth
-
-    intervals = [hit for c in seen for hit in c.covered]
-    count = Figure
-    return (
-        count(
-            name="false alarms on nulls",
-            target="<= 5 %",
-            hits=sum(c.verdict != "nothing missing" for c in null),
-            total=len(null),
-        ),
-        count(
-            name="named or in the set, detectable singles",
-            target="95 %",
-            hits=sum(map(within, seen)),
-            total=len(seen),
-        ),
-        count(
-            name="top choice right, detectable singles",
-            target="90 %",
-            hits=sum(map(top, seen)),
-            total=len(seen),
-        ),
-        count(
-            name="top choice right, all singles",
-            target="reported",
-            hits=sum(map(top, single)),
-            total=len(single),
-        ),
-        count(name="both of a pair right", target="80 %", hits=sum(map(top, pairs)), total=len(pairs)),
-        count(
-            name="unlike anything, withheld beyond 5 sigma",
-            target="90 %",
-            hits=sum(c.verdict == "unlike anything" for c in far),
-            total=len(far),
-        ),
-        count(
-            name="unlike anything, all withheld",
-            target="65 %",
-            hits=sum(c.verdict == "unlike anything" for c in withheld),
-            total=len(withheld),
-        ),
-        count(
-            name="undetectable singles not wrongly named",
-            target="95 %",
-            hits=sum(c.verdict in ("nothing missing", "unlike anything") or within(c) for c in unseen),
-            total=len(unseen),
-        ),
-        count(
-            name="90 % parameter intervals hold",
-            target="85 to 95 %",
-            hits=sum(intervals),
-            total=len(intervals),
-        ),
-    )
+def _predicted(unseen: Evidence, own: Explanation) -> float:
+    """Return the mean frequency error of a configuration that an explanation has not seen, its own G_f fitted."""
+    common = own.nuisance[: unseen.n_common].copy()
+    for _ in range(3):
+        found = residual(unseen, common, own.parameter, own.coordinate)
+        slope = -found.jacobian[found.kind == "frequency", 0]
+        value = found.value[found.kind == "frequency"]
+        common[0] += float(slope @ value / (slope @ slope))
+    return float(np.mean(np.abs(np.expm1(-found.log_frequency))))

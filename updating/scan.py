@@ -16,7 +16,7 @@ from updating.evidence import D_F_START, Evidence, pair, solved
 
 Vector = NDArray[np.float64]
 
-_SHARES = (0.05, 0.13, 0.35, 1.0)  # of the way from neutral to an end of the range
+_SHARES = (0.1, 0.35, 1.0)  # of the way from neutral to an end of the range
 _PLACES = 7
 _STIFFNESS = 3
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope

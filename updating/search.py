@@ -82,9 +82,11 @@ def search(evidence: Evidence, worth: float) -> Search:
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising])
-    if base.misfit > _ASTRAY * base.residual.value.size:
-        singles += _from_afar(evidence, screened)
-    evidence, singles = _exact(evidence, _best_of_each(singles))
+    evidence, singles = _exact(evidence, singles)
+    astray = base.misfit > _ASTRAY * base.residual.value.size
+    if astray and p_value(min(singles, key=lambda x: x.misfit, default=base)) < P_CONTENT:
+        afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE])
+        evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]))
     pairs = []
     best = min(singles, key=lambda x: x.misfit, default=base)
     if base.misfit - best.misfit > worth and p_value(best) < P_CONTENT:

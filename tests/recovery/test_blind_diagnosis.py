@@ -1,14 +1,17 @@
 """The blind benchmark of the diagnosis, `make blind`: sealed cases, resumable, scored when all are done."""
 
 import json
+import os
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import model
-from updating.blind import Case, candidates_of, figures, run
+from updating.blind import Case, run_all
+from updating.blind_figures import figures
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 RECORD = Path(__file__).parents[2] / "out" / "blind" / "cases.jsonl"
@@ -25,7 +28,7 @@ CASES = [  # mixed, so that what is done says something of every kind
 def recorded() -> list[Case]:
     if not RECORD.exists():
         return []
-    tupled = ("truth", "not_visible", "covered")
+    tupled = ("truth", "not_visible", "covered", "most_visible", "bic", "held_out")
     cases = []
     for line in RECORD.read_text(encoding="utf-8").splitlines():
         raw = json.loads(line)
@@ -40,15 +43,15 @@ def test_blind_cases(capsys):
     RECORD.parent.mkdir(parents=True, exist_ok=True)
     done = {(c.seed, c.kind) for c in recorded()}
     left = [case for case in CASES if case not in done]
-    if left:
-        candidates = candidates_of(SPECIFICATION, model.catalogue())
-        for i, (seed, kind) in enumerate(left):
-            case = run(SPECIFICATION, seed, kind, candidates)
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers:
+        for i, case in enumerate(run_all(SPECIFICATION, left, workers)):
             with RECORD.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(case)) + "\n")
             with capsys.disabled():
+                said = " or ".join(" with ".join(c) for c in case.candidates)
                 print(
-                    f"{i + 1} of {len(left)}: seed {seed}, {kind}, {case.truth} -> {case.verdict}", flush=True
+                    f"{i + 1} of {len(left)}: seed {case.seed}, {case.kind}, {case.truth} -> {case.verdict} {said}",
+                    flush=True,
                 )
     cases = recorded()
     sizes = [len(c.candidates) for c in cases if c.kind == "single" and c.candidates]

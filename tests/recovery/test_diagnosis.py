@@ -6,10 +6,9 @@ from pathlib import Path
 import pytest
 
 import model
-from updating.blind import NOISE, blind_test, candidates_of
+from updating.blind import blind_test, candidates_of, played
 from updating.diagnosis import conclude
 from updating.evidence import gather
-from updating.virtual_measurement import play_modes
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 CONSIDERED = (
@@ -34,10 +33,7 @@ def candidates(catalogue):
 
 def diagnosed(candidates, effects, values, seed):
     test = blind_test(SPECIFICATION, seed, effects, values)
-    played = play_modes(test, NOISE)
-    return conclude(
-        gather(candidates, [(c.name, c.pressure, played[c.name][0]) for c in test.configurations])
-    )
+    return conclude(gather(candidates, played(test)[:2]))
 
 
 def test_nothing_is_missing_where_nothing_is_hidden(candidates):

@@ -1,0 +1,91 @@
+"""What blind cases say of the diagnosis: shares with their intervals, beside the targets and beside baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy.stats import binomtest
+
+from updating.blind import DETECTABLE, Case
+from updating.verdict import SEPARATE
+
+_NOTABLE = 2e-4  # fall of the mean frequency error by the true effects that is more than noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A share of cases with its 95 % binomial interval (Clopper and Pearson 1934)."""
+
+    name: str
+    target: str
+    hits: int
+    total: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lower and upper end; (0, 1) without cases."""
+        if not self.total:
+            return 0.0, 1.0
+        found = binomtest(self.hits, self.total).proportion_ci(method="exact")
+        return float(found.low), float(found.high)
+
+
+def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
+    """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
+    null = [c for c in cases if c.kind == "null"]
+    single = [c for c in cases if c.kind == "single"]
+    seen = [c for c in single if c.distance >= DETECTABLE]
+    unseen = [c for c in single if c.distance < DETECTABLE]
+    pairs = [c for c in cases if c.kind == "pair" and c.distance >= DETECTABLE]
+    withheld = [c for c in cases if c.kind == "withheld"]
+    far = [c for c in withheld if c.distance >= 5.0]
+
+    def within(c: Case) -> bool:
+        return any(set(c.truth) <= set(candidate) for candidate in c.candidates)
+
+    def unlike(c: Case) -> bool:
+        return c.verdict == "unlike anything"
+
+    def top(c: Case) -> bool:
+        return bool(c.candidates) and c.candidates[0] == c.truth
+
+    def share(name: str, target: str, hits: Sequence[bool]) -> Figure:
+        return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
+
+    plain = [c for c in seen if c.rival >= SEPARATE]
+    fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
+    return (
+        share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
+        share("named or in the set, detectable singles", "95 %", [within(c) for c in seen]),
+        share("top choice right, detectable singles", "90 %", [top(c) for c in seen]),
+        share("  of these not aliased", "reported", [top(c) for c in plain]),
+        share("  largest sensitivity instead", "baseline", [c.most_visible == c.truth for c in seen]),
+        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in seen]),
+        share("top choice right, all singles", "reported", [top(c) for c in single]),
+        share("both of a pair right", "80 %", [top(c) for c in pairs]),
+        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
+        share("unlike anything, withheld beyond 5 sigma", "90 %", [unlike(c) for c in far]),
+        share("unlike anything, all withheld", "65 %", [unlike(c) for c in withheld]),
+        share(
+            "undetectable singles not wrongly named",
+            "95 %",
+            [c.verdict in ("nothing missing", "unlike anything") or within(c) for c in unseen],
+        ),
+        share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
+        share(
+            "held-out error worse after naming",
+            "<= 5 %",
+            [c.held_out[1] > c.held_out[0] * 1.05 for c in seen],
+        ),
+        share("held-out error falls by 70 % of the oracle's", "half of them", [f >= 0.7 for f in fall]),
+    )
+
+
+def _fall_of_oracle(case: Case) -> float:
+    return case.held_out[0] - case.held_out[2]
+
+
+def _fall(case: Case) -> float:
+    """Return the fall of the held-out error by what is named, over that by the true effects."""
+    return (case.held_out[0] - case.held_out[1]) / _fall_of_oracle(case)
