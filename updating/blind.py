@@ -76,8 +76,8 @@ class Case:
         Root of what the misfit of the best other single effect exceeds that of the true one by: below 3 the truth is
         aliased. Infinite where there is none.
     most_visible, bic : tuple of str
-        What two baselines say: the effect that changes the data most at its nominal strength, whatever the data are; and
-        stepwise choice by the Bayesian information criterion.
+        What two baselines say: the effect that can change the data most, whatever they are; and stepwise
+        choice by the Bayesian information criterion.
     held_out : tuple of float
         Mean frequency error of a third torque that nobody saw, its G_f fitted: with the base model, with the first
         candidate (the base model where none is named), and with the true effects.
@@ -117,7 +117,7 @@ def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
 def blind_test(
     specification: Path, seed: int, effects: tuple[Effect, ...], values: dict[str, float]
 ) -> VirtualTest:
-    """Return the test of a file, such as that of data/demo_stack, with one G_f for all torques, a third one, and effects."""
+    """Return the test of a file, such as that of data/demo_stack, with one G_f, a third torque, and effects."""
     test = read_virtual_test(specification)
     same = [replace(c, G_f=G_F, d_f=D_F) for c in test.configurations]
     third = replace(same[-1], name=HELD_OUT, pressure=HELD_OUT_PRESSURE)

@@ -49,10 +49,8 @@ def test_blind_cases(capsys):
                 file.write(json.dumps(asdict(case)) + "\n")
             with capsys.disabled():
                 said = " or ".join(" with ".join(c) for c in case.candidates)
-                print(
-                    f"{i + 1} of {len(left)}: seed {case.seed}, {case.kind}, {case.truth} -> {case.verdict} {said}",
-                    flush=True,
-                )
+                print(f"{i + 1} of {len(left)}: seed {case.seed}, {case.kind}, {case.truth} ->", end=" ")
+                print(case.verdict, said, flush=True)
     cases = recorded()
     sizes = [len(c.candidates) for c in cases if c.kind == "single" and c.candidates]
     with capsys.disabled():
