@@ -73,8 +73,8 @@ class Case:
         Root of the fall of the misfit from the base model to the true effects, fitted: below `DETECTABLE` nobody could
         name them.
     rival : float
-        Root of what the misfit of the best other single effect exceeds that of the true one by: below 3 the truth is
-        aliased. Infinite where there is none.
+        Root of what the misfit of the best other single effect exceeds that of the truth by: below 3 it is aliased,
+        or one of a pair does not show. Infinite where there is none.
     most_visible, bic : tuple of str
         What two baselines say: the effect that can change the data most, whatever they are; and stepwise
         choice by the Bayesian information criterion.
