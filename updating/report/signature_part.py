@@ -61,7 +61,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
 
 def signature_table(diagnosis: Diagnosis) -> Table:
     """List for every mode used what is lacking, what each effect brings, and what the first candidate leaves."""
-    signatures = _ordered(diagnosis)
+    signatures = dict(list(_ordered(diagnosis).items())[:MOST])
     left = "" if not diagnosis.candidates else f"left by {' + '.join(diagnosis.candidates[0])} [%]"
     rows = tuple(
         (
@@ -78,7 +78,8 @@ def signature_table(diagnosis: Diagnosis) -> Table:
         title="What each effect brings, mode by mode",
         header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *(f"{name} [%]" for name in signatures)),
         rows=rows,
-        note="± is one standard deviation. Each effect is fitted alone, with contact and nuisances anew.",
+        note="± is one standard deviation. Each effect is fitted alone, with contact and nuisances anew. Further effects "
+        "are in the CSV of the figure.",
         folded=True,
     )  # fmt: skip
     return table.without_empty_columns()
