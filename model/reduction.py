@@ -35,6 +35,9 @@ from model.system import Assembly, ParameterFactor, Target, Term
 from model.z_basis import N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
+_FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
+_SOFT = 1e-2  # of it, beside the stiffness where energies are compared
+_LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
 _ROUNDING = 1e-8  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
@@ -213,6 +216,7 @@ def reduce(
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
     basis, mass_basis = orthonormalize(rigid, product)
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
+    modes = []
     for i, sample in enumerate(samples):
         if i < len(outer):
             start = over_z.snapshots[i][:, N_RIGID:]
@@ -223,11 +227,16 @@ def reduce(
             )
             start = basis @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
         start = np.hstack([start, fresh])
-        _, vectors = solver.modes(
-            sample, shear_shift(stack, sample), start, n_mode, _TOLERANCE, rigid, _MIN_STEPS
-        )
+        shift = shear_shift(stack, sample)
+        values, vectors = solver.modes(sample, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+        strained = np.flatnonzero(values[:n_mode] > _FREE * shift)
+        modes.append(vectors[:, strained] / np.sqrt(values[strained]))
+    basis, mass_basis = orthonormalize(rigid, product)
+    leading = _leading(np.hstack(modes), assembly, middle)
+    block, mass_block = orthonormalize(leading, product, [(basis, mass_basis)])
+    basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     for effects, at in (
         (stack.effects, middle),
         (sampled, samples[-1]),
@@ -261,6 +270,18 @@ def reduce(
         ranges=box,
         laminas=laminas,
     )
+
+
+def _leading(
+    modes: NDArray[np.float64], assembly: Assembly, theta: Mapping[str, float]
+) -> NDArray[np.float64]:
+    """Return the directions, normalised, in which modes of unit energy have more than next to nothing."""
+    shift = _SOFT * shear_shift(assembly.stack, theta)
+    image = assembly.apply(assembly.krons("K", theta), modes)
+    image += shift * assembly.apply(assembly.krons("M", theta), modes)
+    energy, principal = la.eigh(_symmetric(modes.T @ image))
+    keep = energy > _LEFT_OUT
+    return np.asarray(modes @ (principal[:, keep] / np.sqrt(energy[keep])))
 
 
 def acting(assembly: Assembly, samples: Sequence[Mapping[str, float]]) -> Assembly:

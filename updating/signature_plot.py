@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_STYLES = (("#1f5f8b", "o", "-"), ("#b3341f", "s", "--"), ("#d9a441", "^", "-."), ("0.25", "D", ":"))
+_STYLES = (
+    ("#1f5f8b", "o", "-", 11),
+    ("#b3341f", "s", "--", 6.5),
+    ("#d9a441", "^", "-.", 5),
+    ("0.25", "D", ":", 3.5),
+)
+"""Colour, marker, line and marker size: smaller ones later, so that effects that do the same are all seen."""
 MOST = len(_STYLES)
 """Effects that one figure can show and still be read."""
 
@@ -46,7 +52,9 @@ def signature_pattern_figure(
         at = np.arange(len(inside))
         axes.bar(at, value[inside], 0.7, color="0.8", edgecolor="0.4", linewidth=0.6, label="lacking")
         axes.errorbar(at, value[inside], error[inside], fmt="none", ecolor="0.2", capsize=3, linewidth=1.0)
-        for (effect, change), (color, marker, line) in zip(signature.items(), _STYLES, strict=False):
+        for (effect, change), (color, marker, line, size_of_marker) in zip(
+            signature.items(), _STYLES, strict=False
+        ):
             moved = 100.0 * np.asarray(change, float)[inside]
             axes.plot(
                 at,
@@ -55,7 +63,7 @@ def signature_pattern_figure(
                 marker=marker,
                 linestyle=line,
                 linewidth=1.0,
-                markersize=5,
+                markersize=size_of_marker,
                 label=effect,
             )
         axes.axhline(0.0, color="0.3", linewidth=0.8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model import read_stack
-from updating.diagnosis import Diagnosis
+from updating.diagnosis import Diagnosis, ModeError
 from updating.fit import Estimate
 from updating.joint_fit import FittedParameter
 from updating.ledger import Entry
@@ -17,6 +17,7 @@ from updating.report.page import render, sections
 from updating.report.parameter_part import interval_table
 from updating.report.provenance import provenance_section
 from updating.report.results import Results
+from updating.report.signature_part import signature_section
 from updating.signature_plot import signature_pattern_figure
 
 STACK = Path(__file__).parents[2] / "data/demo_stack/stack.toml"
@@ -152,3 +153,40 @@ def test_what_is_lacking_stands_beside_what_effects_bring_mode_by_mode():
     line = next(line for line in first.lines if line.get_label() == "a")
     np.testing.assert_allclose(line.get_ydata(), [2.1, -1.2])
     assert first.get_ylabel() == "change of frequency [%]"
+
+
+def diagnosis(**given):
+    return Diagnosis(**(dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | given))
+
+
+def mode_error(configuration, mode, base, explained):
+    return ModeError(
+        configuration=configuration, mode=mode, frequency=100.0 * mode, std=0.1, base=base, explained=explained
+    )  # fmt: skip
+
+
+def test_a_model_that_is_too_soft_lacks_what_an_effect_that_stiffens_brings():
+    made = diagnosis(
+        verdict="identified",
+        candidates=(("stiff", "other"),),
+        errors=(mode_error("M1", 1, -0.02, -0.001), mode_error("M2", 2, 0.01, 0.002)),
+        signatures={"weak": (0.001, -0.001), "stiff": (0.019, -0.011)},
+    )
+    picture, table = signature_section(made).blocks
+    assert picture.data.splitlines() == [
+        "configuration,mode,frequency [Hz],its std [Hz],lacking,stiff,weak",  # the candidate first
+        "M1,1,100.0,0.1,0.02,0.019,0.001",
+        "M2,2,200.0,0.1,-0.01,-0.011,-0.001",
+    ]
+    assert table.header[3:] == ("lacking [%]", "left by stiff + other [%]", "stiff [%]", "weak [%]")
+    assert table.rows[0] == ("M1", "1", "100.000 ± 0.1", "+2.000", "+0.100", "+1.900", "+0.100")
+    assert any(part.title == "Effect signatures" for part in sections(results(diagnosis=made)))
+
+
+def test_signatures_of_many_configurations_are_several_pictures_and_nothing_left_has_no_column():
+    errors = tuple(mode_error(f"M{k}", r, 0.0, NAN) for k in range(4) for r in range(1, 9))
+    section = signature_section(diagnosis(errors=errors, signatures={}))
+    assert [b.kind for b in section.blocks] == ["picture", "picture", "table"]
+    assert [p.name for p in section.pictures] == ["signatures_1", "signatures_2"]
+    assert [len(p.data.splitlines()) - 1 for p in section.pictures] == [24, 8]
+    assert section.blocks[-1].header[-1] == "lacking [%]"

@@ -18,6 +18,7 @@ from updating.report.part import Section
 from updating.report.provenance import provenance_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.shape_part import shape_section
+from updating.report.signature_part import signature_section
 from updating.report.table_part import row_section, table_overview
 from updating.store import folder_name, write_bytes
 
@@ -73,6 +74,8 @@ def sections(results: Results, *, apart: bool = False) -> tuple[Section, ...]:
         address = [page_of(t) for t in results.tested] if apart else [f"#{part.anchor}" for part in own]
         parts.append(overview_section(results, address))
     parts += own
+    if results.diagnosis is not None:
+        parts.append(signature_section(results.diagnosis))
     if results.ledger or any(tested.fit is not None for tested in results.tested):
         parts.append(parameter_section(results))
     return (*parts, provenance_section(results))
