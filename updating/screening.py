@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +96,8 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
             slope = changes(own, where) if shaping.size else raw
             strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > _SILENT * size)
             trials.append(_screened(name, own, where, projected(slope), np.setdiff1d(strong, shaping), r))
-        found.append(max(trials, key=lambda s: s.gain))
+        best = max(trials, key=lambda s: s.gain)
+        found.append(replace(best, reach=max(s.reach for s in trials)))
     return tuple(found)
 
 
