@@ -138,6 +138,8 @@ class Campaign:
         The campaign file, and the folder that its file names are relative to.
     stack : Path or None
         Stack file of the model, if named.
+    points : Path
+        File of the points.
     geometry : Geometry
         The measured points.
     configurations : tuple of Configuration
@@ -162,6 +164,7 @@ class Campaign:
     path: Path
     folder: Path
     stack: Path | None
+    points: Path
     geometry: Geometry
     configurations: tuple[Configuration, ...]
     identification: IdentificationOptions
@@ -284,6 +287,7 @@ def read_campaign(path: str | Path) -> Campaign:
         path=path,
         folder=folder,
         stack=None if content.structure.stack is None else folder / content.structure.stack,
+        points=folder / content.points.file,
         geometry=geometry,
         configurations=configurations,
         identification=IdentificationOptions(band=options.band_Hz, order=options.order),

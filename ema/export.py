@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.files import whole
 from ema.frf import FRF, Quantity
 from ema.geometry import Dofs
 from ema.modes import ModalModel, synthesize
@@ -86,9 +87,7 @@ def write_shapes_csv(path: Path, modal_model: ModalModel) -> None:
 
 
 def _write_rows(path: Path, header: list[str] | tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> None:
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
+    with whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(header)
         writer.writerows(rows)
-    part.replace(path)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.errors import IdentificationError
+from ema.files import whole
 from ema.plot import stabilization_figure
 from ema.stabilization import StabilizationDiagram
 
@@ -26,7 +27,8 @@ LEFT, RIGHT = 1, 3
 def write_poles(path: Path, pole: NDArray[np.complex128]) -> None:
     """Write poles (rad/s) to a text file of natural frequencies and damping ratios."""
     lines = [f"{abs(p) / (2.0 * np.pi):.10g}  {-p.real / abs(p):.6g}\n" for p in pole]
-    path.write_text(HEADER + "".join(lines), encoding="utf-8")
+    with whole(path) as part:
+        part.write_text(HEADER + "".join(lines), encoding="utf-8")
 
 
 def read_poles(path: Path) -> NDArray[np.complex128]:
@@ -35,10 +37,16 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
     Raises
     ------
     IdentificationError
-        A line does not hold two numbers in range, or the file holds none; the message names file and line.
+        The file cannot be read or holds no pole, or a line does not hold two numbers in range; the message names file
+        and line.
     """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"{path}: cannot be read: {error}"
+        raise IdentificationError(message) from error
     found: list[complex] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, line in enumerate(lines, start=1):
         words = line.partition("#")[0].split()
         if not words:
             continue

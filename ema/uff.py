@@ -19,6 +19,7 @@ import pyuff
 from numpy.typing import NDArray
 
 from ema.errors import MeasurementError
+from ema.files import whole
 from ema.frf import FRF, Quantity
 from ema.function import Kind, MeasuredFunction
 from ema.geometry import Geometry
@@ -147,13 +148,12 @@ def write_uff(
         format cannot hold it.
     """
     path = Path(path)
-    part = path.with_name(path.name + ".part")
     blocks = b"" if frf is None else b"".join(encoded_frfs(frf, geometry))
     sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model))
-    pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
-    with part.open("ab") as file:
-        file.write(blocks)
-    part.replace(path)
+    with whole(path) as part:
+        pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
+        with part.open("ab") as file:
+            file.write(blocks)
 
 
 def _listed(sets: list[DataSet]) -> str:

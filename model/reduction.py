@@ -38,7 +38,7 @@ _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 _FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
 _SOFT = 1e-2  # of it, beside the stiffness where energies are compared
 _LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
-_ROUNDING = 1e-8  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
+_ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 

@@ -201,6 +201,17 @@ def read_stack(path: str | Path) -> Stack:
         raise StackError(message) from error
 
 
+def stack_inputs(path: Path) -> tuple[Path, ...]:
+    """Return the file of a stack, which `read_stack` accepts, and the files that it names."""
+    given = _Stack.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    named = (
+        given.contact.torque_table,
+        given.outline.file,
+        None if given.pressing is None else given.pressing.curve,
+    )
+    return (path, *(path.parent / name for name in named if name is not None))
+
+
 def _to_si(given: _Stack, folder: Path) -> Stack:
     material, contact = given.material, given.contact
     length, width, shape = _outline(given, folder)

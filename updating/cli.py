@@ -11,13 +11,12 @@ import typer
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from ema import Identification
 from updating import effect_jobs, jobs, tables, update_job
 from updating.errors import LAMELLA_ERRORS
+from updating.identified import Identified
 from updating.modal_table import is_modal_table
 from updating.published import CALIBRATIONS
 from updating.published_tables import screening_table, summary_table
-from updating.quality import quality
 from updating.report.pdf import print_pdf
 from updating.view import view as view_results
 
@@ -371,8 +370,8 @@ def demo(output: Folder = Path("out/demo")) -> None:
     fit(Path("data/demo_stack/campaign.toml"), output)
 
 
-def _print_findings(found: Identification) -> None:
-    for line in quality(found).findings:
+def _print_findings(found: Identified) -> None:
+    for line in found.quality.findings:
         _OUT.print(f"  {line}", markup=False, highlight=False)
 
 
@@ -402,5 +401,5 @@ def main() -> None:
         _ERR.print(f"[bold red]Error:[/bold red] {error}", markup=True, highlight=False)
         sys.exit(1)
     except KeyboardInterrupt:
-        _ERR.print("Interrupted; the configurations that were done are kept.")
+        _ERR.print("Interrupted; what was done is kept, and the same command goes on from there.")
         sys.exit(130)

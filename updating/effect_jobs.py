@@ -12,9 +12,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ema import Identification
 from model import catalogue
 from updating.fit import Fit
+from updating.identified import Identified
 from updating.joint_fit import FittedParameter
 from updating.ledger import Entry, ledger
 from updating.modal_table import TableFit, read_modal_table
@@ -47,7 +47,7 @@ class Ledger:
 
 
 def campaign_ledger(
-    fits: Sequence[tuple[Identification, Fit]], effects: Sequence[str], campaign: Path, output: Path
+    fits: Sequence[tuple[Identified, Fit]], effects: Sequence[str], campaign: Path, output: Path
 ) -> tuple[Entry, ...]:
     """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv.
 

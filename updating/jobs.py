@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,16 +15,13 @@ import model
 from ema import (
     Campaign,
     Comparison,
-    Configuration,
-    Identification,
     compare,
     read_campaign,
     read_measurement,
     stabilization,
 )
-from ema import identify as identify_campaign
 from ema.export import write_modes_csv, write_modes_uff, write_shapes_csv
-from ema.picking import pick_poles, read_poles, write_poles
+from ema.picking import pick_poles, write_poles
 from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from model import Effect, Modes, Stack
 from model.effect_check import effect_faults
@@ -32,21 +29,22 @@ from model.plot import mode_png
 from model.pressure import PressureSummary
 from model.pressure_plot import pressure_figure
 from model.stack import Pressing
+from model.stack_file import stack_inputs
 from model.static import press
 from model.verified import Verification, solve_verified
 from updating.diagnosis import Diagnosis
 from updating.diagnosis import diagnose as diagnose_stack
 from updating.effect_option import with_named_effects
-from updating.errors import FitError, StoreError
+from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
+from updating.identified import Identified, identified
 from updating.modal_table import TableFit, fit_row, read_modal_table
 from updating.plot import as_png
-from updating.quality import quality
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
-from updating.store import folder_name, write_bytes, write_frf, write_result
+from updating.store import folder_name, read_current, read_frf, write_bytes, write_result
 from updating.target import stack_in_state
 from updating.virtual_campaign import write_virtual_test
 from updating.virtual_test_file import read_virtual_test
@@ -54,8 +52,10 @@ from updating.virtual_test_file import read_virtual_test
 
 def identify(
     campaign_file: Path, output: Path, poles: Path | None, console: Console
-) -> tuple[tuple[Identification, ...], Comparison]:
+) -> tuple[tuple[Identified, ...], Comparison]:
     """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
+
+    Configurations that an earlier run left are read back.
 
     With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice.
     """
@@ -63,8 +63,8 @@ def identify(
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify", total=len(campaign.configurations))
-        for configuration, found in _identified(campaign, output, _chosen_poles(campaign, poles)):
-            _draw_identification(found, output / folder_name(configuration.name))
+        for found in identified(campaign, output, poles):
+            _write_tables_and_pictures(found, keep_poles=poles == output)
             results.append(found)
             progress.advance(task)
     comparison = compare([found.modal_model for found in results])
@@ -117,13 +117,14 @@ def solve(
     if effects.option or effects.file:
         stack = with_named_effects(stack, effects.option, model.catalogue(effects.file))
     options = {"n_mode": n_mode, "tolerance": tolerance, "effects": dict(stack.effect_values)}
+    inputs = (*stack_inputs(stack_file), *effects.file)
     pressure = None
     with _progress(console) as progress:
         task = progress.add_task("press and solve", total=2 + n_mode)
         if isinstance(stack.pressing, Pressing):
             field = press(stack)
             stack, pressure = replace(stack, pressing=field), field.summary()
-            write_result(output / "pressure.json", pressure, inputs=(stack_file,), options={})
+            write_result(output / "pressure.json", pressure, inputs=inputs, options={})
             write_bytes(output / "pressure.png", as_png(pressure_figure(field)))
         progress.advance(task)
         system, every, verification = solve_verified(
@@ -131,8 +132,8 @@ def solve(
         )
         modes = every.elastic()
         verification = replace(verification, error=verification.error[every.n_rigid :])
-        write_result(output / "modes.json", modes, inputs=(stack_file,), options=options)
-        write_result(output / "verification.json", verification, inputs=(stack_file,), options=options)
+        write_result(output / "modes.json", modes, inputs=inputs, options=options)
+        write_result(output / "verification.json", verification, inputs=inputs, options=options)
         progress.advance(task)
         for r in range(modes.frequency.size):
             write_bytes(output / f"mode_{r + 1:02d}.png", mode_png(system, modes, r))
@@ -143,8 +144,11 @@ def solve(
 
 def fit(
     campaign_file: Path, output: Path, threshold: float, console: Console
-) -> tuple[tuple[Identification, Fit], ...]:
-    """Identify and fit every configuration of a campaign and write each result as soon as it is there."""
+) -> tuple[tuple[Identified, Fit], ...]:
+    """Identify and fit every configuration of a campaign and write each result as soon as it is there.
+
+    Configurations that an earlier run left are read back.
+    """
     campaign = read_campaign(campaign_file)
     if campaign.stack is None:
         message = (
@@ -155,14 +159,15 @@ def fit(
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify and fit", total=len(campaign.configurations))
-        for configuration, found in _identified(campaign, output, {}):
-            fitted = fit_configuration(
-                stack_in_state(stack, configuration), found.modal_model, threshold=threshold
-            )
-            folder = output / folder_name(configuration.name)
-            inputs = (campaign_file, campaign.stack)
-            write_result(folder / "modes.json", fitted.modes, inputs=inputs, options={"threshold": threshold})
-            write_result(folder / "fit.json", fitted, inputs=inputs, options={"threshold": threshold})
+        for found in identified(campaign, output):
+            inputs = (campaign_file, *stack_inputs(campaign.stack), found.folder / "modal_model.json")
+            options = {"threshold": threshold}
+            fitted = read_current(found.folder / "fit.json", Fit, inputs=inputs, options=options)
+            if fitted is None:
+                state = stack_in_state(stack, found.configuration)
+                fitted = fit_configuration(state, found.modal_model, threshold=threshold)
+                write_result(found.folder / "modes.json", fitted.modes, inputs=inputs, options=options)
+                write_result(found.folder / "fit.json", fitted, inputs=inputs, options=options)
             results.append((found, fitted))
             progress.advance(task)
     return tuple(results)
@@ -198,11 +203,11 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
     tested = []
     with _progress(console) as progress:
         task = progress.add_task("identify and diagnose", total=len(campaign.configurations) + 1)
-        for configuration, found in _identified(campaign, output, {}):
-            pressure = configuration.pressure
+        for found in identified(campaign, output):
+            pressure = found.configuration.pressure
             tested.append(
                 (
-                    configuration.name,
+                    found.configuration.name,
                     stack.contact.pressure if pressure is None else pressure,
                     found.modal_model,
                 )
@@ -210,7 +215,7 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
             progress.advance(task)
         diagnosis = diagnose_stack(stack, tested, known)
         progress.advance(task)
-    inputs = (campaign_file, campaign.stack, *effect_files)
+    inputs = (campaign_file, *stack_inputs(campaign.stack), *effect_files)
     write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})
     return diagnosis
 
@@ -261,34 +266,6 @@ def explain(
     return Explained(effect=effect, faults=faults, signature=found)
 
 
-def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, NDArray[np.complex128]]:
-    """Read poles.txt of every configuration that has one in a results folder."""
-    if folder is None:
-        return {}
-    files = {c.name: folder / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
-    found = {name: read_poles(file) for name, file in files.items() if file.exists()}
-    if not found:
-        message = f"{folder}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
-        raise StoreError(message)
-    return found
-
-
-def _identified(
-    campaign: Campaign, output: Path, poles: dict[str, NDArray[np.complex128]]
-) -> Iterator[tuple[Configuration, Identification]]:
-    """Identify configuration by configuration, writing each before it is handed on."""
-    write_result(output / "campaign.json", campaign, inputs=(campaign.path,), options={})
-    for configuration, found in zip(campaign.configurations, identify_campaign(campaign, poles), strict=True):
-        folder = output / folder_name(configuration.name)
-        files = tuple(file for group in configuration.files for file in group.files)
-        inputs = (campaign.path, *files)
-        used = {"band_Hz": list(found.modal_model.band), "order": campaign.identification.order}
-        write_result(folder / "quality.json", quality(found), inputs=inputs, options=used)
-        write_result(folder / "modal_model.json", found.modal_model, inputs=inputs, options=used)
-        write_frf(folder / "measurement.npz", found.measurement.frf)
-        yield configuration, found
-
-
 def _abscissa(campaign: Campaign) -> tuple[NDArray[np.float64], str]:
     """Return what to compare over: torque or pressure where all state it and it varies, else the number."""
     for name, unit, factor in (("torque", "N m", 1.0), ("pressure", "kPa", 1e-3)):
@@ -298,8 +275,13 @@ def _abscissa(campaign: Campaign) -> tuple[NDArray[np.float64], str]:
     return np.arange(1.0, len(campaign.configurations) + 1.0), "configuration [number in the campaign file]"
 
 
-def _draw_identification(found: Identification, folder: Path) -> None:
-    frf, modes = found.measurement.frf, found.modal_model
+def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
+    """Write what is made from a modal model, but not over the poles of the user that it was made from."""
+    folder, modes = found.folder, found.modal_model
+    last = folder / f"shape_{modes.frequency.size:02d}.png"
+    if last.exists() and last.stat().st_mtime_ns >= (folder / "modal_model.json").stat().st_mtime_ns:
+        return  # all of them are there, made from this model
+    frf = read_frf(folder / "measurement.npz")
     write_bytes(folder / "frf.png", as_png(frf_figure(frf, modes)))
     write_bytes(
         folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band))))
@@ -307,7 +289,8 @@ def _draw_identification(found: Identification, folder: Path) -> None:
     write_modes_uff(folder / "modes.uff", modes, step=float(frf.frequency[1] - frf.frequency[0]))
     write_modes_csv(folder / "modes.csv", modes)
     write_shapes_csv(folder / "shapes.csv", modes)
-    write_poles(folder / "poles.txt", modes.pole)
+    if not keep_poles or not (folder / "poles.txt").exists():
+        write_poles(folder / "poles.txt", modes.pole)
     for r in range(modes.frequency.size):
         write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
 

@@ -11,7 +11,9 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import cache
 from importlib.metadata import version
+from itertools import count
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin
@@ -46,11 +48,13 @@ def write_bytes(path: Path, content: bytes) -> None:
             file.write(content)
         partial.chmod(0o644)
         partial.replace(path)
+        partial = None
     except OSError as error:
-        if partial is not None:
-            partial.unlink(missing_ok=True)
         message = f"cannot write {path}: {error.strerror}. Choose another folder with -o, or make room."
         raise StoreError(message) from error
+    finally:  # whatever stopped it, Ctrl-C too
+        if partial is not None:
+            partial.unlink(missing_ok=True)
 
 
 def write_result(
@@ -68,14 +72,15 @@ def write_result(
         Files that the result was computed from; their SHA-256 goes into the document.
     options : dict
         Options that were used.
+
+    Raises
+    ------
+    StoreError
+        An input cannot be read any more, or the file cannot be written.
     """
     document = {
         "kind": type(result).__name__,
-        "provenance": {
-            "versions": {name: version(name) for name in ("lamella", "numpy", "scipy")},
-            "inputs": {file.name: _sha256(file) for file in inputs},
-            "options": dict(options),
-        },
+        "provenance": _provenance(inputs, options),
         "result": _CONVERTER.unstructure(result),
     }
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
@@ -99,6 +104,30 @@ def read_result(path: Path, kind: type[T]) -> T:
     except (cattrs.BaseValidationError, KeyError, TypeError, ValueError) as error:
         message = f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
         raise StoreError(message) from error
+
+
+def read_current(
+    path: Path, kind: type[T], *, inputs: tuple[Path, ...], options: Mapping[str, object]
+) -> T | None:
+    """Read a result if this version made it from these inputs with these options; None where it must be made anew.
+
+    Parameters
+    ----------
+    path : Path
+        File that `write_result` may have written.
+    kind : type
+        Type of the result.
+    inputs, options
+        What `write_result` would be given.
+    """
+    if not path.exists():
+        return None
+    try:
+        if read_document(path).get("provenance") != json.loads(json.dumps(_provenance(inputs, options))):
+            return None
+        return read_result(path, kind)
+    except StoreError:  # damaged, or of an older form
+        return None
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -166,9 +195,36 @@ def read_frf(path: Path) -> FRF:
         raise StoreError(message) from error
 
 
+def _provenance(inputs: tuple[Path, ...], options: Mapping[str, object]) -> dict[str, Any]:
+    versions = {name: version(name) for name in ("lamella", "numpy", "scipy")}
+    versions["lamella"] += f"+{_code_digest()}"
+    files = dict.fromkeys(inputs)
+    # as much of each path as tells them apart
+    depth = next(n for n in count(1) if len({file.parts[-n:] for file in files}) == len(files))
+    return {
+        "versions": versions,
+        "inputs": {"/".join(file.parts[-depth:]): _sha256(file) for file in files},
+        "options": dict(options),
+    }
+
+
+@cache
+def _code_digest() -> str:
+    """First digits of the digest of the program's own files, which may change without their version."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for file in sorted(f for package in ("ema", "model", "updating") for f in (root / package).rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
 def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        message = f"cannot read {path}: {error.strerror}"
+        raise StoreError(message) from error
 
 
 def _plain(array: NDArray[Any]) -> Any:
@@ -223,7 +279,9 @@ def _make_converter() -> cattrs.Converter:
     converter.register_unstructure_hook_func(_is_array, _plain)
     converter.register_structure_hook_func(_is_array, _array)
     converter.register_structure_hook_func(_is_union_of_types, _by_fields)
-    unstructure_float: Callable[[float], float | None] = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+    unstructure_float: Callable[[float], float | str | None] = lambda x: (  # noqa: E731
+        float(x) if np.isfinite(x) else None if np.isnan(x) else str(float(x))
+    )
     converter.register_unstructure_hook(float, unstructure_float)
     converter.register_structure_hook(float, lambda x, _: np.nan if x is None else float(x))
     converter.register_unstructure_hook(complex, lambda z: {"real": z.real, "imag": z.imag})

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 import model
 from ema import FRF, Dofs, Geometry
 from ema.table import TableLayout
+from updating import store
 from updating.errors import StoreError
 from updating.store import (
     folder_name,
+    read_current,
     read_document,
     read_frf,
     read_result,
@@ -180,3 +182,51 @@ def test_points_without_trace_lines_are_read_back(tmp_path):
     points = Geometry(node=np.array([1, 2]), coordinate=np.eye(2, 3), line=np.empty((0, 2), int))
     write_result(tmp_path / "points.json", points, inputs=(), options={})
     assert read_result(tmp_path / "points.json", Geometry).line.shape == (0, 2)
+
+
+def test_a_result_is_current_only_if_the_same_made_it_from_the_same(tmp_path, outer, monkeypatch):
+    path, source = tmp_path / "r.json", tmp_path / "input.txt"
+    source.write_bytes(b"abc")
+    made_by = {"inputs": (source,), "options": {"band_Hz": (1.0, 2.0)}}
+    assert read_current(path, Outer, **made_by) is None
+    write_result(path, outer, **made_by)
+    np.testing.assert_array_equal(read_current(path, Outer, **made_by).pole, outer.pole)
+    assert read_current(path, Outer, inputs=(source,), options={}) is None
+    assert read_current(path, Inner, **made_by) is None
+    with monkeypatch.context() as other:
+        other.setattr(store, "_code_digest", lambda: "0123456789ab")
+        assert read_current(path, Outer, **made_by) is None
+    source.write_bytes(b"abd")
+    assert read_current(path, Outer, **made_by) is None
+    source.write_bytes(b"abc")
+    path.write_bytes(path.read_bytes()[:-20])
+    assert read_current(path, Outer, **made_by) is None
+
+
+def test_inputs_of_the_same_name_are_told_apart_by_their_folders(tmp_path, outer):
+    files = tuple(tmp_path / folder / "run_01.uff" for folder in ("M1", "M2"))
+    for file in files:
+        write_bytes(file, file.parent.name.encode())
+    write_result(tmp_path / "r.json", outer, inputs=files, options={})
+    inputs = read_document(tmp_path / "r.json")["provenance"]["inputs"]
+    assert set(inputs) == {"M1/run_01.uff", "M2/run_01.uff"}
+    assert len(set(inputs.values())) == 2
+
+
+def test_infinity_comes_back_as_infinity(tmp_path):
+    write_result(tmp_path / "r.json", Other(force=-np.inf), inputs=(), options={})
+    assert read_result(tmp_path / "r.json", Other).force == -np.inf
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_nothing_beside_it(tmp_path, monkeypatch):
+    path = tmp_path / "r.json"
+    write_bytes(path, b"old")
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pathlib.Path.replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["r.json"]

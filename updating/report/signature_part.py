@@ -78,8 +78,8 @@ def signature_table(diagnosis: Diagnosis) -> Table:
         title="What each effect brings, mode by mode",
         header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *(f"{name} [%]" for name in signatures)),
         rows=rows,
-        note="± is one standard deviation. Each effect is fitted alone, with contact and nuisances anew. Further effects "
-        "are in the CSV of the figure.",
+        note="± is one standard deviation. Each effect is fitted alone, with contact and nuisances anew. Further "
+        "effects are in the CSV of the figure.",
         folded=True,
     )  # fmt: skip
     return table.without_empty_columns()
