@@ -18,7 +18,7 @@ GAIN_SINGLE = 16.0
 few of 100 complete models."""
 GAIN_SECOND = 16.0
 """The same for a second effect beside the first."""
-P_ADEQUATE = 1e-3
+P_ADEQUATE = 0.02
 """A model that fits worse than this is not adequate."""
 
 
