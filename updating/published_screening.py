@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,8 +67,9 @@ def screen(data: Published, calibration: str, names: Sequence[str], *, seconds: 
         Processor time after which nothing new is begun; what is left is listed as not tried.
     """
     end = time.process_time() + seconds
-    singles = [_try(data, calibration, (name,), end) for name in names]
-    pairs = [_try(data, calibration, pair, end) for pair in _pairs(singles)]
+    singles = [_try(data, calibration, (name,), end, {}) for name in names]
+    alone = {t.effects[0]: {p.name: p.value for p in t.shared} for t in singles}
+    pairs = [_try(data, calibration, pair, end, alone[pair[0]]) for pair in _pairs(singles)]
     return Screening(calibration=calibration, tried=(*singles, *pairs))
 
 
@@ -81,12 +82,17 @@ def _pairs(singles: Sequence[Tried]) -> Iterator[tuple[str, str]]:
     yield from itertools.combinations(ranked[1 : 1 + _AMONG], 2)
 
 
-def _try(data: Published, calibration: str, effects: tuple[str, ...], end: float) -> Tried:
+def _try(
+    data: Published, calibration: str, effects: tuple[str, ...], end: float, alone: Mapping[str, float]
+) -> Tried:
+    """Fit effects; one descent begins with what the first of them is alone, the others at their neutral values."""
     if time.process_time() > end:
         return Tried(effects=effects, error=float("nan"), shared=(), note="not tried: the time was over")
     try:
         stacks, _ = prepare_published(data, calibration, effects, both=False)
-        fit = joint_fit(stacks, effects=effects, damping=False, scatter=SCATTER, n_start=3)
+        neutral = {p.name: p.neutral for e in stacks[0].target.stack.effects for p in e.parameters}
+        first = {**neutral, **alone} if alone else {}
+        fit = joint_fit(stacks, effects=effects, damping=False, scatter=SCATTER, n_start=3, first=first)
     except (UpdatingError, ModelError) as error:
         return Tried(effects=effects, error=float("nan"), shared=(), note=str(error))
     return Tried(

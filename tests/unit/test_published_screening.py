@@ -1,6 +1,7 @@
 """The screening of effects on the published campaign: what is tried, in which order, and what is said of it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,35 +29,45 @@ def tried(*effects, error, at_bound=False, note=""):
 @pytest.fixture
 def errors(monkeypatch):
     """Replace the fits: the error of each effect is given, a pair has the smaller one."""
+    begun = []
     given = {"A": 0.1, "B": 0.03, "C": np.nan, "D": 0.12, "E": 0.2, "F": 0.15}
-    monkeypatch.setattr(published_screening, "prepare_published", lambda *_, **__: ((), ()))
+    stack = SimpleNamespace(effects=())
+    one = SimpleNamespace(target=SimpleNamespace(stack=stack))
+    monkeypatch.setattr(published_screening, "prepare_published", lambda *_, **__: ((one,), ()))
 
     class Fit:
         def __init__(self, effects):
             self.parameter = (parameter(),)
             self.error = lambda: min(given[e] for e in effects)
 
-    def fit(_, effects, **__):
+    def fit(_, effects, first, **__):
+        begun.append((effects, first))
         if any(np.isnan(given[e]) for e in effects):
             message = "no mode of its class"
             raise published_screening.UpdatingError(message)
         return Fit(effects)
 
     monkeypatch.setattr(published_screening, "joint_fit", fit)
-    return given
+    return SimpleNamespace(names=list(given), begun=begun)
+
+
+def test_a_pair_begins_where_the_better_of_the_two_ended(errors):
+    screen(DATA, "C1", errors.names, seconds=60.0)
+    assert dict(errors.begun)[("B",)] == {}
+    assert dict(errors.begun)["B", "A"] == {"a": 1.0}
 
 
 def test_all_are_tried_alone_then_the_best_with_each_then_the_next_best_among_themselves(errors):
-    found = screen(DATA, "C1", list(errors), seconds=60.0).tried
-    assert [t.effects for t in found[:6]] == [(name,) for name in errors]
+    found = screen(DATA, "C1", errors.names, seconds=60.0).tried
+    assert [t.effects for t in found[:6]] == [(name,) for name in errors.names]
     assert [t.effects for t in found[6:10]] == [("B", "A"), ("B", "D"), ("B", "F"), ("B", "E")]
     assert ("A", "D") in [t.effects for t in found[10:]]
     assert found[2].note == "no mode of its class"
 
 
 def test_what_there_is_no_time_for_is_listed(errors):
-    found = screen(DATA, "C1", list(errors), seconds=-1.0).tried
-    assert len(found) == len(errors)
+    found = screen(DATA, "C1", errors.names, seconds=-1.0).tried
+    assert len(found) == len(errors.names)
     assert all("not tried" in t.note for t in found)
 
 
