@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import (
@@ -121,9 +122,9 @@ class ConfigurationSection(Section):
 
     name: str
     stack: str | int | None = None
-    torque_Nm: float | None = None
-    pressure_kPa: float | None = None
-    height_mm: float | None = None
+    torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     force_N: float | None = Field(default=None, gt=0)
     files: tuple[str, ...] = ()
     output: tuple[DofEntry, ...] = ()
@@ -208,15 +209,25 @@ def check_campaign_file(path: Path) -> CampaignFile:
         places = [fault["loc"] for fault in faults]
         # pydantic also reports a list as too short when its entries have faults; the entries say it all
         own = [f for f in faults if all(p == f["loc"] or p[: len(f["loc"])] != f["loc"] for p in places)]
-        raise CampaignError("\n".join(f"{path}: {_explained(fault)}" for fault in own)) from error
+        raise CampaignError(
+            "\n".join(f"{path}: {explained(fault, CampaignFile)}" for fault in own)
+        ) from error
 
 
-def _explained(fault: dict[str, Any]) -> str:
-    """Return one fault of the validation as key, what is wrong, and what is allowed."""
+def explained(fault: Mapping[str, Any], form: type[BaseModel]) -> str:
+    """Return one fault of a file that does not have its form: the key, what is wrong, and what is allowed.
+
+    Parameters
+    ----------
+    fault : mapping
+        One of `ValidationError.errors`.
+    form : type
+        The form of the whole file.
+    """
     location = fault["loc"]
     key = "".join(f"[{p + 1}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
     if fault["type"] == "extra_forbidden":
-        allowed = _keys_at(location[:-1])
+        allowed = _keys_at(form, location[:-1])
         return f"{key}: unknown key; {did_you_mean(str(location[-1]), allowed)}"
     if fault["type"] == "missing":
         return f"{key}: this key is missing"
@@ -224,24 +235,20 @@ def _explained(fault: dict[str, Any]) -> str:
     return f"{key}: {text}, found {fault['input']!r}" if fault["type"] != "value_error" else f"{key}: {text}"
 
 
-def _keys_at(location: tuple[str | int, ...]) -> list[str]:
-    model: type[BaseModel] = CampaignFile
-    nested: dict[str, type[BaseModel]] = {
-        "campaign": _Name,
-        "structure": _Structure,
-        "points": PointsSection,
-        "measurement": _Measurement,
-        "table": TableLayout,
-        "time": Averaging,
-        "configuration": ConfigurationSection,
-        "run": _Run,
-        "force_level": ForceLevelSection,
-        "correction": CorrectionSection,
-        "identification": _Identification,
-    }
+def _keys_at(form: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+    """Return the keys that a table at a place of a file can have."""
     for part in location:
-        model = nested.get(str(part), model)
-    return list(model.model_fields)
+        field = form.model_fields.get(str(part))
+        if field is not None:  # else the place in a list, or a name that the user gives
+            form = next(_forms_in(field.annotation), form)
+    return list(form.model_fields)
+
+
+def _forms_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _forms_in(part)
 
 
 def did_you_mean(name: str, allowed: list[str]) -> str:

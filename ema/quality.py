@@ -136,12 +136,11 @@ def _passed(findings: list[Verdict]) -> Iterator[Verdict]:
 
 def _axis(frf: FRF) -> Iterator[Verdict]:
     step = np.diff(frf.frequency)
-    if (
-        step.size == 0
-        or not np.isfinite(step).all()
-        or np.abs(step - np.median(step)).max() > 1e-3 * abs(np.median(step))
-    ):
-        line = int(np.argmax(np.abs(step - np.median(step)))) if step.size else 0
+    if step.size == 0:
+        message = "the band holds no more than one frequency line; widen it"
+        yield Verdict(check="axis", level="fail", channel=(), band=None, message=message)
+    elif not np.isfinite(step).all() or np.abs(step - np.median(step)).max() > 1e-3 * abs(np.median(step)):
+        line = int(np.argmax(np.abs(step - np.median(step))))
         message = f"the frequency axis is not uniform, first seen at line {line + 1}; resample it before use"
         yield Verdict(check="axis", level="fail", channel=(), band=None, message=message)
 

@@ -203,6 +203,9 @@ def _text(path: Path, encoding: str) -> str:
         if path.suffix == ".gz":
             data = gzip.decompress(data)
         return data.decode(encoding)
+    except FileNotFoundError as error:
+        message = f"{path}: cannot be read: there is no such file"
+        raise MeasurementError(message) from error
     except (OSError, EOFError, UnicodeDecodeError, LookupError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
         message = (
             f"{path}: cannot be read as text in encoding {encoding!r}: {error}; say encoding = 'latin-1' or "

@@ -110,7 +110,8 @@ def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]
         lower, failed = la.lapack.dpotrf(symmetric, lower=1, overwrite_a=1)
         if failed:
             message = (
-                "the shifted stiffness matrix is not positive definite; check for negative stiffness or mass"
+                "the shifted stiffness matrix is not positive definite; check for mass or stiffness that is negative, "
+                "or so small, as of contact or interlayers, that the model is singular"
             )
             raise SolveError(message)
         inverse.append(la.lapack.dtrtri(lower, lower=1, overwrite_c=1)[0])

@@ -118,7 +118,7 @@ def read_curve(path: str | Path) -> CompressionCurve:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        message = f"{path}: cannot be read ({error})"
+        message = f"{path}: cannot be read ({getattr(error, 'strerror', error)})"
         raise StackError(message) from error
     rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]

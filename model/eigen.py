@@ -95,7 +95,7 @@ def lowest_modes(
     Raises
     ------
     SolveError
-        No convergence within 40 steps.
+        The model has fewer modes, its numbers overflow, or there is no convergence within 40 steps.
     """
     blocks = [orthonormalize(start, mass, known)]
     projected = np.zeros((0, 0))
@@ -109,12 +109,18 @@ def lowest_modes(
         grown[:, projected.shape[0] :] = coupling
         grown[projected.shape[0] :] = coupling.T
         projected = (grown + grown.T) / 2.0
+        if not np.isfinite(projected).all():
+            message = "the model's numbers overflow; check the size of its stiffnesses, of contact above all"
+            raise SolveError(message)
         inverse, vectors = la.eigh(projected)
         now = 1.0 / inverse[::-1][:n_mode]
         steady = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
         done = steady and step >= min_steps
         if not done:
             blocks.append(orthonormalize(image, mass, [*known, *blocks]))
+            if blocks[-1][0].shape[1] == 0 and now.size < n_mode:
+                message = f"the model has no more than {now.size} modes; ask for fewer, or refine its mesh"
+                raise SolveError(message)
             done = blocks[-1][0].shape[1] == 0 and now.size == n_mode  # the space is invariant
         if done:
             lowest = vectors[:, ::-1][:, : start.shape[1]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from model.errors import StackError
@@ -38,7 +39,7 @@ class Material:
 
     def __post_init__(self) -> None:
         for name in ("young", "density", "transverse_ratio", "shear_ratio"):
-            if not getattr(self, name) > 0.0:
+            if not 0.0 < getattr(self, name) < math.inf:
                 message = f"material: {name} must be positive, got {getattr(self, name):g}"
                 raise StackError(message)
         if not (-1.0 < self.poisson < 1.0 and self.poisson**2 * self.transverse_ratio < 1.0):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
@@ -29,7 +30,7 @@ Laminas = Literal["all", "bottom", "top", "faces"]
 
 def _require_positive(owner: str, value: object, *names: str) -> None:
     for name in names:
-        if not getattr(value, name) > 0:
+        if not 0 < getattr(value, name) < math.inf:
             message = f"{owner}: {name} must be positive, got {getattr(value, name)!r}"
             raise StackError(message)
 

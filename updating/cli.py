@@ -9,8 +9,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.text import Text
 from threadpoolctl import threadpool_limits
 
+from model import find_effects
 from updating import effect_jobs, jobs, tables, update_job
 from updating.errors import LAMELLA_ERRORS
 from updating.identified import Identified
@@ -49,6 +51,8 @@ SharedEffects = Annotated[
         show_default=False,
     ),
 ]
+_INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C ended (128 and the number of its signal)."""
 ResultsFolder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)
 ]
@@ -205,6 +209,7 @@ def fit(
     contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
     held out.
     """
+    find_effects(effect or [], jobs.known_effects(()))  # before hours of work
     if is_modal_table(campaign):
         rows = jobs.fit_modal_table(campaign, output, _OUT)
         _OUT.print(tables.modal_table(rows))
@@ -266,6 +271,7 @@ def published(
     ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, and how contact
     stiffness grows with pressure. A calibration takes some minutes; trying all effects takes half an hour.
     """
+    find_effects(effect or [], jobs.known_effects(()))
     calibrations = calibration or list(CALIBRATIONS)
     _OUT.print(
         summary_table(effect_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT))
@@ -390,6 +396,11 @@ def _options(
     pass
 
 
+def _say(message: str) -> None:
+    """Print an error as it stands: what is in brackets is no markup, and lines are left for the terminal to break."""
+    _ERR.print(Text.assemble(("Error:", "bold red"), " ", message), soft_wrap=True)
+
+
 def main() -> None:
     """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
     try:
@@ -398,8 +409,12 @@ def main() -> None:
         ):  # small dense blocks: more threads only wait for each other
             app()
     except LAMELLA_ERRORS as error:
-        _ERR.print(f"[bold red]Error:[/bold red] {error}", markup=True, highlight=False)
+        _say(str(error))
         sys.exit(1)
-    except KeyboardInterrupt:
-        _ERR.print("Interrupted; what was done is kept, and the same command goes on from there.")
-        sys.exit(130)
+    except OSError as error:  # foreseen errors say more; this is a file that was there a moment ago
+        _say(f"{error.filename or 'a file'}: {error.strerror or error}")
+        sys.exit(1)
+    except SystemExit as stopped:
+        if stopped.code == _INTERRUPTED:
+            _ERR.print("Interrupted; what was done is kept, and the same command goes on from there.")
+        raise

@@ -21,6 +21,7 @@ from updating.errors import FitError
 from updating.evidence import Campaigned, Evidence, Scatter, gather
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation
+from updating.pairing import require_points
 from updating.search import VISIBLE, Search, search
 from updating.verdict import Verdict, decide
 
@@ -163,10 +164,14 @@ def diagnose(
     ------
     FitError
         No measured mode resembles one of the model.
+    PairingError
+        Measured points do not lie on the stack, or are fewer than the modes.
     """
     if not tested:
         message = "nothing to diagnose: no configuration was identified"
         raise FitError(message)
+    for _, _, modes in tested:
+        require_points(modes)
     instruments = instruments_of(tested[0][2])
     candidates = candidate_model(stack, instruments, effects, aids())
     return conclude(gather(candidates, tested, scatter=scatter))

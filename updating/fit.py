@@ -16,7 +16,7 @@ from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from updating.errors import FitError
 from updating.expansion import visible
 from updating.objective import frequency_error, opt_d, opt_G
-from updating.pairing import Pairing, pair
+from updating.pairing import Pairing, pair, require_points
 from updating.registration import Registration, register
 
 Prediction = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -131,10 +131,11 @@ def fit(
     Raises
     ------
     PairingError
-        Points or modes of the measurement do not match the model.
+        Points or modes of the measurement do not match the model, or there are fewer points than modes.
     FitError
         No mode pairs anywhere within the bounds.
     """
+    require_points(measured)
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=N_SNAPSHOT)
     used = _modes_that_pair(system, registration, measured, threshold, G_f_bounds)

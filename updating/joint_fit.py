@@ -272,7 +272,7 @@ def joint_fit(
         sequence. Each begins with the best G_f of a scan. Without effects there is one.
     first : mapping of str to float, or JointFit, optional
         Where the first descent begins: values of effects' parameters in place of the nominal ones, or what another
-        fit has found, G_f included.
+        fit has found, G_f included, with effects that it lacked at their neutral values.
     intervals : "normal", "profile" or "bootstrap"
         Where intervals come from. With "profile", the normal interval of a parameter that configurations share is kept
         where the profile of chi-square confirms it; the others are normal. With "bootstrap", all come from fits

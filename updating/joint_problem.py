@@ -216,7 +216,10 @@ class Problem:
     def starts(
         self, n: int, first: Mapping[str, float], near: Mapping[tuple[str, str], float] | None = None
     ) -> list[NDArray[np.float64]]:
-        """Return n points to descend from; see `joint_fit`. The first is `near`, estimates by name and group."""
+        """Return n points to descend from; see `joint_fit`.
+
+        The first is `near`, estimates by name and group, with effects that it lacks at their neutral values.
+        """
         near = near or {}
         shared = self.of_effects
         stiffness = [j for j, f in enumerate(self.free) if f.name == "G_f"]
@@ -240,8 +243,11 @@ class Problem:
                 elif k > 1:
                     x[j] = self.low[j] + sobol[k - 2, m] * (self.high[j] - self.low[j])
             at = {j: near[f.name, f.group] for j, f in enumerate(self.free) if (f.name, f.group) in near}
-            for j, value in at.items() if k == 0 else ():
-                x[j] = self.free[j].inward(value)
+            if k == 0 and near:
+                for j in shared:
+                    x[j] = self.free[j].inward(self.free[j].neutral)
+                for j, value in at.items():
+                    x[j] = self.free[j].inward(value)
             x = np.clip(x, self.low + inside, self.high - inside)
             if k > 0 or any(j not in at for j in stiffness):
                 x = self._scan(x, stiffness)

@@ -98,7 +98,12 @@ def ledger(
         bounds=bounds,
         priors=priors,
     )
-    return tuple(_entry(prepared, chosen, options) for chosen in sets)
+    fits: list[JointFit] = []
+    for chosen in sets:
+        # all together begin with the best one, than which they may not come out worse
+        best = min(fits, key=lambda fit: fit.chi_square) if len(chosen) > 1 else None
+        fits.append(_fit(prepared, chosen, options, first=best, n_start=4))
+    return tuple(_entry(prepared, fit, options) for fit in fits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,8 +117,8 @@ class _Options:
     priors: Mapping[str, tuple[float, float]] | None
 
 
-def _entry(prepared: Sequence[Prepared], effects: tuple[str, ...], options: _Options) -> Entry:
-    whole = _fit(prepared, effects, options)
+def _entry(prepared: Sequence[Prepared], whole: JointFit, options: _Options) -> Entry:
+    effects = whole.effect
     by_mode, by_configuration = _Errors(), _Errors()
     for p in prepared:
         for r in np.flatnonzero(p.used):
@@ -176,6 +181,7 @@ def _fit(
     options: _Options,
     *,
     first: JointFit | None = None,
+    n_start: int | None = None,
     fixed: Mapping[str, float] | None = None,
     hold_out: Mapping[str, Sequence[int]] | None = None,
 ) -> JointFit:
@@ -191,7 +197,7 @@ def _fit(
         scope=options.scope,
         bounds=options.bounds,
         priors=options.priors,
-        n_start=4 if first is None else 1,
+        n_start=n_start or (4 if first is None else 1),
     )
 
 

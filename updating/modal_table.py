@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ema.arrays import readonly
+from ema.campaign_file import explained
 from model import Stack, read_stack, reduce
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS, N_SNAPSHOT, Estimate, Prediction, estimate_stiffness
@@ -133,12 +134,11 @@ def read_modal_table(path: Path) -> ModalTable:
     except OSError as error:
         message = f"cannot read {path}: {error.strerror}"
         raise FitError(message) from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         message = f"{path}: not valid TOML: {error}"
         raise FitError(message) from error
     except ValidationError as error:
-        found = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        message = f"{path}: {found}"
+        message = "\n".join(f"{path}: {explained(dict(fault), _Campaign)}" for fault in error.errors())
         raise FitError(message) from error
     table = described.modal_table
     n_mode = len(table.shape_class)

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ema.arrays import readonly
 from ema.mac import mac
+from ema.modes import ModalModel
 from updating.errors import PairingError
 from updating.expansion import pseudo_orthogonality, visible
 from updating.subspace import cluster_of, clusters, span_mac, subspace_mac
@@ -171,6 +172,23 @@ def pair(measured: ModeSet, model: ModeSet, *, threshold: float = 0.8) -> Pairin
 
 Groups = tuple[tuple[NDArray[np.int64], ...], tuple[NDArray[np.int64], ...]]
 """Clusters of close modes, of the measurement and of the model."""
+
+
+def require_points(measured: ModalModel) -> None:
+    """Refuse modes whose shapes cannot be told apart because there are more modes than degrees of freedom.
+
+    Raises
+    ------
+    PairingError
+        The message says how many of each there are.
+    """
+    n_dof, n_mode = measured.shape.shape
+    if n_dof < n_mode:
+        message = (
+            f"{measured.name}: {n_mode} modes were measured at {n_dof} degrees of freedom, too few to tell their "
+            "shapes apart; measure at more points, or narrow band_Hz under [identification]"
+        )
+        raise PairingError(message)
 
 
 def _assign(

@@ -307,7 +307,9 @@ def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
 
 def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_validate: bool = True) -> Shared:
     """Fit shared effects to all stacks, and to all but one to predict that one with its own G_f alone."""
-    fit = joint_fit(sevens, effects=effects, damping=False, scatter=SCATTER)
+    fit = joint_fit(sevens, effects=effects[:1], damping=False, scatter=SCATTER)
+    for n in range(2, len(effects) + 1):  # one more may not come out worse than without it
+        fit = joint_fit(sevens, effects=effects[:n], damping=False, scatter=SCATTER, first=fit)
     left_out = []
     for one in sevens if cross_validate else ():
         others = [p for p in sevens if p is not one]

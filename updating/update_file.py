@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from ema.campaign_file import did_you_mean
+from ema.campaign_file import explained
 from updating.errors import FitError
 from updating.intervals import Method
 from updating.joint_problem import RATIOS, Scope
@@ -131,13 +131,6 @@ class UpdateFile(_Section):
         return {name: p.fixed for name, p in self.parameter.items() if p.fixed is not None}
 
 
-_SECTIONS: Mapping[str, type[_Section]] = {
-    "campaign": CampaignSection,
-    "parameter": ParameterSection,
-    "scatter": ScatterSection,
-}
-
-
 def read_update_file(path: Path) -> UpdateFile:
     """Read the description of an updating.
 
@@ -155,19 +148,5 @@ def read_update_file(path: Path) -> UpdateFile:
         message = f"{path}: not valid TOML: {error}"
         raise FitError(message) from error
     except ValidationError as error:
-        message = "\n".join(f"{path}: {_explained(dict(fault))}" for fault in error.errors())
+        message = "\n".join(f"{path}: {explained(dict(fault), UpdateFile)}" for fault in error.errors())
         raise FitError(message) from error
-
-
-def _explained(fault: Mapping[str, object]) -> str:
-    """Return one fault as key, what is wrong, and what is allowed."""
-    location = fault["loc"]
-    assert isinstance(location, tuple)
-    key = "".join(f"[{p + 1}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
-    if fault["type"] == "extra_forbidden":
-        section = _SECTIONS.get(str(location[0]), UpdateFile) if len(location) > 1 else UpdateFile
-        return f"{key}: unknown key; {did_you_mean(str(location[-1]), list(section.model_fields))}"
-    if fault["type"] == "missing":
-        return f"{key}: this key is missing"
-    text = str(fault["msg"]).removeprefix("Value error, ")
-    return f"{key}: {text}" if fault["type"] == "value_error" else f"{key}: {text}, found {fault['input']!r}"

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 import model
+from ema.campaign_file import explained
 from ema.geometry import Geometry
 from model import Effect, Mesh, Observation
 from updating.errors import FitError
@@ -44,8 +45,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
         message = f"{path}: not valid TOML: {error}"
         raise FitError(message) from error
     except ValidationError as error:
-        found = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        message = f"{path}: {found}"
+        message = "\n".join(f"{path}: {explained(dict(fault), _File)}" for fault in error.errors())
         raise FitError(message) from error
     stack = replace(
         model.read_stack(path.parent / given.structure.stack),

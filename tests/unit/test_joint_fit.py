@@ -65,13 +65,13 @@ def with_shapes(one):
     return dataclasses.replace(one, target=Target(**values))
 
 
-def problem_of(prepared):
+def problem_of(prepared, **fixed):
     return Problem(
         prepared,
         effects=None,
         free=(),
         scope={},
-        fixed={},
+        fixed=fixed,
         bounds={},
         priors={"G_f": (1000.0, 300.0)},
         hold_out={},
@@ -220,7 +220,7 @@ def test_a_profile_ends_where_chi_square_has_risen(prepared):
 
 
 def test_simulated_data_give_the_interval_of_the_covariance_where_all_is_nearly_linear(prepared):
-    problem = problem_of(noisy(prepared, 0.003, 2))
+    problem = problem_of(noisy(prepared, 0.003, 2), clamp_station=0.7)
     x = descend(problem, problem.starts(1, {})[0]).last
     spread, inflation = covariance(problem, x)
     normal = normal_intervals(problem, x, spread)
