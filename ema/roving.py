@@ -121,19 +121,25 @@ def run_poles(
         weight = fit.weight[run == number]
         at_all = linear_fit(frequency, part, fit.pole, quantity, weight)
         visible = _visible(at_all)
-        # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
-        hidden = mode_basis(frequency, fit.pole[~visible], quantity) @ _stacked(at_all.residue[:, ~visible])
-        part = part - (hidden[: frequency.size] + 1j * hidden[frequency.size :]).T
-        own = refine(frequency, part, fit.pole[visible], quantity, weight)
-        inflation = np.repeat(np.sqrt(variance_inflation(frequency, own)), 2)
-        stds = frequency_damping_std(own.pole, own.pole_covariance * np.outer(inflation, inflation))
-        half_bandwidth = np.maximum(-own.pole.real, -fit.pole[visible].real)
-        determined = 2.0 * np.pi * stds[0] < 0.5 * half_bandwidth
-        determined &= np.abs(own.pole - fit.pole[visible]) < 0.05 * np.abs(own.pole)
-        at = np.flatnonzero(visible)[determined]
-        pole[k, at] = own.pole[determined]
-        frequency_std[k, at] = stds[0][determined]
-        damping_std[k, at] = stds[1][determined]
+        while True:
+            # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
+            hidden = mode_basis(frequency, fit.pole[~visible], quantity) @ _stacked(
+                at_all.residue[:, ~visible]
+            )
+            rest = part - (hidden[: frequency.size] + 1j * hidden[frequency.size :]).T
+            own = refine(frequency, rest, fit.pole[visible], quantity, weight)
+            inflation = np.repeat(np.sqrt(variance_inflation(frequency, own)), 2)
+            stds = frequency_damping_std(own.pole, own.pole_covariance * np.outer(inflation, inflation))
+            half_bandwidth = np.maximum(-own.pole.real, -fit.pole[visible].real)
+            determined = 2.0 * np.pi * stds[0] < 0.5 * half_bandwidth
+            determined &= np.abs(own.pole - fit.pole[visible]) < 0.05 * np.abs(own.pole)
+            if determined.all():
+                break
+            # A pole that did wander leaves the others to rounding: again without it.
+            visible[np.flatnonzero(visible)[~determined]] = False
+        pole[k, visible] = own.pole
+        frequency_std[k, visible] = stds[0]
+        damping_std[k, visible] = stds[1]
         residue[run == number] = linear_fit(
             frequency, value[run == number], pole[k], quantity, weight
         ).residue
