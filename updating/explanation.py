@@ -142,7 +142,7 @@ def explain(
     z = solution[n_own:]
     hessian = best.jacobian.T @ best.jacobian
     covariance = la.pinvh(hessian)
-    std = np.sqrt(np.maximum(np.diag(covariance)[n_own:], 0.0))
+    std = np.hypot(np.sqrt(np.maximum(np.diag(covariance)[n_own:], 0.0)), evidence.scatter.form * np.abs(z))
     sign, logdet = np.linalg.slogdet(hessian + 1e-9 * np.eye(len(hessian)))
     misfit = float(best.value @ best.value)
 
