@@ -232,13 +232,14 @@ def update(
         Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False)
     ],
     output: Folder,
+    effect_file: EffectFiles = None,
 ) -> None:
     """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
 
     data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
     with the error without effects, with each and with all, and both as tables and pictures.
     """
-    updated = update_job.update(specification, output, _OUT)
+    updated = update_job.update(specification, output, _OUT, effect_file or ())
     _OUT.print(update_job.parameter_table(updated.fit))
     _OUT.print(effect_jobs.ledger_table(updated.ledger))
     _OUT.print(f"Results in [bold]{output}[/bold]")

@@ -68,8 +68,6 @@ class UpdateFile(_Section):
         Its title.
     effects : tuple of str
         Effects whose parameters are fitted.
-    effect_files : tuple of str
-        Python files with effects of the user's own, relative to the file.
     damping : bool
         Whether damping ratios take part.
     threshold : float
@@ -89,7 +87,6 @@ class UpdateFile(_Section):
 
     name: str
     effects: tuple[str, ...] = ()
-    effect_files: tuple[str, ...] = ()
     damping: bool = True
     threshold: Annotated[float, Field(ge=0, le=1)] = 0.8
     starts: Annotated[int, Field(ge=1)] = 4

@@ -51,7 +51,7 @@ class Updated:
     ledger: tuple[Entry, ...]
 
 
-def update(path: Path, output: Path, console: Console) -> Updated:
+def update(path: Path, output: Path, console: Console, effect_files: Sequence[Path] = ()) -> Updated:
     """Do what an updating file says and write update.json, ledger.json and tables and pictures of both.
 
     Raises
@@ -60,9 +60,8 @@ def update(path: Path, output: Path, console: Console) -> Updated:
         The file or a campaign is not as it should be, or the fit fails.
     """
     given = read_update_file(path)
-    known = model.catalogue([path.parent / file for file in given.effect_files])
-    effects = model.find_effects(given.effects, known)
-    inputs = [path]
+    effects = model.find_effects(given.effects, model.catalogue(effect_files))
+    inputs = [path, *effect_files]
     targets: list[Target] = []
     for section in given.campaign:
         with console.status(f"identify {section.file}"):

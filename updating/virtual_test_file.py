@@ -115,8 +115,7 @@ def _effects(
     given: tuple[_Effect, ...], path: Path, effect_files: Iterable[Path]
 ) -> tuple[tuple[Effect, ...], Mapping[str, float]]:
     """Return the effects of the file and their values."""
-    known = model.catalogue((*effect_files, *(path.parent / e.file for e in given if e.file is not None)))
-    effects = model.find_effects([e.name for e in given], known)
+    effects = model.find_effects([e.name for e in given], model.catalogue(effect_files))
     values: dict[str, float] = {}
     for entry, effect in zip(given, effects, strict=True):
         allowed = [p.name for p in effect.parameters]
@@ -189,7 +188,6 @@ class _Configuration(_Strict):
 
 class _Effect(_Strict):
     name: str
-    file: str | None = None
     values: dict[str, float] = Field(default_factory=dict)
 
 
