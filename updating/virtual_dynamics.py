@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Formula, Observed, ReducedSystem, SolveError
-from model.system import OMEGA, Target
+from model.system import OMEGA, Product, Target
 
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
 _LINES_AT_ONCE = 128
@@ -70,6 +70,9 @@ def dynamics(system: ReducedSystem, theta: Mapping[str, float]) -> Dynamics:
 
 
 def _continued(factor: Any, theta: Mapping[str, float]) -> Callable[[complex], complex]:
+    if isinstance(factor, Product):
+        first, second = _continued(factor.first, theta), _continued(factor.second, theta)
+        return lambda omega: first(omega) * second(omega)
     if isinstance(factor, Formula):
         return lambda omega: complex(factor.function({**theta, OMEGA: omega}))
     return lambda omega: complex(factor({**theta, OMEGA: omega.real}))
