@@ -64,7 +64,7 @@ class Scatter:
 
     frequency: float = 2e-4
     damping: float = 0.01
-    shape: float = 0.003
+    shape: float = 0.006
     stiffness: float = 0.03
     loss: float = 0.06
     young: float = 0.02
