@@ -139,7 +139,9 @@ class Pressing:
     plate_rigidity: float = float("inf")
 
     def __post_init__(self) -> None:
-        _require_positive("pressing", self, "plate_rigidity")
+        if not self.plate_rigidity > 0.0:  # infinite for rigid plates
+            message = f"pressing: plate_rigidity must be positive, got {self.plate_rigidity!r}"
+            raise StackError(message)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
