@@ -11,15 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from ema.campaign_file import (
-    ConfigurationSection,
-    CorrectionSection,
-    PointsSection,
-    check_campaign_file,
-    did_you_mean,
-)
+from ema.campaign_file import CampaignFile, ConfigurationSection, CorrectionSection, PointsSection
 from ema.errors import CampaignError
 from ema.estimate import Averaging
+from ema.form import did_you_mean, read_form
 from ema.geometry import Dof, Geometry
 from ema.table import TableLayout, read_points
 from ema.uff import read_uff_geometry
@@ -264,7 +259,7 @@ def read_campaign(path: str | Path) -> Campaign:
         The file of the points cannot be read.
     """
     path = Path(path)
-    content = check_campaign_file(path)
+    content = read_form(path, CampaignFile, CampaignError)
     folder = path.resolve().parent
     geometry, notes = _geometry(path, folder, content.points)
     names = [c.name for c in content.configuration]

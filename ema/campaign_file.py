@@ -1,36 +1,19 @@
-"""The form of a campaign file: its keys, what they may hold, and what is said when they do not."""
+"""The form of a campaign file: its keys and what they may hold."""
 
 from __future__ import annotations
 
-import difflib
 import re
-import tomllib
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from ema.errors import CampaignError, MeasurementError
+from ema.errors import MeasurementError
 from ema.estimate import Averaging
+from ema.form import Section
 from ema.geometry import Dof
 from ema.table import TableLayout
 from ema.units import parse_unit
-
-
-class Section(BaseModel):
-    """Any table of a campaign file: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def _dof(given: object) -> Dof:
@@ -186,73 +169,3 @@ class CampaignFile(Section):
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     correction: tuple[CorrectionSection, ...] = ()
     identification: _Identification = _Identification()
-
-
-def check_campaign_file(path: Path) -> CampaignFile:
-    """Read a campaign file and check its form.
-
-    Raises
-    ------
-    CampaignError
-        The file cannot be read or does not have the form; the message names file and key.
-    """
-    try:
-        return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        message = f"{path}: cannot be read: {error.strerror}"
-        raise CampaignError(message) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        message = f"{path}: not valid TOML: {error}"
-        raise CampaignError(message) from error
-    except ValidationError as error:
-        faults: list[dict[str, Any]] = [dict(fault) for fault in error.errors()]
-        places = [fault["loc"] for fault in faults]
-        # pydantic also reports a list as too short when its entries have faults; the entries say it all
-        own = [f for f in faults if all(p == f["loc"] or p[: len(f["loc"])] != f["loc"] for p in places)]
-        raise CampaignError(
-            "\n".join(f"{path}: {explained(fault, CampaignFile)}" for fault in own)
-        ) from error
-
-
-def explained(fault: Mapping[str, Any], form: type[BaseModel]) -> str:
-    """Return one fault of a file that does not have its form: the key, what is wrong, and what is allowed.
-
-    Parameters
-    ----------
-    fault : mapping
-        One of `ValidationError.errors`.
-    form : type
-        The form of the whole file.
-    """
-    location = fault["loc"]
-    key = "".join(f"[{p + 1}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
-    if fault["type"] == "extra_forbidden":
-        allowed = _keys_at(form, location[:-1])
-        return f"{key}: unknown key; {did_you_mean(str(location[-1]), allowed)}"
-    if fault["type"] == "missing":
-        return f"{key}: this key is missing"
-    text = str(fault["msg"]).removeprefix("Value error, ")
-    return f"{key}: {text}, found {fault['input']!r}" if fault["type"] != "value_error" else f"{key}: {text}"
-
-
-def _keys_at(form: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
-    """Return the keys that a table at a place of a file can have."""
-    for part in location:
-        field = form.model_fields.get(str(part))
-        if field is not None:  # else the place in a list, or a name that the user gives
-            form = next(_forms_in(field.annotation), form)
-    return list(form.model_fields)
-
-
-def _forms_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _forms_in(part)
-
-
-def did_you_mean(name: str, allowed: list[str]) -> str:
-    """Return the names closest to a misspelt one, and all that are allowed."""
-    close = difflib.get_close_matches(name, allowed, n=2)
-    hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
-    return f"{hint}Allowed: {', '.join(allowed)}"

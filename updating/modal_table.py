@@ -11,10 +11,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from ema.arrays import readonly
-from ema.campaign_file import explained
+from ema.form import Section, read_form
 from model import Stack, read_stack, reduce
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS, N_SNAPSHOT, Estimate, Prediction, estimate_stiffness
@@ -129,17 +129,7 @@ def read_modal_table(path: Path) -> ModalTable:
     FitError
         A key is missing or unknown, or a table lacks a column or holds something that is not a number.
     """
-    try:
-        described = _Campaign.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
-        raise FitError(message) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        message = f"{path}: not valid TOML: {error}"
-        raise FitError(message) from error
-    except ValidationError as error:
-        message = "\n".join(f"{path}: {explained(dict(fault), _Campaign)}" for fault in error.errors())
-        raise FitError(message) from error
+    described = read_form(path, _Campaign, FitError)
     table = described.modal_table
     n_mode = len(table.shape_class)
     for key in ("frequency_Hz", "published_frequency_Hz"):
@@ -267,31 +257,27 @@ def _column(path: Path, key: str, column: str) -> dict[str, float]:
         raise FitError(message) from error
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _Name(_Strict):
+class _Name(Section):
     name: str
 
 
-class _Structure(_Strict):
+class _Structure(Section):
     stack: str
 
 
-class _Height(_Strict):
+class _Height(Section):
     file: str
     configuration: str
     height_mm: str
 
 
-class _PublishedContact(_Strict):
+class _PublishedContact(Section):
     file: str
     configuration: str
     G_f: str
 
 
-class _Table(_Strict):
+class _Table(Section):
     file: str
     configuration: str
     frequency_Hz: Annotated[list[str], Field(min_length=1)]
@@ -302,7 +288,7 @@ class _Table(_Strict):
     published_contact: _PublishedContact
 
 
-class _Campaign(_Strict):
+class _Campaign(Section):
     campaign: _Name
     structure: _Structure
     modal_table: _Table

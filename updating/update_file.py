@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from ema.campaign_file import explained
+from ema.form import Section, read_form
 from updating.errors import FitError
 from updating.intervals import Method
 from updating.joint_problem import RATIOS, Scope
 from updating.sensitivity import Scatter
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class CampaignSection(_Section):
+class CampaignSection(Section):
     """One campaign; `file` is relative to the file that names it.
 
     By default all its configurations take part, and it is known by the name in its file. Its configurations are
@@ -32,7 +27,7 @@ class CampaignSection(_Section):
     configurations: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
 
 
-class ParameterSection(_Section):
+class ParameterSection(Section):
     """What is known of one parameter: who shares it, its bounds, a prior (mean, standard deviation), or its value."""
 
     scope: Scope | None = None
@@ -50,7 +45,7 @@ class ParameterSection(_Section):
         return self
 
 
-class ScatterSection(_Section):
+class ScatterSection(Section):
     """Standard deviations beyond the identification's; see `Scatter`."""
 
     frequency: Annotated[float, Field(gt=0)] = Scatter.frequency
@@ -59,7 +54,7 @@ class ScatterSection(_Section):
     pressure: Annotated[float, Field(ge=0)] = Scatter.pressure
 
 
-class UpdateFile(_Section):
+class UpdateFile(Section):
     """An updating as its file describes it.
 
     Attributes
@@ -136,14 +131,4 @@ def read_update_file(path: Path) -> UpdateFile:
     FitError
         The file is missing, is not TOML, or has a key that is unknown, missing or impossible.
     """
-    try:
-        return UpdateFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
-        raise FitError(message) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        message = f"{path}: not valid TOML: {error}"
-        raise FitError(message) from error
-    except ValidationError as error:
-        message = "\n".join(f"{path}: {explained(dict(fault), UpdateFile)}" for fault in error.errors())
-        raise FitError(message) from error
+    return read_form(path, UpdateFile, FitError)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 import model
-from ema.campaign_file import explained
+from ema.form import Section, read_form
 from ema.geometry import Geometry
 from model import Effect, Mesh, Observation
 from updating.errors import FitError
@@ -36,17 +35,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
     ModelError
         The stack file or an effect cannot be read, or there is no effect of a name.
     """
-    try:
-        given = _File.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
-        raise FitError(message) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        message = f"{path}: not valid TOML: {error}"
-        raise FitError(message) from error
-    except ValidationError as error:
-        message = "\n".join(f"{path}: {explained(dict(fault), _File)}" for fault in error.errors())
-        raise FitError(message) from error
+    given = read_form(path, _File, FitError)
     stack = replace(
         model.read_stack(path.parent / given.structure.stack),
         mesh=Mesh(n_x=given.structure.mesh[0], n_y=given.structure.mesh[1]),
@@ -127,30 +116,26 @@ def _effects(
     return effects, values
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _Name(_Strict):
+class _Name(Section):
     name: str
 
 
-class _Structure(_Strict):
+class _Structure(Section):
     stack: str
     mesh: tuple[int, int]
 
 
-class _Points(_Strict):
+class _Points(Section):
     n_station: Annotated[int, Field(ge=2)]
 
 
-class _Shaker(_Strict):
+class _Shaker(Section):
     place_mm: tuple[float, float, float]
     force_cell_mass_g: Annotated[float, Field(ge=0)] = 0.0
     stinger_N_m: Annotated[float, Field(ge=0)] = 0.0
 
 
-class _Measurement(_Strict):
+class _Measurement(Section):
     band_Hz: tuple[float, float]
     step_Hz: Annotated[float, Field(gt=0)]
     seed: Annotated[int, Field(ge=0)]
@@ -178,7 +163,7 @@ class _Measurement(_Strict):
         return self
 
 
-class _Configuration(_Strict):
+class _Configuration(Section):
     name: str
     torque_Nm: Annotated[float, Field(gt=0)]
     pressure_kPa: Annotated[float, Field(gt=0)]
@@ -186,12 +171,12 @@ class _Configuration(_Strict):
     d_f_s_per_Pa: Annotated[float, Field(ge=0)] | None = None
 
 
-class _Effect(_Strict):
+class _Effect(Section):
     name: str
     values: dict[str, float] = Field(default_factory=dict)
 
 
-class _File(_Strict):
+class _File(Section):
     campaign: _Name
     structure: _Structure
     points: _Points
