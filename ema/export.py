@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.errors import MeasurementError
 from ema.files import whole
 from ema.frf import FRF, Quantity
 from ema.geometry import Dofs
@@ -87,7 +88,7 @@ def write_shapes_csv(path: Path, modal_model: ModalModel) -> None:
 
 
 def _write_rows(path: Path, header: list[str] | tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> None:
-    with whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with whole(path, MeasurementError) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(header)
         writer.writerows(rows)

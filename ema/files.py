@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ema.errors import MeasurementError
-
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """Give the path of a file beside `path` to write to, and put it there when all went well.
+def whole(path: Path, error: type[Exception]) -> Iterator[Path]:
+    """Give a new file beside `path` to write to, and put it there when all went well; make its folder if need be.
 
-    Raises
-    ------
-    MeasurementError
-        It cannot be written, or the disk is full; what was there before is left as it was.
+    Parameters
+    ----------
+    path : Path
+        The file to write. Whatever goes wrong, what was there before is left as it was.
+    error : type of Exception
+        What is raised when it cannot be written or the disk is full.
     """
-    part = path.with_name(f".{path.name}.part")
+    part = None
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+        part = Path(name)
         yield part
+        part.chmod(0o644)
         part.replace(path)
-    except OSError as error:
-        message = f"cannot write {path}: {error.strerror}. Choose another folder, or make room."
-        raise MeasurementError(message) from error
-    finally:
-        part.unlink(missing_ok=True)
+    except OSError as cause:
+        message = f"cannot write {path}: {cause.strerror}. Choose another folder with -o, or make room."
+        raise error(message) from cause
+    finally:  # whatever stopped it, Ctrl-C too
+        if part is not None:
+            part.unlink(missing_ok=True)

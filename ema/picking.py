@@ -27,7 +27,7 @@ LEFT, RIGHT = 1, 3
 def write_poles(path: Path, pole: NDArray[np.complex128]) -> None:
     """Write poles (rad/s) to a text file of natural frequencies and damping ratios."""
     lines = [f"{abs(p) / (2.0 * np.pi):.10g}  {-p.real / abs(p):.6g}\n" for p in pole]
-    with whole(path) as part:
+    with whole(path, IdentificationError) as part:
         part.write_text(HEADER + "".join(lines), encoding="utf-8")
 
 

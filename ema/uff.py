@@ -150,7 +150,7 @@ def write_uff(
     path = Path(path)
     blocks = b"" if frf is None else b"".join(encoded_frfs(frf, geometry))
     sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model))
-    with whole(path) as part:
+    with whole(path, MeasurementError) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
         with part.open("ab") as file:
             file.write(blocks)

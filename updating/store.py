@@ -5,9 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import re
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -23,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from ema.files import whole
 from ema.frf import FRF
 from ema.geometry import Dofs
 from model import Effect, catalogue, find_effects
@@ -32,29 +31,15 @@ T = TypeVar("T")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file beside its final place and rename it, so that no half-written file is ever seen.
+    """Write a file whole or not at all, so that no half-written file is ever seen.
 
     Raises
     ------
     StoreError
         The folder cannot be made or written, or the disk is full.
     """
-    partial = None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        partial = Path(name)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        partial.chmod(0o644)
-        partial.replace(path)
-        partial = None
-    except OSError as error:
-        message = f"cannot write {path}: {error.strerror}. Choose another folder with -o, or make room."
-        raise StoreError(message) from error
-    finally:  # whatever stopped it, Ctrl-C too
-        if partial is not None:
-            partial.unlink(missing_ok=True)
+    with whole(path, StoreError) as part:
+        part.write_bytes(content)
 
 
 def write_result(
