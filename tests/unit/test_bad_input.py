@@ -17,43 +17,13 @@ from updating import identified
 from updating.cli import main
 
 PUBLISHED = Path(__file__).parents[2] / "data/pirnat2013"
-STACK = """
-name = "small"
-length_mm = 300
-width_mm = 80
-height_mm = 10
-n_lamina = 20
-[mesh]
-n_x = 4
-n_y = 2
-[material]
-young_GPa = 200
-poisson = 0.28
-density_kg_m3 = 7650
-[contact]
-G_f = 825
-d_f_s_per_Pa = 1e-10
-pressure_kPa = 320
-normal_modulus_GPa = 5
-"""
-CAMPAIGN = """
-[campaign]
-name = "small"
-[structure]
-stack = "stack.toml"
-[points]
-file = "points.csv"
-unit = "mm"
-[measurement]
-unit = "(m/s2)/N"
-[measurement.table]
-layout = "real-imaginary"
-[[configuration]]
-name = "M1"
+FILES = """\
 pressure_kPa = 320
 files = ["run_*.csv"]
 output = ["1+z", "2+z", "3+z", "4+z", "5+z", "6+z"]
 input = ["1+z"]
+[structure]
+stack = "stack.toml"
 [identification]
 order = 12
 """
@@ -80,10 +50,12 @@ def table(frequency, value):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A sound campaign of six points in two runs, and its stack, in the working directory."""
+def folder(tmp_path, monkeypatch, stack_text, campaign_text):
+    """A sound campaign of six points in two runs, and its small stack, in the working directory."""
     frequency, value = functions()
-    files = {"stack.toml": STACK, "campaign.toml": CAMPAIGN, "points.csv": POINTS}
+    stack = stack_text.replace("height_mm = 65", "height_mm = 10").replace("n_lamina = 240", "n_lamina = 20")
+    files = {"stack.toml": stack + "[mesh]\nn_x = 4\nn_y = 2\n"}
+    files |= {"campaign.toml": campaign_text + FILES, "points.csv": POINTS}
     files |= {"run_1.csv": table(frequency, value[:3]), "run_2.csv": table(frequency, value[3:])}
     for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")

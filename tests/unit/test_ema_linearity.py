@@ -128,18 +128,7 @@ def test_failed_channels_are_not_compared_and_positions_stay():
     assert {v.channel for v in verdicts if v.level == "warn"} == {(), (11,)}
 
 
-CAMPAIGN = """
-[campaign]
-name = "force levels"
-[points]
-file = "points.csv"
-unit = "mm"
-[measurement]
-unit = "(m/s2)/N"
-[measurement.table]
-layout = "real-imaginary"
-[[configuration]]
-name = "M1"
+LEVELS = """\
 force_N = 2
 files = ["low.csv"]
 output = ["1+z", "2+z", "3+z", "4+z", "5+z", "6+z", "7+z", "8+z", "9+z", "10+z", "11+z", "12+z"]
@@ -148,6 +137,12 @@ input = ["1+z"]
 force_N = 10
 files = ["high.csv"]
 """
+
+
+@pytest.fixture
+def text(campaign_text):
+    """A campaign file with one configuration at two forces."""
+    return campaign_text + LEVELS
 
 
 def write(folder, text, **measurements):
@@ -161,8 +156,8 @@ def write(folder, text, **measurements):
     return folder / "campaign.toml"
 
 
-def test_a_campaign_says_whether_its_structure_is_linear(tmp_path):
-    path = write(tmp_path, CAMPAIGN, low=measured(), high=measured(modes=MODES * [1, 1, 0.997], seed=1))
+def test_a_campaign_says_whether_its_structure_is_linear(tmp_path, text):
+    path = write(tmp_path, text, low=measured(), high=measured(modes=MODES * [1, 1, 0.997], seed=1))
     (found,) = identify(read_campaign(path))
     linearity = [v for v in found.verdicts if v.check == "linearity"]
     assert [v.level for v in linearity] == ["pass", "pass", "warn"]
@@ -182,14 +177,14 @@ def test_a_campaign_says_whether_its_structure_is_linear(tmp_path):
         ("[[configuration.force_level]]", "[[configuration.force_levels]]", "did you mean 'force_level'"),
     ],
 )
-def test_a_campaign_file_with_faulty_force_levels(tmp_path, old, new, message):
-    path = write(tmp_path, CAMPAIGN.replace(old, new), low=measured(), high=measured())
+def test_a_campaign_file_with_faulty_force_levels(tmp_path, text, old, new, message):
+    path = write(tmp_path, text.replace(old, new), low=measured(), high=measured())
     with pytest.raises(CampaignError) as error:
         read_campaign(path)
     assert message in str(error.value)
 
 
-def test_a_level_with_other_lines_is_refused(tmp_path):
-    path = write(tmp_path, CAMPAIGN, low=measured(), high=measured(frequency=FREQUENCY[::2]))
+def test_a_level_with_other_lines_is_refused(tmp_path, text):
+    path = write(tmp_path, text, low=measured(), high=measured(frequency=FREQUENCY[::2]))
     with pytest.raises(MeasurementError, match="'M1' and 'M1 at 10 N' cannot be compared"):
         list(identify(read_campaign(path)))

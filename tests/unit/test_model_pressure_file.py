@@ -9,22 +9,8 @@ import model
 from model.stack import EdgeSupport, PatchSupport, Pressing
 
 DATA = Path(__file__).parents[2] / "data"
-STACK = f"""
-name = "s"
-length_mm = 300
-width_mm = 80
-height_mm = 69
-n_lamina = 240
-[material]
-young_GPa = 200
-poisson = 0.28
-density_kg_m3 = 7650
-[contact]
-G_f = 825
-d_f_s_per_Pa = 5e-11
-torque_Nm = 1.5
-torque_table = "{DATA}/pirnat2013/table2_pressure.csv"
-[pressing]
+CONTACT = f'torque_Nm = 1.5\ntorque_table = "{DATA}/pirnat2013/table2_pressure.csv"\n'
+TABLES = f"""[pressing]
 curve = "{DATA}/contact/compression_standin.csv"
 plate_thickness_mm = 20
 [[clamps]]
@@ -56,14 +42,21 @@ laminas = "bottom"
 """
 
 
+@pytest.fixture
+def text(stack_text):
+    """Every table that a stack file can have."""
+    contact = stack_text.index("pressure_kPa")
+    return stack_text[:contact].replace("height_mm = 65", "height_mm = 69") + CONTACT + TABLES
+
+
 def read(tmp_path: Path, text: str) -> model.Stack:
     path = tmp_path / "stack.toml"
     path.write_text(text)
     return model.read_stack(path)
 
 
-def test_every_table_becomes_si(tmp_path):
-    stack = read(tmp_path, STACK)
+def test_every_table_becomes_si(tmp_path, text):
+    stack = read(tmp_path, text)
     assert stack.contact.pressure == pytest.approx(160e3)
     assert isinstance(stack.pressing, Pressing)
     assert stack.pressing.plate_rigidity == pytest.approx(200e9 * 0.02**3 / 12 / 0.91)
@@ -79,8 +72,8 @@ def test_every_table_becomes_si(tmp_path):
     assert (patch.x, patch.size, patch.across, patch.laminas) == (0.01, (0.03, 0.04), 5e6, "bottom")
 
 
-def test_bolt_forces_give_the_mean_pressure_and_the_shares(tmp_path):
-    text = STACK.replace("torque_Nm = 1.5\n", "").replace("[[clamps]]", "[[clamps]]\nforce_N = 3600")
+def test_bolt_forces_give_the_mean_pressure_and_the_shares(tmp_path, text):
+    text = text.replace("torque_Nm = 1.5\n", "").replace("[[clamps]]", "[[clamps]]\nforce_N = 3600")
     text = text.replace("force_N = 3600", "force_N = 1200", 1)
     stack = read(tmp_path, text)
     assert stack.contact.pressure == pytest.approx(4800 / 0.024)
@@ -116,7 +109,7 @@ def test_bolt_forces_give_the_mean_pressure_and_the_shares(tmp_path):
         ),
     ],
 )
-def test_faults_are_named(tmp_path, old, new, says):
+def test_faults_are_named(tmp_path, text, old, new, says):
     with pytest.raises(model.StackError) as caught:
-        read(tmp_path, STACK.replace(old, new))
+        read(tmp_path, text.replace(old, new))
     assert says in str(caught.value)

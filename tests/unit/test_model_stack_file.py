@@ -4,25 +4,7 @@ import pytest
 
 import model
 
-STACK = """
-name = "s"
-length_mm = 300
-width_mm = 80
-height_mm = 65
-n_lamina = 240
-[material]
-young_GPa = 200
-poisson = 0.28
-density_kg_m3 = 7650
-[contact]
-G_f = 825
-d_f_s_per_Pa = 5e-11
-pressure_kPa = 320
-normal_modulus_GPa = 5
-[[clamps]]
-mass_kg = 2.0
-x_mm = 100
-"""
+CLAMP = "[[clamps]]\nmass_kg = 2.0\nx_mm = 100\n"
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -31,8 +13,8 @@ def write(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_units_become_si(tmp_path):
-    stack = model.read_stack(write(tmp_path, STACK))
+def test_units_become_si(tmp_path, stack_text):
+    stack = model.read_stack(write(tmp_path, stack_text + CLAMP))
     assert stack.length == pytest.approx(0.3)
     assert stack.pitch == pytest.approx(0.065 / 240)
     assert stack.material.young == pytest.approx(200e9)
@@ -61,8 +43,8 @@ def test_units_become_si(tmp_path):
         ("[material]", "[material", ["not a TOML file"]),
     ],
 )
-def test_faults_are_named_with_file_key_and_what_would_be_right(tmp_path, old, new, says):
-    path = write(tmp_path, STACK.replace(old, new))
+def test_faults_are_named_with_file_key_and_what_would_be_right(tmp_path, stack_text, old, new, says):
+    path = write(tmp_path, (stack_text + CLAMP).replace(old, new))
     with pytest.raises(model.StackError) as caught:
         model.read_stack(path)
     for part in [str(path), *says]:
