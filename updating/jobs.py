@@ -35,7 +35,6 @@ from model.verified import Verification, solve_verified
 from updating.diagnosis import Diagnosis
 from updating.diagnosis import diagnose as diagnose_stack
 from updating.effect_option import with_named_effects
-from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
 from updating.identified import Identified, identified
@@ -45,7 +44,7 @@ from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, read_current, read_frf, write_bytes, write_result
-from updating.target import stack_in_state
+from updating.target import model_file, stack_in_state
 from updating.virtual_campaign import write_virtual_test
 from updating.virtual_test_file import read_virtual_test
 
@@ -150,17 +149,13 @@ def fit(
     Configurations that an earlier run left are read back.
     """
     campaign = read_campaign(campaign_file)
-    if campaign.stack is None:
-        message = (
-            f'{campaign_file}: a fit needs the model\'s stack; add stack = "stack.toml" under [structure]'
-        )
-        raise FitError(message)
-    stack = model.read_stack(campaign.stack)
+    stack_file = model_file(campaign, "a fit")
+    stack = model.read_stack(stack_file)
     results = []
     with _progress(console) as progress:
         task = progress.add_task("identify and fit", total=len(campaign.configurations))
         for found in identified(campaign, output):
-            inputs = (campaign_file, *stack_inputs(campaign.stack), found.folder / "modal_model.json")
+            inputs = (campaign_file, *stack_inputs(stack_file), found.folder / "modal_model.json")
             options = {"threshold": threshold}
             fitted = read_current(found.folder / "fit.json", Fit, inputs=inputs, options=options)
             if fitted is None:
@@ -196,10 +191,8 @@ def fit_modal_table(campaign_file: Path, output: Path, console: Console) -> tupl
 def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json."""
     campaign = read_campaign(campaign_file)
-    if campaign.stack is None:
-        message = f'{campaign_file}: a diagnosis needs the model\'s stack; add stack = "stack.toml" under [structure]'
-        raise FitError(message)
-    stack, known = model.read_stack(campaign.stack), model.catalogue(effect_files)
+    stack_file = model_file(campaign, "a diagnosis")
+    stack, known = model.read_stack(stack_file), model.catalogue(effect_files)
     tested = []
     with _progress(console) as progress:
         task = progress.add_task("identify and diagnose", total=len(campaign.configurations) + 1)
@@ -215,7 +208,7 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
             progress.advance(task)
         diagnosis = diagnose_stack(stack, tested, known)
         progress.advance(task)
-    inputs = (campaign_file, *stack_inputs(campaign.stack), *effect_files)
+    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files)
     write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})
     return diagnosis
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema import Configuration
+from ema import Campaign, Configuration
 from ema.arrays import readonly
 from ema.mac import real_shape
 from ema.modes import ModalModel
 from model import Observation, Stack
+from updating.errors import FitError
 from updating.registration import register
 from updating.shape_class import class_grid
 
@@ -78,6 +80,22 @@ class Target:
     def direction(self) -> NDArray[np.float64]:
         """Direction of each DOF (n_dof, 3)."""
         return self.observation.direction
+
+
+def model_file(campaign: Campaign, job: str) -> Path:
+    """Return the file of the model's stack, which `job`, such as "a fit", needs.
+
+    Raises
+    ------
+    FitError
+        The campaign names none.
+    """
+    if campaign.stack is None:
+        message = (
+            f'{campaign.path}: {job} needs the model\'s stack; add stack = "stack.toml" under [structure]'
+        )
+        raise FitError(message)
+    return campaign.stack
 
 
 def stack_in_state(stack: Stack, configuration: Configuration) -> Stack:

@@ -16,6 +16,7 @@ from rich.table import Table
 import model
 from ema import identify, read_campaign
 from model import Effect
+from model.stack_file import stack_inputs
 from updating.effect_jobs import write_ledger
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS
@@ -28,7 +29,14 @@ from updating.plot import as_png
 from updating.prepared import prepare
 from updating.sensitivity import Scatter
 from updating.store import folder_name, write_bytes, write_result
-from updating.target import Target, specimen_name, stack_in_state, target_of_modes, target_of_table
+from updating.target import (
+    Target,
+    model_file,
+    specimen_name,
+    stack_in_state,
+    target_of_modes,
+    target_of_table,
+)
 from updating.update_file import CampaignSection, UpdateFile, read_update_file
 
 
@@ -143,12 +151,10 @@ def _targets(
         ]
         return found, list(table.inputs)
     campaign = read_campaign(file)
-    if campaign.stack is None:
-        message = f'{file}: a fit needs the model\'s stack; add stack = "stack.toml" under [structure]'
-        raise FitError(message)
+    stack_file = model_file(campaign, "a fit")
     name = section.name or campaign.name
     chosen = _chosen(path, section, [c.name for c in campaign.configurations])
-    stack = model.read_stack(campaign.stack).with_effects(*effects)
+    stack = model.read_stack(stack_file).with_effects(*effects)
     configurations = [c for c in campaign.configurations if c.name in chosen]
     states = [stack_in_state(stack, c) for c in configurations]
     heights = {state.height for state in states}
@@ -165,7 +171,7 @@ def _targets(
         )
         specimen = specimen_name(name, state.height, heights)
         found.append(replace(target_of_modes(state, one.modal_model, specimen=specimen), name=label))
-    return found, [file, campaign.stack]
+    return found, [file, *stack_inputs(stack_file)]
 
 
 def _chosen(path: Path, section: CampaignSection, known: Sequence[str]) -> Sequence[str]:
