@@ -14,12 +14,13 @@ from rich.console import Console
 from rich.table import Table
 
 import model
-from ema import identify, read_campaign
+from ema import read_campaign
 from model import Effect
 from model.stack_file import stack_inputs
 from updating.effect_jobs import write_ledger
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS
+from updating.identified import identified
 from updating.joint_fit import JointFit, joint_fit
 from updating.joint_plot import convergence_figure, correlation_figure
 from updating.joint_problem import require_known
@@ -155,22 +156,19 @@ def _targets(
     name = section.name or campaign.name
     chosen = _chosen(path, section, [c.name for c in campaign.configurations])
     stack = model.read_stack(stack_file).with_effects(*effects)
-    configurations = [c for c in campaign.configurations if c.name in chosen]
+    configurations = tuple(c for c in campaign.configurations if c.name in chosen)
     states = [stack_in_state(stack, c) for c in configurations]
     heights = {state.height for state in states}
-    found = []
-    for configuration, state, one in zip(
-        configurations,
-        states,
-        identify(replace(campaign, configurations=tuple(configurations))),
-        strict=True,
-    ):
-        label = f"{name}/{configuration.name}" if several else configuration.name
-        write_result(
-            output / folder_name(label) / "modal_model.json", one.modal_model, inputs=(file,), options={}
+    own = output / folder_name(name) if several else output
+    found = [
+        replace(
+            target_of_modes(state, one.modal_model, specimen=specimen_name(name, state.height, heights)),
+            name=f"{name}/{one.configuration.name}" if several else one.configuration.name,
         )
-        specimen = specimen_name(name, state.height, heights)
-        found.append(replace(target_of_modes(state, one.modal_model, specimen=specimen), name=label))
+        for state, one in zip(
+            states, identified(replace(campaign, configurations=configurations), own), strict=True
+        )
+    ]
     return found, [file, *stack_inputs(stack_file)]
 
 
