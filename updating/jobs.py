@@ -35,6 +35,7 @@ from model.verified import Verification, solve_verified
 from updating.diagnosis import Diagnosis
 from updating.diagnosis import diagnose as diagnose_stack
 from updating.effect_option import with_named_effects
+from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
 from updating.identified import Identified, identified
@@ -193,20 +194,21 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a diagnosis")
     stack, known = model.read_stack(stack_file), model.catalogue(effect_files)
+    states = [stack_in_state(stack, c) for c in campaign.configurations]
+    heights = {state.height for state in states}
+    if len(heights) > 1:
+        listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
+        message = (
+            f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
+        )
+        raise FitError(message)
     tested = []
     with _progress(console) as progress:
-        task = progress.add_task("identify and diagnose", total=len(campaign.configurations) + 1)
-        for found in identified(campaign, output):
-            pressure = found.configuration.pressure
-            tested.append(
-                (
-                    found.configuration.name,
-                    stack.contact.pressure if pressure is None else pressure,
-                    found.modal_model,
-                )
-            )
+        task = progress.add_task("identify and diagnose", total=len(states) + 1)
+        for state, found in zip(states, identified(campaign, output), strict=True):
+            tested.append((found.configuration.name, state.contact.pressure, found.modal_model))
             progress.advance(task)
-        diagnosis = diagnose_stack(stack, tested, known)
+        diagnosis = diagnose_stack(replace(stack, height=states[0].height), tested, known)
         progress.advance(task)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files)
     write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})

@@ -224,6 +224,8 @@ TABLE = {
                                     ["configuration[1].pressure_kPa", "greater than 0", "-320"]),
     "height that is no number": ("fit campaign.toml", campaign("pressure_kPa = 320", "height_mm = nan"),
                                  ["configuration[1].height_mm", "finite"]),
+    "two heights, diagnosed": ("diagnose campaign.toml", campaign("[identification]", "height_mm = 12\n" + SECOND),
+                               ["a diagnosis is of one stack", "the heights 10 and 12 mm"]),
     "zero laminas": ("model stack.toml", stack("n_lamina = 20", "n_lamina = 0"), ["n_lamina must be positive, got 0"]),
     "no elements": ("model stack.toml", stack("n_x = 4", "n_x = 0"), ["mesh: n_x must be positive, got 0"]),
     "Poisson's ratio": ("model stack.toml", stack("poisson = 0.28", "poisson = 1.2"), ["between -1 and 1"]),
