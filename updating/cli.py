@@ -66,7 +66,7 @@ EffectFiles = Annotated[
     typer.Option(
         "--effect-file",
         metavar="FILE",
-        help="Python file that ends in EFFECT = Effect(...); may be given several times.",
+        help="Python file that ends in EFFECT = Effect(...), whose code runs; may be given several times.",
     ),
 ]
 
@@ -286,12 +286,7 @@ def published(
 def diagnose(
     campaign: CampaignFile,
     output: Folder,
-    effect_file: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE", help="Python file of an effect of your own; its code runs.", show_default=False
-        ),
-    ] = None,
+    effect_file: EffectFiles = None,
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
