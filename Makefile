@@ -13,7 +13,7 @@ demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
 
 test: $(READY)
-	$(BIN)/python -m pytest -m "not benchmark and not blind"
+	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check .
