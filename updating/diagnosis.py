@@ -22,7 +22,8 @@ from updating.evidence import Campaigned, Evidence, Scatter, gather
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation
 from updating.pairing import require_points
-from updating.search import VISIBLE, Search, search
+from updating.ranking import Ranked, rank
+from updating.search import VISIBLE, search
 from updating.verdict import Verdict, decide
 
 Vector = NDArray[np.float64]
@@ -31,46 +32,6 @@ WORTH = 4.0
 """Fall of the squared misfit below which an effect is not worth a fit."""
 _SHOWN = 8  # single effects whose changes are told mode by mode
 _COMPARED = 4  # explanations between which further tests are to tell
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParameterEstimate:
-    """A parameter with its 90 % interval, in `unit`."""
-
-    name: str
-    unit: str
-    value: float
-    lower: float
-    upper: float
-    at_bound: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ranked:
-    """One explanation in the ranking.
-
-    Attributes
-    ----------
-    effects : tuple of str
-        Which.
-    score : float
-        Share of the base model's misfit, beyond what is expected of a complete model, that it explains.
-    misfit : float
-        Squared length of the whitened residual.
-    probability : float
-        Posterior probability among all that were fitted.
-    parameter : tuple of ParameterEstimate
-        Its parameters.
-    frequency_error : float
-        Mean relative frequency error, eq. (2), over the modes used.
-    """
-
-    effects: tuple[str, ...]
-    score: float
-    misfit: float
-    probability: float
-    parameter: tuple[ParameterEstimate, ...]
-    frequency_error: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +144,7 @@ def conclude(evidence: Evidence) -> Diagnosis:
     decision = decide(found)
     base, left = found.base, decision.left
     tests = rank_tests(found.evidence, left[:_COMPARED])
-    ranking = _ranking(found)
+    ranking = rank(found)
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
     return Diagnosis(
         verdict=decision.verdict,
@@ -219,36 +180,3 @@ def _errors(evidence: Evidence, base: Explanation, left: Sequence[Explanation]) 
         )
         for (own, r), b, a in zip(modes, before, after, strict=True)
     )
-
-
-def _ranking(found: Search) -> tuple[Ranked, ...]:
-    """Rank explanations by posterior probability: none, one or two effects have 1/2, 2/5 and 1/10 beforehand."""
-    n, base, every = len(found.evidence.effects), found.base, found.explanations
-    weight = (np.log(0.5), np.log(0.4 / n), np.log(0.1 / (n * (n - 1) / 2.0)))
-    score = np.array([weight[len(x.effects)] + x.log_evidence for x in every])
-    probability = np.exp(score - score.max())
-    probability /= probability.sum()
-    expected = base.residual.value.size - len(found.evidence.nuisances)
-    excess = max(base.misfit - min(expected, base.misfit * 0.5), 1e-12)
-    ranked = [
-        Ranked(
-            effects=x.effects,
-            score=float(np.clip((base.misfit - x.misfit) / excess, 0.0, 1.0)),
-            misfit=x.misfit,
-            probability=float(chance),
-            parameter=tuple(
-                ParameterEstimate(
-                    name=p.name,
-                    unit=p.unit,
-                    value=float(x.value[i]),
-                    lower=float(x.lower[i]),
-                    upper=float(x.upper[i]),
-                    at_bound=bool(x.at_bound[i]),
-                )
-                for i, p in enumerate(x.parameter)
-            ),
-            frequency_error=float(np.mean(np.abs(np.expm1(-x.residual.log_frequency)))),
-        )
-        for x, chance in zip(every, probability, strict=True)
-    ]
-    return tuple(sorted(ranked, key=lambda x: -x.probability))

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from updating.experiment import NextTest
 from updating.explanation import Explanation
+from updating.ranking import Ranked
 from updating.verdict import Decision
-
-if TYPE_CHECKING:
-    from updating.diagnosis import Ranked
 
 _WORTH = 3.0
 
