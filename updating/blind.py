@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import Executor, as_completed
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -138,13 +137,6 @@ def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateM
 def _nominal(specification: Path) -> CandidateModel:
     """Reduce the nominal model with the whole catalogue, once a process."""
     return candidates_of(specification, model.catalogue())
-
-
-def run_all(specification: Path, cases: Iterable[tuple[int, str]], executor: Executor) -> Iterator[Case]:
-    """Run cases, given as seed and kind, on the workers of an executor; hand on each as soon as it is done."""
-    waiting = [executor.submit(run, specification, seed, kind) for seed, kind in cases]
-    for done in as_completed(waiting):
-        yield done.result()
 
 
 def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | None = None) -> Case:

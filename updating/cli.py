@@ -13,7 +13,8 @@ from rich.text import Text
 from threadpoolctl import threadpool_limits
 
 from model import find_effects
-from updating import effect_jobs, jobs, tables, update_job
+from updating import blind_jobs, effect_jobs, jobs, tables, update_job
+from updating.cli_options import CampaignFile, Cluster, EffectFiles, Folder, ResultsFolder, SharedEffects
 from updating.errors import LAMELLA_ERRORS
 from updating.identified import Identified
 from updating.modal_table import is_modal_table
@@ -38,37 +39,8 @@ app = typer.Typer(
 _OUT = Console() if sys.stdout.isatty() else Console(width=100)  # a file or pipe has no width of its own
 _ERR = Console(stderr=True)
 
-Folder = Annotated[
-    Path,
-    typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; made if it is not there."),
-]
-SharedEffects = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--effect",
-        metavar="NAME",
-        help="Physical effect to fit; may be given several times.",
-        show_default=False,
-    ),
-]
 _INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended (128 and the number of its signal)."""
-ResultsFolder = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)
-]
-CampaignFile = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False)
-]
-
-
-EffectFiles = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--effect-file",
-        metavar="FILE",
-        help="Python file that ends in EFFECT = Effect(...), whose code runs; may be given several times.",
-    ),
-]
 
 
 @app.command(epilog="Example: lamella ema data/demo_stack/campaign.toml -o out/demo")
@@ -361,6 +333,23 @@ def simulate(
     """
     jobs.simulate(specification, output, effect_file or ())
     _OUT.print(f"Campaign: [bold]{output / 'campaign.toml'}[/bold]")
+
+
+@app.command(epilog="Example: lamella blind data/demo_stack/virtual_test.toml -o out/blind")
+def blind(
+    specification: Annotated[
+        Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False)
+    ],
+    output: Folder,
+    full: Annotated[bool, typer.Option("--full", help="1300 cases instead of 120.")] = False,
+    cluster: Cluster = None,
+) -> None:
+    """Diagnose virtual tests with sealed effects and print how often the answer was right.
+
+    Each case is recorded in cases.jsonl as soon as it is done and is not run again; delete the file to begin anew.
+    """
+    cases = blind_jobs.run_blind(specification, output, _OUT, full=full, cluster=cluster)
+    _OUT.print(blind_jobs.figures_table(cases))
 
 
 @app.command(epilog="Example: lamella demo")

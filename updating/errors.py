@@ -3,7 +3,8 @@
 UpdatingError
 ├── PairingError   measured points or modes find no partner in the model
 ├── FitError       an objective cannot be evaluated or minimised
-└── StoreError     results cannot be written or read back
+├── StoreError     results cannot be written or read back
+└── WorkerError    the processes that do the work cannot be had, or one was killed
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ class FitError(UpdatingError):
 
 class StoreError(UpdatingError):
     """Results cannot be written, or a written result cannot be read back."""
+
+
+class WorkerError(UpdatingError):
+    """The processes that do the work cannot be had, or one of them was killed."""
 
 
 LAMELLA_ERRORS = (EmaError, ModelError, UpdatingError)

@@ -1,0 +1,128 @@
+"""Where tasks that do not need each other run: on the processors of this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from threading import Thread
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from updating.errors import WorkerError
+
+
+def workers(n_task: int, cluster: str | None = None) -> AbstractContextManager[Executor]:
+    """Offer an executor for tasks that do not need each other.
+
+    Every task runs with one BLAS thread, so that its result does not depend on where it ran. `Executor.map` hands
+    results on in the order of the tasks. Whatever ends the context early, such as Ctrl-C, ends the local workers too.
+
+    Parameters
+    ----------
+    n_task : int
+        Number of tasks. Locally there are as many processes as processors, but no more than tasks; a single one
+        runs in this process.
+    cluster : str, optional
+        Address of a Dask scheduler, such as "tcp://10.0.0.1:8786", whose workers run the tasks. They must have this
+        version of Lamella and see the files under the same absolute paths. Tasks of a worker that dies are run by
+        another one.
+
+    Raises
+    ------
+    WorkerError
+        A local worker was killed, the cluster does not answer or lost a task several times, or Dask is not installed.
+    """
+    if cluster is not None:
+        return _on_cluster(cluster)
+    n_process = min(n_task, _n_processor())
+    return nullcontext(_ThisProcess()) if n_process < 2 else _pool(n_process)
+
+
+def one_blas_thread() -> None:
+    """Let this process multiply matrices with one thread from now on."""
+    threadpool_limits(1, user_api="blas")
+
+
+def _n_processor() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class _ThisProcess(Executor):
+    """Runs each task when its result is asked for."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        with threadpool_limits(1, user_api="blas"):
+            try:
+                future.set_result(fn(*args, **kwargs))
+            except Exception as error:
+                future.set_exception(error)
+        return future
+
+    def map(self, fn: Callable[..., Any], *iterables: Iterable[Any], **_: Any) -> Iterator[Any]:
+        return (self.submit(fn, *item).result() for item in zip(*iterables, strict=False))
+
+
+@contextmanager
+def _pool(n_process: int) -> Iterator[Executor]:
+    context = get_context("spawn")
+    ended, end = context.Pipe(duplex=False)
+    executor = ProcessPoolExecutor(n_process, context, initializer=_begin, initargs=(ended,))
+    try:
+        yield executor
+        executor.shutdown()
+    except BrokenProcessPool as error:
+        message = (
+            "a worker process was killed, perhaps for want of memory; what was done is kept, "
+            "and the same command goes on from there"
+        )
+        raise WorkerError(message) from error
+    finally:
+        end.close()
+        executor.shutdown(cancel_futures=True)
+        ended.close()
+
+
+def _begin(ended: Connection) -> None:
+    """Set up a worker process, which ends with the other end of a pipe: when that is closed or its owner killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the owner's
+    one_blas_thread()
+    Thread(target=_end_with, args=(ended,), daemon=True).start()
+
+
+def _end_with(ended: Connection) -> None:
+    try:
+        ended.recv()
+    except (EOFError, OSError):
+        os._exit(1)
+
+
+@contextmanager
+def _on_cluster(address: str) -> Iterator[Executor]:
+    try:
+        from updating.cluster import LOST, connect  # here: few have Dask
+    except ImportError as error:
+        message = f'--cluster needs Dask, which is not installed ({error}): pip install "lamella[cluster]"'
+        raise WorkerError(message) from error
+    try:
+        client = connect(address)
+    except (OSError, ValueError) as error:
+        message = f"no Dask scheduler answers at {address}: {error}"
+        raise WorkerError(message) from error
+    with client:
+        try:
+            yield client.get_executor(pure=False)
+        except LOST as error:
+            message = (
+                f"the cluster at {address} lost a task: {error}. What was done is kept, "
+                "and the same command goes on from there"
+            )
+            raise WorkerError(message) from error
