@@ -12,12 +12,12 @@ from scipy.optimize import least_squares, linear_sum_assignment
 from ema.arrays import readonly
 from ema.mac import mac
 from ema.modes import ModalModel
-from model import Modes, ReducedSystem, Stack, reduce, solve_modes
+from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.errors import FitError
 from updating.expansion import visible
 from updating.objective import frequency_error, opt_d, opt_G
 from updating.pairing import Pairing, pair, require_points
-from updating.registration import Registration, register
+from updating.registration import register
 
 Prediction = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Model values (n,) and their derivatives with respect to the parameter (n,)."""
@@ -138,18 +138,19 @@ def fit(
     require_points(measured)
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=N_SNAPSHOT)
-    used = _modes_that_pair(system, registration, measured, threshold, G_f_bounds)
+    observed = observe(system, registration.observation)
+    used = _modes_that_pair(system, observed, measured, threshold, G_f_bounds)
     shape = measured.shape[:, used]
 
     def frequencies(value: float) -> Prediction:
-        modes = _elastic(system, registration, value, 0.0)
+        modes = _elastic(system, observed, value, 0.0)
         column = _assign(shape, modes)
         return modes.frequency[column], modes.frequency_gradient[column, modes.parameter.index("G_f")]
 
     G_f = estimate_stiffness(
         frequencies, measured.frequency[used], measured.frequency_std[used], bounds=G_f_bounds
     )
-    reference = _elastic(system, registration, G_f.value, 1e-10)
+    reference = _elastic(system, observed, G_f.value, 1e-10)
     column = _assign(shape, reference)
     d_f = estimate_damping(
         reference.damping[column] / 1e-10,
@@ -157,7 +158,7 @@ def fit(
         measured.damping_std[used],
         bounds=d_f_bounds,
     )
-    modes = _elastic(system, registration, G_f.value, d_f.value)
+    modes = _elastic(system, observed, G_f.value, d_f.value)
     pairing = pair(measured, modes, threshold=threshold)
     return Fit(
         name=measured.name,
@@ -286,14 +287,14 @@ def _standard_deviation(
 
 def _modes_that_pair(
     system: ReducedSystem,
-    registration: Registration,
+    observed: Observed,
     measured: ModalModel,
     threshold: float,
     bounds: tuple[float, float],
 ) -> NDArray[np.int64]:
     """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most."""
     trials = [
-        pair(measured, _elastic(system, registration, g, 0.0), threshold=threshold)
+        pair(measured, _elastic(system, observed, g, 0.0), threshold=threshold)
         for g in np.geomspace(*bounds, 13)
     ]
     best = max(trials, key=lambda p: float(np.sum(p.subspace_mac)))
@@ -308,8 +309,8 @@ def _modes_that_pair(
     return best.measured
 
 
-def _elastic(system: ReducedSystem, registration: Registration, G_f: float, d_f: float) -> Modes:
-    return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=22, observation=registration.observation).elastic()
+def _elastic(system: ReducedSystem, observed: Observed, G_f: float, d_f: float) -> Modes:
+    return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=22, observation=observed).elastic()
 
 
 def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:

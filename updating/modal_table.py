@@ -15,7 +15,7 @@ from pydantic import Field
 
 from ema.arrays import readonly
 from ema.form import Section, read_form
-from model import Stack, read_stack, reduce
+from model import Stack, observe, read_stack, reduce
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS, N_SNAPSHOT, Estimate, Prediction, estimate_stiffness
 from updating.objective import frequency_error
@@ -217,7 +217,7 @@ def fit_row_by(row: TableRow, predict: Callable[[float], Prediction]) -> TableFi
 
 def _predictor(row: TableRow, shape_class: tuple[str, ...]) -> Callable[[float], Prediction]:
     system = reduce(row.stack, G_f_range=G_F_BOUNDS, n_snapshot=N_SNAPSHOT)
-    grid = class_grid(row.stack)
+    grid = observe(system, class_grid(row.stack))
 
     def predict(G_f: float) -> Prediction:
         modes, column = solve_by_class(system, grid, shape_class, G_f=G_f)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Modes, Observation, ReducedSystem, Stack, solve_modes
+from model import Modes, Observation, Observed, ReducedSystem, Stack, solve_modes
 
 N_STATION, N_ROW = 41, 3
 
@@ -51,7 +51,12 @@ def shape_classes(modes: Modes) -> tuple[str, ...]:
 
 
 def solve_by_class(
-    system: ReducedSystem, grid: Observation, wanted: tuple[str, ...], *, G_f: float, n_mode: int = 22
+    system: ReducedSystem,
+    grid: Observation | Observed,
+    wanted: tuple[str, ...],
+    *,
+    G_f: float,
+    n_mode: int = 22,
 ) -> tuple[Modes, NDArray[np.int64]]:
     """Elastic modes of the model and the column of the lowest mode of each wanted class; -1 where there is none."""
     modes = solve_modes(system, G_f=G_f, d_f=0.0, n_mode=n_mode, observation=grid).elastic()
