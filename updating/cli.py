@@ -51,6 +51,7 @@ def ema(
         Path | None,
         typer.Option(metavar="DIR", help="Folder of earlier results whose edited poles.txt files are used."),
     ] = None,
+    cluster: Cluster = None,
 ) -> None:
     """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
 
@@ -58,7 +59,7 @@ def ema(
     modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, and a
     comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
     """
-    identified, comparison = jobs.identify(campaign, output, poles, _OUT)
+    identified, comparison = jobs.identify(campaign, output, poles, _OUT, cluster)
     for found in identified:
         _OUT.print(tables.modes_table(found.modal_model))
         _print_findings(found)
@@ -171,6 +172,7 @@ def fit(
         float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")
     ] = 0.8,
     effect: SharedEffects = None,
+    cluster: Cluster = None,
 ) -> None:
     """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
 
@@ -183,16 +185,18 @@ def fit(
     """
     find_effects(effect or [], jobs.known_effects(()))  # before hours of work
     if is_modal_table(campaign):
-        rows = jobs.fit_modal_table(campaign, output, _OUT)
+        rows = jobs.fit_modal_table(campaign, output, _OUT, cluster)
         _OUT.print(tables.modal_table(rows))
         if effect:
             _OUT.print(effect_jobs.ledger_table(effect_jobs.table_ledger(rows, effect, campaign, output)))
         _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
         return
-    fits = jobs.fit(campaign, output, threshold, _OUT)
-    for found, fitted in fits:
+    fits = []
+    for found, fitted in jobs.fit(campaign, output, threshold, _OUT, cluster):
         _OUT.print(tables.fit_table(found.modal_model, fitted))
         _print_findings(found)
+        if effect:  # without, a campaign of any length takes the same memory
+            fits.append((found, fitted))
     if effect:
         _OUT.print(effect_jobs.ledger_table(effect_jobs.campaign_ledger(fits, effect, campaign, output)))
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
@@ -205,13 +209,14 @@ def update(
     ],
     output: Folder,
     effect_file: EffectFiles = None,
+    cluster: Cluster = None,
 ) -> None:
     """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
 
     data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
     with the error without effects, with each and with all, and both as tables and pictures.
     """
-    updated = update_job.update(specification, output, _OUT, effect_file or ())
+    updated = update_job.update(specification, output, _OUT, effect_file or (), cluster)
     _OUT.print(update_job.parameter_table(updated.fit))
     _OUT.print(effect_jobs.ledger_table(updated.ledger))
     _OUT.print(f"Results in [bold]{output}[/bold]")

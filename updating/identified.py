@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,11 +34,32 @@ class Identified:
     quality: Quality
 
 
-def identified(campaign: Campaign, output: Path, poles: Path | None = None) -> Iterator[Identified]:
-    """Identify configuration by configuration, writing each before it is handed on.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Assignment:
+    """One configuration to be identified, for any process that sees the files.
 
-    What an earlier run left is read back if the same version made it from the same files with the same options, so
-    that an interrupted run goes on where it stopped.
+    Attributes
+    ----------
+    campaign : Campaign
+        With this configuration alone.
+    folder : Path
+        Folder of its results.
+    poles : Path or None
+        Its poles.txt, which takes the place of the automatic choice.
+    """
+
+    campaign: Campaign
+    folder: Path
+    poles: Path | None
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration."""
+        return self.campaign.configurations[0]
+
+
+def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> tuple[Assignment, ...]:
+    """Divide a campaign into its configurations and write campaign.json.
 
     Parameters
     ----------
@@ -53,20 +73,35 @@ def identified(campaign: Campaign, output: Path, poles: Path | None = None) -> I
     ------
     StoreError
         Two configurations have one folder, a folder cannot be written, or `poles` holds none of this campaign.
-    MeasurementError, IdentificationError
-        See `ema.identify`.
     """
     _check_folders(campaign)
     chosen = _chosen_poles(campaign, poles)
     write_result(output / "campaign.json", campaign, inputs=(campaign.path, campaign.points), options={})
-    for configuration in campaign.configurations:
-        yield _identified(campaign, configuration, output, chosen.get(configuration.name))
+    return tuple(
+        Assignment(
+            campaign=replace(campaign, path=campaign.path.absolute(), configurations=(configuration,)),
+            folder=output.absolute() / folder_name(configuration.name),
+            poles=chosen.get(configuration.name),
+        )
+        for configuration in campaign.configurations
+    )
 
 
-def _identified(
-    campaign: Campaign, configuration: Configuration, output: Path, poles: Path | None
-) -> Identified:
-    folder = output / folder_name(configuration.name)
+def identified(assigned: Assignment) -> Identified:
+    """Identify one configuration and write it.
+
+    What an earlier run left is read back if the same version made it from the same files with the same options, so
+    that an interrupted run goes on where it stopped.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written.
+    MeasurementError, IdentificationError
+        See `ema.identify`.
+    """
+    campaign, folder, poles = assigned.campaign, assigned.folder, assigned.poles
+    configuration = assigned.configuration
     states = (configuration, *configuration.force_levels)
     files = [file for state in states for group in state.files for file in group.files]
     files += [] if poles is None else [poles]
@@ -77,7 +112,7 @@ def _identified(
     checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options)
     if modes is None or checks is None or not (folder / "measurement.npz").exists():
         by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
-        (found,) = identify(replace(campaign, configurations=(configuration,)), by_hand)
+        (found,) = identify(campaign, by_hand)
         modes, checks = found.modal_model, quality(found)
         write_frf(folder / "measurement.npz", found.measurement.frf)
         write_result(folder / "quality.json", checks, inputs=inputs, options=options)
@@ -90,7 +125,7 @@ def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, Path]:
     """Find poles.txt of every configuration that has one in a results folder."""
     if folder is None:
         return {}
-    files = {c.name: folder / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
+    files = {c.name: folder.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
     found = {name: file for name, file in files.items() if file.exists()}
     if not found:
         message = f"{folder}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-import model
 from ema import (
     Campaign,
     Comparison,
@@ -23,7 +23,7 @@ from ema import (
 from ema.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.picking import pick_poles, write_poles
 from ema.plot import comparison_figure, frf_figure, shape_figure, stabilization_figure
-from model import Effect, Modes, Stack
+from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
 from model.effect_check import effect_faults
 from model.plot import mode_png
 from model.pressure import PressureSummary
@@ -38,8 +38,8 @@ from updating.effect_option import with_named_effects
 from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
-from updating.identified import Identified, identified
-from updating.modal_table import TableFit, fit_row, read_modal_table
+from updating.identified import Assignment, Identified, assignments, identified
+from updating.modal_table import TableFit, TableRow, fit_row, read_modal_table
 from updating.plot import as_png
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
@@ -48,10 +48,11 @@ from updating.store import folder_name, read_current, read_frf, write_bytes, wri
 from updating.target import model_file, stack_in_state
 from updating.virtual_campaign import write_virtual_test
 from updating.virtual_test_file import read_virtual_test
+from updating.workers import in_parallel, workers
 
 
 def identify(
-    campaign_file: Path, output: Path, poles: Path | None, console: Console
+    campaign_file: Path, output: Path, poles: Path | None, console: Console, cluster: str | None = None
 ) -> tuple[tuple[Identified, ...], Comparison]:
     """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
 
@@ -60,17 +61,19 @@ def identify(
     With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice.
     """
     campaign = read_campaign(campaign_file)
-    results = []
-    with _progress(console) as progress:
-        task = progress.add_task("identify", total=len(campaign.configurations))
-        for found in identified(campaign, output, poles):
-            _write_tables_and_pictures(found, keep_poles=poles == output)
-            results.append(found)
-            progress.advance(task)
+    assigned = assignments(campaign, output, poles)
+    task = partial(_identify, keep_poles=poles == output)
+    results = tuple(in_parallel(task, assigned, "identify", console, cluster))
     comparison = compare([found.modal_model for found in results])
     write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
     write_bytes(output / "comparison.png", as_png(comparison_figure(comparison, *_abscissa(campaign))))
-    return tuple(results), comparison
+    return results, comparison
+
+
+def _identify(assigned: Assignment, *, keep_poles: bool) -> Identified:
+    found = identified(assigned)
+    _write_tables_and_pictures(found, keep_poles=keep_poles)
+    return found
 
 
 def pick(campaign_file: Path, configuration: str, output: Path) -> Path:
@@ -113,9 +116,9 @@ def solve(
     stack_file: Path, output: Path, n_mode: int, tolerance: float, console: Console, effects: AddedEffects
 ) -> Solved:
     """Press the stack of a file where it says how, solve its elastic modes, write both and their pictures."""
-    stack = model.read_stack(stack_file)
+    stack = read_stack(stack_file)
     if effects.option or effects.file:
-        stack = with_named_effects(stack, effects.option, model.catalogue(effects.file))
+        stack = with_named_effects(stack, effects.option, catalogue(effects.file))
     options = {"n_mode": n_mode, "tolerance": tolerance, "effects": dict(stack.effect_values)}
     inputs = (*stack_inputs(stack_file), *effects.file)
     pressure = None
@@ -143,57 +146,62 @@ def solve(
 
 
 def fit(
-    campaign_file: Path, output: Path, threshold: float, console: Console
-) -> tuple[tuple[Identified, Fit], ...]:
-    """Identify and fit every configuration of a campaign and write each result as soon as it is there.
+    campaign_file: Path, output: Path, threshold: float, console: Console, cluster: str | None = None
+) -> Iterator[tuple[Identified, Fit]]:
+    """Identify and fit every configuration of a campaign, write each result as soon as it is there, and hand it on.
 
     Configurations that an earlier run left are read back.
     """
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a fit")
-    stack = model.read_stack(stack_file)
-    results = []
-    with _progress(console) as progress:
-        task = progress.add_task("identify and fit", total=len(campaign.configurations))
-        for found in identified(campaign, output):
-            inputs = (campaign_file, *stack_inputs(stack_file), found.folder / "modal_model.json")
-            options = {"threshold": threshold}
-            fitted = read_current(found.folder / "fit.json", Fit, inputs=inputs, options=options)
-            if fitted is None:
-                state = stack_in_state(stack, found.configuration)
-                fitted = fit_configuration(state, found.modal_model, threshold=threshold)
-                write_result(found.folder / "modes.json", fitted.modes, inputs=inputs, options=options)
-                write_result(found.folder / "fit.json", fitted, inputs=inputs, options=options)
-            results.append((found, fitted))
-            progress.advance(task)
-    return tuple(results)
+    assigned = assignments(campaign, output)
+    task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
+    yield from in_parallel(task, assigned, "identify and fit", console, cluster)
 
 
-def fit_modal_table(campaign_file: Path, output: Path, console: Console) -> tuple[TableFit, ...]:
-    """Fit every row of a modal table and write each result as soon as it is there."""
+def _identify_and_fit(
+    stack: Stack, stack_files: tuple[Path, ...], threshold: float, assigned: Assignment
+) -> tuple[Identified, Fit]:
+    found = identified(assigned)
+    inputs = (assigned.campaign.path, *stack_files, found.folder / "modal_model.json")
+    options = {"threshold": threshold}
+    fitted = read_current(found.folder / "fit.json", Fit, inputs=inputs, options=options)
+    if fitted is None:
+        state = stack_in_state(stack, found.configuration)
+        fitted = fit_configuration(state, found.modal_model, threshold=threshold)
+        write_result(found.folder / "modes.json", fitted.modes, inputs=inputs, options=options)
+        write_result(found.folder / "fit.json", fitted, inputs=inputs, options=options)
+    return found, fitted
+
+
+def fit_modal_table(
+    campaign_file: Path, output: Path, console: Console, cluster: str | None = None
+) -> tuple[TableFit, ...]:
+    """Fit every row of a modal table and write each result as soon as it is there.
+
+    Rows that an earlier run left are read back.
+    """
     table = read_modal_table(campaign_file)
     write_result(output / "modal_table.json", table, inputs=table.inputs, options={})
-    results = []
-    with _progress(console) as progress:
-        task = progress.add_task("fit", total=len(table.rows))
-        for row in table.rows:
-            fitted = fit_row(row, table.shape_class)
-            write_result(
-                output / f"stack_{folder_name(row.name)}" / "fit.json",
-                fitted,
-                inputs=table.inputs,
-                options={},
-            )
-            results.append(fitted)
-            progress.advance(task)
-    return tuple(results)
+    inputs = tuple(file.absolute() for file in table.inputs)
+    task = partial(_fit_row, table.shape_class, inputs, output.absolute())
+    return tuple(in_parallel(task, table.rows, "fit", console, cluster))
+
+
+def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Path, row: TableRow) -> TableFit:
+    path = output / f"stack_{folder_name(row.name)}" / "fit.json"
+    fitted = read_current(path, TableFit, inputs=inputs, options={})
+    if fitted is None:
+        fitted = fit_row(row, shape_class)
+        write_result(path, fitted, inputs=inputs, options={})
+    return fitted
 
 
 def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json."""
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a diagnosis")
-    stack, known = model.read_stack(stack_file), model.catalogue(effect_files)
+    stack, known = read_stack(stack_file), catalogue(effect_files)
     states = [stack_in_state(stack, c) for c in campaign.configurations]
     heights = {state.height for state in states}
     if len(heights) > 1:
@@ -202,22 +210,22 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
             f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
         )
         raise FitError(message)
-    tested = []
-    with _progress(console) as progress:
-        task = progress.add_task("identify and diagnose", total=len(states) + 1)
-        for state, found in zip(states, identified(campaign, output), strict=True):
-            tested.append((found.configuration.name, state.contact.pressure, found.modal_model))
-            progress.advance(task)
+    assigned = assignments(campaign, output)
+    tested = [
+        (found.configuration.name, state.contact.pressure, found.modal_model)
+        for state, found in zip(states, in_parallel(identified, assigned, "identify", console), strict=True)
+    ]
+    with console.status("diagnose"):
         diagnosis = diagnose_stack(replace(stack, height=states[0].height), tested, known)
-        progress.advance(task)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files)
     write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})
     return diagnosis
 
 
 def report(folder: Path) -> Path:
-    """Make the page of a results folder."""
-    return write_report(folder)
+    """Make the page of a results folder, its configurations in parallel."""
+    with workers(len(list(folder.glob("*/modal_model.json")))) as executor:
+        return write_report(folder, executor)
 
 
 def simulate(specification: Path, output: Path, effect_files: Iterable[Path]) -> None:
@@ -227,7 +235,7 @@ def simulate(specification: Path, output: Path, effect_files: Iterable[Path]) ->
 
 def known_effects(files: Iterable[Path]) -> dict[str, Effect]:
     """Return the catalogue's effects and those of the user's files."""
-    return model.catalogue(files)
+    return catalogue(files)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -246,15 +254,15 @@ def explain(
     name: str, stack_file: Path | None, output: Path | None, files: Iterable[Path], console: Console
 ) -> Explained:
     """Find an effect, check it if it is the user's own, and try it on the stack; with `output` draw that."""
-    shipped = model.catalogue()
-    (effect,) = model.find_effects([name], model.catalogue(files))
+    shipped = catalogue()
+    (effect,) = find_effects([name], catalogue(files))
     with _progress(console) as progress:
         task = progress.add_task("explain", total=2)
         faults = () if effect.name in shipped else effect_faults(effect)
         progress.advance(task)
         found = None
         if stack_file is not None and not faults:
-            found = signature(model.read_stack(stack_file), effect)
+            found = signature(read_stack(stack_file), effect)
             if output is not None:
                 write_bytes(output / f"{effect.name}.png", as_png(signature_figure(found)))
         progress.advance(task)

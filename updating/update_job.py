@@ -20,7 +20,7 @@ from model.stack_file import stack_inputs
 from updating.effect_jobs import write_ledger
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS
-from updating.identified import identified
+from updating.identified import assignments, identified
 from updating.joint_fit import JointFit, joint_fit
 from updating.joint_plot import convergence_figure, correlation_figure
 from updating.joint_problem import require_known
@@ -39,6 +39,7 @@ from updating.target import (
     target_of_table,
 )
 from updating.update_file import CampaignSection, UpdateFile, read_update_file
+from updating.workers import in_parallel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,7 +61,9 @@ class Updated:
     ledger: tuple[Entry, ...]
 
 
-def update(path: Path, output: Path, console: Console, effect_files: Sequence[Path] = ()) -> Updated:
+def update(
+    path: Path, output: Path, console: Console, effect_files: Sequence[Path] = (), cluster: str | None = None
+) -> Updated:
     """Do what an updating file says and write update.json, ledger.json and tables and pictures of both.
 
     Raises
@@ -73,8 +76,7 @@ def update(path: Path, output: Path, console: Console, effect_files: Sequence[Pa
     inputs = [path, *effect_files]
     targets: list[Target] = []
     for section in given.campaign:
-        with console.status(f"identify {section.file}"):
-            found, files = _targets(path, section, effects, several=len(given.campaign) > 1, output=output)
+        found, files = _targets(path, section, given, effects, output, console, cluster)
         targets += found
         inputs += files
     hold_out = _held_out(given, targets)
@@ -132,10 +134,16 @@ def parameter_table(fit: JointFit) -> Table:
 
 
 def _targets(
-    path: Path, section: CampaignSection, effects: Sequence[Effect], *, several: bool, output: Path
+    path: Path,
+    section: CampaignSection,
+    given: UpdateFile,
+    effects: Sequence[Effect],
+    output: Path,
+    console: Console,
+    cluster: str | None,
 ) -> tuple[list[Target], list[Path]]:
     """Return the configurations of one campaign as targets, and the files that they come from."""
-    file = path.parent / section.file
+    file, several = path.parent / section.file, len(given.campaign) > 1
     if is_modal_table(file):
         table = read_modal_table(file)
         name = section.name or table.name
@@ -160,13 +168,14 @@ def _targets(
     states = [stack_in_state(stack, c) for c in configurations]
     heights = {state.height for state in states}
     own = output / folder_name(name) if several else output
+    assigned = assignments(replace(campaign, configurations=configurations), own)
     found = [
         replace(
             target_of_modes(state, one.modal_model, specimen=specimen_name(name, state.height, heights)),
             name=f"{name}/{one.configuration.name}" if several else one.configuration.name,
         )
         for state, one in zip(
-            states, identified(replace(campaign, configurations=configurations), own), strict=True
+            states, in_parallel(identified, assigned, f"identify {name}", console, cluster), strict=True
         )
     ]
     return found, [file, *stack_inputs(stack_file)]

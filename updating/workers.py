@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
+from rich.console import Console
+from rich.progress import track
 from threadpoolctl import threadpool_limits
 
 from updating.errors import WorkerError
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def workers(n_task: int, cluster: str | None = None) -> AbstractContextManager[Executor]:
@@ -43,6 +48,33 @@ def workers(n_task: int, cluster: str | None = None) -> AbstractContextManager[E
         return _on_cluster(cluster)
     n_process = min(n_task, _n_processor())
     return nullcontext(_ThisProcess()) if n_process < 2 else _pool(n_process)
+
+
+def in_parallel(
+    task: Callable[[T], R], items: Sequence[T], text: str, console: Console, cluster: str | None = None
+) -> Iterator[R]:
+    """Do a task with every item on `workers`, hand on the results in order, and show how many are done.
+
+    Parameters
+    ----------
+    task : callable
+        Of one item; a function of a module, or a partial one, that another process can import.
+    items : sequence
+        What to do it with.
+    text : str
+        What is being done.
+    console : Console
+        Where progress is shown.
+    cluster : str, optional
+        As in `workers`.
+
+    Raises
+    ------
+    WorkerError
+        See `workers`.
+    """
+    with workers(len(items), cluster) as executor:
+        yield from track(executor.map(task, items), text, len(items), console=console, transient=True)
 
 
 def one_blas_thread() -> None:

@@ -1,4 +1,4 @@
-"""One run of the main job on the shipped campaign, shared by the tests of its results."""
+"""Runs of the main job, shared by the tests of its results."""
 
 from pathlib import Path
 
@@ -14,5 +14,58 @@ DATA = Path(__file__).parents[2] / "data"
 def demo(tmp_path_factory):
     """The folder of `lamella fit data/demo_stack/campaign.toml` and what it returned."""
     folder = tmp_path_factory.mktemp("demo")
-    results = jobs.fit(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True))
+    results = tuple(jobs.fit(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True)))
     return folder, results
+
+
+@pytest.fixture(scope="session")
+def write_small_campaign():
+    """A function that writes a campaign of many configurations, each identified and fitted within two seconds.
+
+    They are the first runs of the two of the demo stack in turn, in a band of two modes, and the mesh is coarse.
+    """
+
+    def write(folder, n_configuration):
+        demo = DATA / "demo_stack"
+        stack = (demo / "stack.toml").read_text(encoding="utf-8")
+        for line, coarse in (
+            ("n_x = 16", "n_x = 3"), ("n_y = 4", "n_y = 1"), ("n_lamina = 240", "n_lamina = 20")
+        ):  # fmt: skip
+            assert line in stack
+            stack = stack.replace(line, coarse)
+        (folder / "stack.toml").write_text(stack, encoding="utf-8")
+        parts = [
+            '[campaign]\nname = "small"\n[structure]\nstack = "stack.toml"',
+            f'[points]\nfile = "{demo / "points.csv"}"\nunit = "mm"',
+            "[identification]\nband_Hz = [100, 420]\norder = 8",
+        ]
+        for i in range(n_configuration):
+            files = demo / f"M{1 + i % 2}" / "run_0[1-6].uff"
+            parts.append(
+                f'[[configuration]]\nname = "C{i + 1}"\npressure_kPa = {160 * (1 + i % 2)}\nfiles = ["{files}"]'
+            )
+        path = folder / "campaign.toml"
+        path.write_text("\n".join(parts), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory, write_small_campaign):
+    """A campaign of four configurations, and the folder of what `jobs.fit` made of it without a break."""
+    folder = tmp_path_factory.mktemp("small")
+    campaign = write_small_campaign(folder, 4)
+    assert len(tuple(jobs.fit(campaign, folder / "out", 0.8, Console(quiet=True)))) == 4
+    return campaign, folder / "out"
+
+
+@pytest.fixture(scope="session")
+def written():
+    """A function that returns the contents of a folder's files, but of hidden ones, as a kill can leave them."""
+
+    def contents(folder):
+        files = [f for f in folder.rglob("*") if f.is_file() and not f.name.startswith(".")]
+        return {f.relative_to(folder).as_posix(): f.read_bytes() for f in files}
+
+    return contents

@@ -1,42 +1,90 @@
 """A run that is stopped goes on where it stopped, and its results are those of a run that was not."""
 
-from pathlib import Path
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 from rich.console import Console
 
-from updating import identified as module
 from updating import jobs
+from updating.update_job import update
 
-CAMPAIGN = Path(__file__).parents[2] / "data/demo_stack/campaign.toml"
+posix = pytest.mark.skipif(os.name != "posix", reason="needs signals and process groups")
+LAMELLA = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"  # a background job ignores it
+    "from updating.cli import main; main()"
+)
 
 
-def test_a_run_stopped_after_its_first_configuration_ends_with_the_same_bytes(demo, tmp_path, monkeypatch):
-    identify, computed = module.identify, []
+def until(condition, process=None):
+    for _ in range(600):
+        if condition():
+            return
+        assert process is None or process.poll() is None, process.communicate()
+        time.sleep(0.1)
+    pytest.fail("nothing happened within a minute")
 
-    def counted(campaign, poles):
-        computed.append(campaign.configurations[0].name)
-        return identify(campaign, poles)
 
-    def stopped(campaign, poles):
-        if campaign.configurations[0].name == "M2":
-            raise KeyboardInterrupt
-        return counted(campaign, poles)
+def stopped(arguments, first, how):
+    """Run a command, stop it as soon as a file is there, and return its exit code and what it said."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", LAMELLA, *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        until(first.exists, process)
+        os.kill(process.pid, how)
+        said = process.communicate(timeout=60)[0]
+        until(lambda: not is_alive(process.pid))
+    finally:
+        if is_alive(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+    return process.returncode, said
 
-    def run():
-        return jobs.fit(CAMPAIGN, tmp_path, 0.8, Console(quiet=True))
 
-    monkeypatch.setattr(module, "identify", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        run()
-    kept = (tmp_path / "M1/fit.json").stat().st_mtime_ns
-    assert not (tmp_path / "M2").exists()
-    monkeypatch.setattr(module, "identify", counted)
-    again = run()
-    assert computed == ["M1", "M2"]
-    assert (tmp_path / "M1/fit.json").stat().st_mtime_ns == kept
-    files = [f.relative_to(tmp_path) for f in tmp_path.rglob("*") if f.is_file()]
-    assert len(files) == 11
-    for file in files:
-        assert (tmp_path / file).read_bytes() == (demo[0] / file).read_bytes(), file
-    assert [fitted.G_f.value for _, fitted in again] == [fitted.G_f.value for _, fitted in demo[1]]
+def is_alive(group):
+    """Tell whether any process of a group is left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@posix
+def test_a_fit_that_is_stopped_twice_goes_on_and_ends_with_the_same_bytes(small, written, tmp_path):
+    campaign, whole = small
+    out = tmp_path / "out"
+    code, said = stopped(["fit", campaign, "-o", out], out / "C1/fit.json", signal.SIGINT)
+    assert code == 130
+    assert "Interrupted; what was done is kept" in said
+    kept = (out / "C1/fit.json").stat().st_mtime_ns
+    code, _ = stopped(["fit", campaign, "-o", out], out / "C3/fit.json", signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    assert not (out / "report.html").exists()
+    again = list(jobs.fit(campaign, out, 0.8, Console(quiet=True)))
+    assert [found.configuration.name for found, _ in again] == ["C1", "C2", "C3", "C4"]
+    assert (out / "C1/fit.json").stat().st_mtime_ns == kept
+    assert len(written(whole)) == 21
+    assert written(out) == written(whole)
+
+
+@posix
+def test_an_updating_that_is_killed_goes_on_and_ends_with_the_same_bytes(small, written, tmp_path):
+    campaign, _ = small
+    specification, out = tmp_path / "update.toml", tmp_path / "out"
+    specification.write_text(
+        f'name = "small"\n[[campaign]]\nfile = "{campaign}"\nconfigurations = ["C1"]\n',
+        encoding="utf-8",
+    )
+    stopped(["update", specification, "-o", out], out / "C1/modal_model.json", signal.SIGKILL)
+    assert not (out / "update.json").exists()
+    kept = (out / "C1/modal_model.json").stat().st_mtime_ns
+    update(specification, out, Console(quiet=True))
+    assert (out / "C1/modal_model.json").stat().st_mtime_ns == kept
+    update(specification, tmp_path / "whole", Console(quiet=True))
+    assert (out / "update.json").exists()
+    assert written(out) == written(tmp_path / "whole")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -26,8 +29,15 @@ MOST_TOGETHER = 36
 """Configurations that share one page; it then stays below 15 MB. More have a page each, beside their results."""
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, executor: Executor | None = None) -> Path:
     """Write `report.html` from the results in a folder, and its figures with their data to `figures`.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+    executor : Executor, optional
+        Where the sections of the configurations are made, such as `updating.workers.workers`; by default here.
 
     Raises
     ------
@@ -36,16 +46,23 @@ def write_report(folder: Path) -> Path:
     """
     results = read_results(folder)
     apart = len(results.tested) > MOST_TOGETHER
-    for tested in results.tested if apart else ():
-        part = configuration_section(tested)
-        _write_figures(folder, (part,))
-        page = folder / page_of(tested)
-        write_bytes(page, render(results.name, (part,), up="../report.html").encode())
-    parts = sections(results, apart=apart)
+    make = partial(_configuration, folder, results.name, apart)
+    made = (map if executor is None else executor.map)(make, results.tested)
+    parts = sections(results, [part for part in made if part is not None])
     _write_figures(folder, parts)
     page = folder / "report.html"
     write_bytes(page, render(results.name, parts).encode())
     return page
+
+
+def _configuration(folder: Path, name: str, apart: bool, tested: Tested) -> Section | None:
+    """Make the section of a configuration, or, where they are apart, the page with it."""
+    part = configuration_section(tested)
+    if not apart:
+        return part
+    _write_figures(folder, (part,))
+    write_bytes(folder / page_of(tested), render(name, (part,), up="../report.html").encode())
+    return None
 
 
 def page_of(tested: Tested) -> str:
@@ -53,25 +70,27 @@ def page_of(tested: Tested) -> str:
     return f"{folder_name(tested.name)}/report.html"
 
 
-def sections(results: Results, *, apart: bool = False) -> tuple[Section, ...]:
+def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Section, ...]:
     """Make all sections of a report, in its order; each is made by a function of its own.
 
     Parameters
     ----------
     results : Results
         What to show.
-    apart : bool
-        Whether configurations have pages of their own, to which the list of them then leads.
+    own : sequence of Section, optional
+        Those of the configurations, where they are made already; none where each has a page of its own, to which the
+        list of them then leads.
     """
+    if own is None:
+        own = [configuration_section(tested) for tested in results.tested]
     parts = [answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
     if results.table:
         parts.append(table_overview(results))
         parts += [row_section(fit, results.shape_class) for fit in results.table]
-    own = () if apart else tuple(configuration_section(tested) for tested in results.tested)
     if len(results.tested) > 1:
-        address = [page_of(t) for t in results.tested] if apart else [f"#{part.anchor}" for part in own]
+        address = [f"#{part.anchor}" for part in own] or [page_of(tested) for tested in results.tested]
         parts.append(overview_section(results, address))
     parts += own
     if results.diagnosis is not None:

@@ -1,0 +1,78 @@
+"""Where tasks run: local processes and a Dask cluster, whose workers may be killed."""
+
+import os
+import signal
+import sys
+
+import pytest
+from rich.console import Console
+
+from updating import jobs
+from updating.cli import main
+from updating.errors import WorkerError
+from updating.workers import workers
+
+
+def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_path, written):
+    distributed = pytest.importorskip("distributed")
+    campaign, whole = small
+    found = []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        victim = cluster.workers[0].pid
+        for one in jobs.fit(campaign, tmp_path / "out", 0.8, Console(quiet=True), cluster.scheduler_address):
+            if not found:
+                os.kill(victim, signal.SIGKILL)
+            found.append(one)
+    assert [identified.configuration.name for identified, _ in found] == ["C1", "C2", "C3", "C4"]
+    assert written(tmp_path / "out") == written(whole)
+
+
+def test_a_task_that_kills_the_workers_of_a_cluster_is_an_error():
+    distributed, dask = pytest.importorskip("distributed"), pytest.importorskip("dask")
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+        pytest.raises(WorkerError, match="lost a task"),
+        workers(1, cluster.scheduler_address) as executor,
+    ):
+        list(executor.map(os._exit, [1]))
+
+
+def run(tasks):
+    with workers(2) as executor:
+        assert list(executor.map(divmod, range(9), [2] * 9)) == [divmod(i, 2) for i in range(9)]
+        list(executor.map(*tasks))
+
+
+@pytest.mark.parametrize(
+    ("tasks", "error", "words"),
+    [
+        ((os._exit, [1, 1]), WorkerError, "a worker process was killed"),
+        ((divmod, [1, 2], [1, 0]), ZeroDivisionError, "zero"),
+    ],
+    ids=["killed", "raises"],
+)
+def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(tasks, error, words):
+    with pytest.raises(error, match=words):
+        run(tasks)
+
+
+@pytest.mark.parametrize(
+    ("address", "words"), [("tcp://127.0.0.1:1", "no Dask scheduler answers"), ("nowhere", "nowhere")]
+)
+def test_a_cluster_that_does_not_answer_is_said(address, words, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("updating.cluster._ANSWER", "1 s")
+    with pytest.raises(WorkerError, match=words), workers(2, address):
+        pass
+
+
+def test_without_dask_the_way_to_have_it_is_said(small, monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.delitem(sys.modules, "updating.cluster", raising=False)
+    monkeypatch.setattr(
+        sys, "argv", ["lamella", "fit", str(small[0]), "-o", str(tmp_path), "--cluster", "tcp://a:1"]
+    )
+    with pytest.raises(SystemExit):
+        main()
+    assert 'pip install "lamella[cluster]"' in " ".join(capsys.readouterr().err.split())
