@@ -38,7 +38,7 @@ def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
     except OSError as cause:
         message = f"{path}: cannot be read: {cause.strerror}"
         raise error(message) from cause
-    except ValueError as cause:
+    except (ValueError, RecursionError) as cause:  # brackets by the thousand
         message = f"{path}: not valid TOML: {cause}"
         raise error(message) from cause
     try:

@@ -178,9 +178,9 @@ def read_points(path: Path, unit: Unit) -> Geometry:
         cells = {key: str(row[names[key]] or "").strip() for key in ("node", "x", "y", "z")}
         decimal = "," if delimiter == ";" else "."
         try:
-            node = int(cells["node"])
+            node = int(np.int64(cells["node"]))
             xyz = [float(cells[key].replace(decimal, ".")) for key in ("x", "y", "z")]
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             message = f"{path}: row {reader.line_num}: expected a point number and x, y, z, found {cells}"
             raise MeasurementError(message) from error
         if node in points or not np.isfinite(xyz).all():
@@ -206,7 +206,7 @@ def _text(path: Path, encoding: str) -> str:
     except FileNotFoundError as error:
         message = f"{path}: cannot be read: there is no such file"
         raise MeasurementError(message) from error
-    except (OSError, EOFError, UnicodeDecodeError, LookupError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
+    except (OSError, EOFError, ValueError, LookupError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
         message = (
             f"{path}: cannot be read as text in encoding {encoding!r}: {error}; say encoding = 'latin-1' or "
             "another one in [measurement.table], or convert binary files (MATLAB, NumPy, zip) to CSV"

@@ -31,6 +31,7 @@ from ema.units import Unit, parse_unit
 _GEOMETRY_SETS = ("15", "18", "82", "164", "2411", "2412", "2420")
 _MOTION_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 _FORCE_TYPES = (9, 13)
+_LARGEST = 1e10  # point numbers have ten digits
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 
 
@@ -315,7 +316,9 @@ def _points(
         if content["type"] not in (15, 2411):
             continue
         columns = [content[key] for key in ("node_nums", "def_cs", "disp_cs", "x", "y", "z")]
-        if len({len(column) for column in columns}) != 1 or not np.isfinite(np.array(columns, float)).all():
+        if len({len(column) for column in columns}) != 1 or not np.all(
+            np.abs(np.array(columns, float)) < _LARGEST
+        ):
             message = f"{where}: the records of the points are incomplete or not finite"
             raise MeasurementError(message)
         for label, defined, measured, *xyz in zip(*columns, strict=True):
@@ -367,7 +370,7 @@ def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
         else:
             continue
         numbers = [np.asarray(content[key], float) for key in keys]
-        if {len(n) for n in numbers} != {len(frames)} or not np.all(np.abs(numbers) < 2**31):
+        if {len(n) for n in numbers} != {len(frames)} or not np.all(np.abs(numbers) < _LARGEST):
             message = f"{where}: the records of the coordinate systems are incomplete or not finite"
             raise MeasurementError(message)
         for (label, kind, reference), (rows, origin) in zip(np.transpose(numbers), frames, strict=True):
@@ -398,7 +401,7 @@ def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
     for where, content in parsed:
         if content["type"] == 82:
             values = np.asarray(content["nodes"], float)
-            if not np.all(np.abs(values) < 2**31):  # also where it is not a number
+            if not np.all(np.abs(values) < _LARGEST):  # also where it is not a number
                 message = f"{where}: field 'nodes defining trace line' holds values that are no point numbers"
                 raise MeasurementError(message)
             nodes = values.astype(int).tolist()
@@ -407,6 +410,9 @@ def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
             for elements in (value for value in content.values() if isinstance(value, list)):
                 for element in elements:
                     nodes = [int(n) for n in element["nodes_nums"]]
+                    if any(abs(n) >= _LARGEST for n in nodes):
+                        message = f"{where}: an element has nodes that are no point numbers"
+                        raise MeasurementError(message)
                     pairs += zip(nodes, nodes[1:] + nodes[:1] if len(nodes) > 2 else nodes[1:], strict=False)
     once = dict.fromkeys((min(pair), max(pair)) for pair in pairs if pair[0] != pair[1])
     return np.array(list(once), dtype=np.int64).reshape(-1, 2)

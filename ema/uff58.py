@@ -113,8 +113,8 @@ def cut(path: Path) -> list[DataSet]:
     """
     try:
         data = path.read_bytes().removeprefix(codecs.BOM_UTF8)  # which editors put before the first delimiter
-    except OSError as error:
-        message = f"{path}: cannot be read: {error.strerror}"
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
         raise MeasurementError(message) from error
     sets: list[DataSet] = []
     position = 0

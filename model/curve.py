@@ -117,7 +117,7 @@ def read_curve(path: str | Path) -> CompressionCurve:
     path = Path(path)
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         message = f"{path}: cannot be read ({getattr(error, 'strerror', error)})"
         raise StackError(message) from error
     rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))

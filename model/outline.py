@@ -189,18 +189,20 @@ def stator(
     StackError
         The sizes do not fit into one another.
     """
-    half = tooth_width / 2.0
-    at_tip, at_slot = (float(np.arcsin(min(half / (d / 2.0), 1.0))) for d in (inner, slot))
-    pitch = 2.0 * np.pi / n_tooth
-    if not (0.0 < inner < slot < outer and n_tooth > 0 and tooth_width > 0.0 and 2.0 * at_tip < pitch):
+    sound = 0.0 < inner < slot < outer and n_tooth > 0 and tooth_width > 0.0
+    if not (sound and tooth_width < inner * np.sin(min(np.pi / n_tooth, np.pi / 2.0))):
         message = (
             f"stator: 0 < inner ({inner:g}) < slot ({slot:g}) < outer ({outer:g} m) must hold, and {n_tooth} teeth of "
             f"{tooth_width:g} m must fit side by side into the bore"
         )
         raise StackError(message)
-    if n_hole and not (slot + hole < hole_circle < outer - hole and hole > 0.0):
+    beside = hole_circle * np.sin(min(np.pi / max(n_hole, 1), np.pi / 2.0))
+    if n_hole and not (n_hole > 0 and slot + hole < hole_circle < outer - hole and 0.0 < hole < beside):
         message = f"stator: holes of {hole:g} m on a circle of {hole_circle:g} m do not fit into the yoke"
         raise StackError(message)
+    half = tooth_width / 2.0
+    at_tip, at_slot = (float(np.arcsin(half / (d / 2.0))) for d in (inner, slot))
+    pitch = 2.0 * np.pi / n_tooth
     bore = []
     for k in range(n_tooth):
         middle = k * pitch

@@ -27,6 +27,8 @@ Distribution = Literal["height", "faces"]
 Edge = Literal["left", "right", "front", "back", "all"]
 Laminas = Literal["all", "bottom", "top", "faces"]
 
+_MOST_ELEMENTS = 1000  # along a side; more is a slip, and would fill the memory before anything is said
+
 
 def _require_positive(owner: str, value: object, *names: str) -> None:
     for name in names:
@@ -281,6 +283,9 @@ class Mesh:
 
     def __post_init__(self) -> None:
         _require_positive("mesh", self, "n_x", "n_y")
+        if max(self.n_x, self.n_y) > _MOST_ELEMENTS:
+            message = f"mesh: n_x and n_y must be at most {_MOST_ELEMENTS}, got {self.n_x} and {self.n_y}"
+            raise StackError(message)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -187,7 +187,7 @@ def read_stack(path: str | Path) -> Stack:
     except OSError as error:
         message = f"{path}: cannot be read ({error.strerror})"
         raise StackError(message) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # brackets by the thousand
         message = f"{path}: not a TOML file: {error}"
         raise StackError(message) from error
     try:

@@ -117,7 +117,7 @@ def is_modal_table(path: Path) -> bool:
     """Whether a campaign file describes a modal table; an unreadable file is not, and its reader will say why."""
     try:
         return "modal_table" in tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
 
 
@@ -252,8 +252,8 @@ def _column(path: Path, key: str, column: str) -> dict[str, float]:
                     )
                     raise FitError(message) from error
             return values
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
+    except (OSError, ValueError, csv.Error) as error:
+        message = f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
         raise FitError(message) from error
 
 

@@ -208,7 +208,7 @@ def read_published(folder: Path) -> Published:
             },
             folder=folder,
         )
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
         message = f"{folder}: cannot read the published tables: {error}"
         raise FitError(message) from error
 

@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import re
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -23,7 +22,7 @@ from pydantic import BaseModel
 
 from ema.files import whole
 from ema.frf import FRF
-from ema.geometry import Dofs
+from ema.geometry import Dof, Dofs
 from model import Effect, catalogue, find_effects
 from updating.errors import StoreError
 
@@ -86,7 +85,7 @@ def read_result(path: Path, kind: type[T]) -> T:
         raise StoreError(message)
     try:
         return _CONVERTER.structure(document["result"], kind)
-    except (cattrs.BaseValidationError, KeyError, TypeError, ValueError) as error:
+    except Exception as error:  # cattrs, pydantic and the types themselves raise what they like
         message = f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
         raise StoreError(message) from error
 
@@ -128,10 +127,10 @@ def read_document(path: Path) -> dict[str, Any]:
     except OSError as error:
         message = f"cannot read {path}: {error.strerror}"
         raise StoreError(message) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         message = f"{path}: not a JSON file ({error})"
         raise StoreError(message) from error
-    if not isinstance(document, dict) or "result" not in document:
+    if not isinstance(document, dict) or not {"kind", "provenance", "result"} <= document.keys():
         message = (
             f"{path}: not a result of Lamella; expected an object with 'kind', 'provenance' and 'result'"
         )
@@ -175,7 +174,7 @@ def read_frf(path: Path) -> FRF:
                 source=tuple(str(s) for s in archive["source"]),
                 coherence=archive.get("coherence"),
             )
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except Exception as error:  # zip, deflate and NumPy raise what they like at damaged archives
         message = f"cannot read the FRFs in {path}: {error}"
         raise StoreError(message) from error
 
@@ -276,6 +275,9 @@ def _make_converter() -> cattrs.Converter:
     converter.register_structure_hook(Effect, lambda name, _: find_effects([name], catalogue())[0])
     converter.register_unstructure_hook(BaseModel, lambda x: x.model_dump(mode="json"))
     converter.register_structure_hook(BaseModel, lambda x, kind: kind.model_validate(x))
+    converter.register_structure_hook(
+        Dof, lambda x, _: Dof(int(x[0]), (float(x[1][0]), float(x[1][1]), float(x[1][2])))
+    )
     converter.register_unstructure_hook(Path, str)
     converter.register_structure_hook(Path, lambda x, _: Path(x))
     return converter

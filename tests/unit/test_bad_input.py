@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -17,13 +18,12 @@ from updating import identified
 from updating.cli import main
 
 PUBLISHED = Path(__file__).parents[2] / "data/pirnat2013"
+STRUCTURE = '[structure]\nstack = "stack.toml"\n'
 FILES = """\
 pressure_kPa = 320
 files = ["run_*.csv"]
 output = ["1+z", "2+z", "3+z", "4+z", "5+z", "6+z"]
 input = ["1+z"]
-[structure]
-stack = "stack.toml"
 [identification]
 order = 12
 """
@@ -55,7 +55,7 @@ def folder(tmp_path, monkeypatch, stack_text, campaign_text):
     frequency, value = functions()
     stack = stack_text.replace("height_mm = 65", "height_mm = 10").replace("n_lamina = 240", "n_lamina = 20")
     files = {"stack.toml": stack + "[mesh]\nn_x = 4\nn_y = 2\n"}
-    files |= {"campaign.toml": campaign_text + FILES, "points.csv": POINTS}
+    files |= {"campaign.toml": STRUCTURE + campaign_text + FILES, "points.csv": POINTS}
     files |= {"run_1.csv": table(frequency, value[:3]), "run_2.csv": table(frequency, value[3:])}
     for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
@@ -145,6 +145,18 @@ def universal(cut=None, kind=None):
     return damage
 
 
+def published(name, old, new):
+    """Put the published campaign beside it, with a table damaged."""
+
+    def damage(folder):
+        shutil.copytree(PUBLISHED, folder, dirs_exist_ok=True)
+        content = (PUBLISHED / name).read_bytes()
+        assert old in content
+        (folder / name).write_bytes(content.replace(old, new, 1))
+
+    return damage
+
+
 ONE_POINT = all_of(
     gone("run_2.csv"),
     holds("run_1.csv", table(functions()[0], functions()[1][:1])),
@@ -171,6 +183,13 @@ TABLE = {
                     all_of(lambda f: (f / "M1").mkdir(), holds("M1/poles.txt", "")), ["poles.txt", "holds no pole"]),
     "folder for a file": ("ema .", untouched, ["cannot be read", "directory"]),
     "bytes for text": ("ema campaign.toml", holds("campaign.toml", bytes(range(256))), ["not valid TOML"]),
+    "brackets without end": ("ema campaign.toml", holds("campaign.toml", "x = " + "[" * 3000), ["not valid TOML"]),
+    "brackets without end in a stack": ("model stack.toml", holds("stack.toml", "x = " + "[" * 3000),
+                                        ["not a TOML file"]),
+    "no name of a file": ("ema campaign.toml", campaign('"points.csv"', '"\\u0000.csv"'), ["null byte"]),
+    "no name of a universal file": ("ema campaign.toml", campaign('"points.csv"', '"\\u0000.uff"'), ["null byte"]),
+    "no name of a curve": ("model stack.toml",
+                           stack("normal_modulus_GPa = 5", PRESSING.replace("curve.csv", "\\u0000")), ["null byte"]),
     "another program's points": ("ema campaign.toml", holds("points.csv", b"\xff\xfe\x00\x01"),
                                  ["points.csv", "cannot be read as text", "encoding"]),
     # a file for another purpose
@@ -214,6 +233,11 @@ TABLE = {
     "effect file without end": ("model stack.toml --effect-file mine.py", holds("mine.py", "x = 1"),
                                 ["mine.py: has no EFFECT"]),
     "configuration": ("pick campaign.toml M2", untouched, ["no configuration 'M2'; Allowed: M1"]),
+    "bytes in a published table": ("published --data .", published("table7_frequencies_320kPa.csv", b"364", b"\xff"),
+                                  ["table7_frequencies_320kPa.csv", "utf-8"]),
+    "cells without a column": ("published --data .",
+                               published("table6_contact_parameters.csv", b",6e-11", b",6e-11,,,,"),
+                               ["cannot read the published tables"]),
     "calibration": (f"published --data {PUBLISHED} --calibration C9", untouched, ["C9"]),
     "names of one folder": ("ema campaign.toml", campaign("[identification]", SECOND),
                             ["'M1' and 'm1' would both be written to the folder m1"]),

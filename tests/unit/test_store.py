@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import model
 from ema import FRF, Dofs, Geometry
+from ema.campaign import Campaign, read_campaign
 from ema.table import TableLayout
 from updating import store
 from updating.errors import StoreError
@@ -116,8 +117,10 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path, monk
     [
         ("", "not a JSON file"),
         ("[1, 2]", "not a result of Lamella"),
-        ('{"kind": "Fit", "result": {}}', "expected a Outer, found 'Fit'"),
-        ('{"kind": "Outer", "result": {"value": 1}}', "not a complete Outer"),
+        ('{"kind": "Outer", "result": {}}', "not a result of Lamella"),
+        ("[" * 3000, "not a JSON file"),
+        ('{"kind": "Fit", "provenance": {}, "result": {}}', "expected a Outer, found 'Fit'"),
+        ('{"kind": "Outer", "provenance": {}, "result": {"value": 1}}', "not a complete Outer"),
     ],
 )
 def test_a_damaged_document_is_refused_by_name(tmp_path, content, message):
@@ -151,10 +154,28 @@ def test_frfs_come_back_to_the_last_bit(tmp_path):
     assert (again.quantity, again.source, again.coherence) == ("mobility", ("a.uff", "b.uff"), None)
 
 
-def test_a_damaged_archive_is_refused(tmp_path):
-    (tmp_path / "m.npz").write_bytes(b"PK\x03\x04 not really")
+@pytest.mark.parametrize("content", [b"PK\x03\x04 not really", "version", "deflated"])
+def test_a_damaged_archive_is_refused(tmp_path, content):
+    path = tmp_path / "m.npz"
+    np.savez_compressed(path, frequency=np.arange(1000.0))
+    whole = bytearray(path.read_bytes())
+    if content == "version":  # needed to extract, in the central directory
+        whole[whole.index(b"PK\x01\x02") + 6] = 99
+    elif content == "deflated":
+        whole[100:400] = bytes(300)
+    path.write_bytes(content if isinstance(content, bytes) else whole)
     with pytest.raises(StoreError, match=r"m\.npz"):
-        read_frf(tmp_path / "m.npz")
+        read_frf(path)
+
+
+@pytest.mark.parametrize("name", ["demo_stack", "hidden_effect/b"])
+def test_a_campaign_comes_back(tmp_path, name):
+    campaign = read_campaign(DATA / name / "campaign.toml")
+    write_result(tmp_path / "c.json", campaign, inputs=(), options={})
+    again = read_result(tmp_path / "c.json", Campaign)
+    assert again.configurations == campaign.configurations
+    assert again.table == campaign.table
+    np.testing.assert_array_equal(again.geometry.coordinate, campaign.geometry.coordinate)
 
 
 @pytest.mark.parametrize(

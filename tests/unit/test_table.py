@@ -127,6 +127,7 @@ def test_points(tmp_path):
     [
         ("node,x,y\n1,2,3\n", "missing: z"),
         ("node,x,y,z\n1,2,3,four\n", "row 2: expected a point number"),
+        (f"node,x,y,z\n{'9' * 25},2,3,4\n", "row 2: expected a point number"),
         ("node,x,y,z\n1,2,3,4\n1,2,3,4\n", "row 3: point 1 is given twice"),
         ("node,x,y,z\n", "no points"),
     ],

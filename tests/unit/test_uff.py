@@ -249,3 +249,14 @@ def test_a_coordinate_system_in_another_one(tmp_path):
     (tmp_path / "a.uff").write_text(systems.replace("         2         0", "         2         1") + point)
     with pytest.raises(MeasurementError, match=r"data set 1 \(18\): coordinate system 2 is not Cartesian"):
         read_uff_geometry(tmp_path / "a.uff")
+
+
+@pytest.mark.parametrize("kind", [15, 2412])
+def test_a_point_number_beyond_ten_digits(tmp_path, kind):
+    point, far = "         7         0         0         8  1.0  2.0  3.0\n", "9" * 25
+    sets = {15: point, 2412: "         1        21         1         1         8         2\n 0 0 0\n 7 8\n"}
+    sets[kind] = sets[kind].replace("         7 " if kind == 15 else " 7 ", f" {far} ")
+    text = "".join(f"    -1\n{name:6d}\n{body}    -1\n" for name, body in sets.items())
+    (tmp_path / "a.uff").write_text(text)
+    with pytest.raises(MeasurementError, match=f"data set . .{kind}.: .* (not finite|no point numbers)"):
+        read_uff_geometry(tmp_path / "a.uff")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ema.campaign import Campaign, Configuration
 from ema.frf import FRF
 from ema.modes import ModalModel
 from updating.diagnosis import Diagnosis
@@ -13,7 +14,7 @@ from updating.effect_jobs import Ledger
 from updating.errors import StoreError
 from updating.fit import Fit
 from updating.ledger import Entry
-from updating.modal_table import TableFit
+from updating.modal_table import ModalTable, TableFit
 from updating.quality import Quality
 from updating.store import folder_name, read_document, read_frf, read_result
 
@@ -113,26 +114,26 @@ def read_results(folder: Path) -> Results:
 
 
 def _read_campaign(folder: Path) -> Results:
-    campaign = read_document(folder / "campaign.json")["result"]
-    own = {c["name"]: folder / folder_name(c["name"]) for c in campaign["configurations"]}
-    done = [c for c in campaign["configurations"] if (own[c["name"]] / "modal_model.json").exists()]
+    campaign = read_result(folder / "campaign.json", Campaign)
+    own = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
+    done = [c for c in campaign.configurations if (own[c.name] / "modal_model.json").exists()]
     return Results(
-        name=campaign["name"],
-        tested=tuple(_read_tested(own[c["name"]], c) for c in done),
+        name=campaign.name,
+        tested=tuple(_read_tested(own[c.name], c) for c in done),
         table=(),
         shape_class=(),
-        missing=tuple(name for name in own if name not in {c["name"] for c in done}),
+        missing=tuple(name for name in own if name not in {c.name for c in done}),
         ledger=_read_ledger(folder),
         diagnosis=_read_diagnosis(folder),
-        origin=_origin(folder, [own[c["name"]] for c in done], ("modal_model.json", "fit.json")),
+        origin=_origin(folder, [own[c.name] for c in done], ("modal_model.json", "fit.json")),
     )
 
 
-def _read_tested(folder: Path, configuration: dict[str, Any]) -> Tested:
+def _read_tested(folder: Path, configuration: Configuration) -> Tested:
     return Tested(
-        name=configuration["name"],
-        torque=configuration["torque"],
-        pressure=configuration["pressure"],
+        name=configuration.name,
+        torque=configuration.torque,
+        pressure=configuration.pressure,
         folder=folder,
         measured=read_result(folder / "modal_model.json", ModalModel),
         quality=read_result(folder / "quality.json", Quality),
@@ -141,14 +142,14 @@ def _read_tested(folder: Path, configuration: dict[str, Any]) -> Tested:
 
 
 def _read_table(folder: Path) -> Results:
-    table = read_document(folder / "modal_table.json")["result"]
-    own = {row["name"]: folder / f"stack_{folder_name(row['name'])}" for row in table["rows"]}
+    table = read_result(folder / "modal_table.json", ModalTable)
+    own = {row.name: folder / f"stack_{folder_name(row.name)}" for row in table.rows}
     done = {name: path for name, path in own.items() if (path / "fit.json").exists()}
     return Results(
-        name=table["name"],
+        name=table.name,
         tested=(),
         table=tuple(read_result(path / "fit.json", TableFit) for path in done.values()),
-        shape_class=tuple(table["shape_class"]),
+        shape_class=table.shape_class,
         missing=tuple(name for name in own if name not in done),
         ledger=_read_ledger(folder),
         diagnosis=_read_diagnosis(folder),

@@ -1,0 +1,119 @@
+"""Damaged files and the watch over whoever reads them."""
+
+import re
+import signal
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SECONDS = 5.0  # for one input; most take a few ms
+MEGABYTES = 500  # beyond what the process had before
+
+# What a hand or a program may put in the place of a number or word, and what a disk or transfer leaves of it.
+VALUES = [b"0", b"-1", b"1.5", b"1e999", b"nan", b"-inf", b"inf", b"1e-320", b"1e9", b"1000000", b"2147483648",
+          b"9" * 25, b"true", b"null", b'"text"', b"[]", b"{}", b"[0, 0]", b"1+2j", b'"../.."', b'"**/*"',
+          b'"\\u0000"']  # fmt: skip
+RUBBISH = [b"", b"'", b'"', b"[[", b"\0", b"\xff", b"\n", b"\r\n", b"\xef\xbb\xbf", b",", b";", b"\t", b"#",
+           b" " * 80, b"9" * 5000, b"[" * 3000, b"x = 1\n"]  # fmt: skip
+
+
+def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+    """Return a file with one to three faults: of its values, of its lines, or of its bytes."""
+    for _ in range(rng.choice([1, 1, 1, 2, 3])):
+        if len(data) < 10:
+            break
+        start = int(rng.integers(len(data)))
+        stop = start + int(rng.integers(1, 40))
+        kind = rng.choice(
+            ["value", "rubbish", "lines", "byte", "loss", "double", "end"], p=[0.5, *6 * [0.5 / 6]]
+        )
+        if kind in ("value", "rubbish"):
+            odd = VALUES if kind == "value" else RUBBISH
+            word = re.compile(rb"[-+]?\d[\d.eE+-]*|\"[^\"\n]*\"|\w+").search(data, start)
+            if word is not None:
+                data = data[: word.start()] + odd[rng.integers(len(odd))] + data[word.end() :]
+        elif kind == "lines":  # lost, doubled or moved
+            lines = data.splitlines(keepends=True)
+            first, second = (int(i) for i in rng.integers(len(lines), size=2))
+            if rng.random() < 0.5:
+                lines.insert(first, lines[second])
+            if rng.random() < 0.7:
+                del lines[second]
+            data = b"".join(lines)
+        elif kind == "byte":
+            data = data[:start] + bytes([rng.integers(256)]) + data[start + 1 :]
+        elif kind == "loss":
+            data = data[:start] + data[stop:]
+        elif kind == "double":
+            data = data[:stop] + data[start:]
+        elif rng.random() < 0.3:
+            data = data[:start]
+    return data
+
+
+class TooSlowError(BaseException):
+    """A reader took too long; no `except Exception` holds it up."""
+
+
+def _status(key: str) -> float:
+    """What the system says of this process, in MB."""
+    return int(re.search(rf"{key}:\s+(\d+)", Path("/proc/self/status").read_text())[1]) / 1024
+
+
+@pytest.fixture
+def limits():
+    """Hold each block to `SECONDS` and all to `MEGABYTES`, by the system's own means."""
+    resource = pytest.importorskip("resource")
+
+    def stop(*_):
+        raise TooSlowError
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    before = signal.signal(signal.SIGALRM, stop)
+    resource.setrlimit(resource.RLIMIT_AS, (int(_status("VmSize") + MEGABYTES) * 2**20, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture
+def survives(limits, request):
+    """Read a file with damages, so many and seeded; fail at other errors than the given ones, and at hang and greed."""
+
+    def run(read: Callable[[Path], object], file: Path, errors: tuple, count: int) -> None:
+        whole = file.read_bytes()
+        peak = _status("VmHWM")
+        slowest, refused, faults = (0.0, 0), 0, {}
+        for seed in range(count):
+            file.write_bytes(damaged(whole, np.random.default_rng(seed)))
+            start = time.perf_counter()
+            try:
+                signal.setitimer(signal.ITIMER_REAL, SECONDS)
+                read(file)
+            except errors as error:
+                refused += 1
+                if not str(error):
+                    faults[f"seed {seed}: {type(error).__name__} without a message"] = ""
+            except BaseException as error:
+                if isinstance(error, KeyboardInterrupt):
+                    raise
+                place = traceback.extract_tb(error.__traceback__)[-1]
+                faults.setdefault(
+                    f"{type(error).__name__} at {place.filename}:{place.lineno}",
+                    f"seed {seed}: {error}\n" + "".join(traceback.format_tb(error.__traceback__)[-4:]),
+                )
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+            slowest = max(slowest, (time.perf_counter() - start, seed))
+        file.write_bytes(whole)
+        print(
+            f"\n{request.node.name}: {count} inputs, {refused} refused, slowest {1e3 * slowest[0]:.0f} ms "
+            f"(seed {slowest[1]}), {_status('VmHWM') - peak:.0f} MB more memory"
+        )
+        assert not faults, "\n\n".join(f"{what}\n{where}" for what, where in faults.items())
+
+    return run

@@ -1,0 +1,179 @@
+"""Damaged files are read or refused with a message; no other exception, no hang, no unbounded memory.
+
+    pytest tests/recovery/test_damaged_files.py -m benchmark -s
+
+reads far more of them and says how many were refused and how long the slowest took.
+"""
+
+import contextlib
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from ema.campaign import read_campaign
+from ema.errors import EmaError, IdentificationError
+from ema.frf import FRF
+from ema.geometry import Dofs, Geometry
+from ema.measurement import read_measurement
+from ema.picking import read_poles, write_poles
+from ema.quality import check
+from ema.table import TableLayout, read_points, read_table
+from ema.uff import read_uff_functions, read_uff_geometry, write_uff
+from ema.units import parse_unit
+from updating import LAMELLA_ERRORS
+from updating.errors import StoreError
+from updating.modal_table import read_modal_table
+from updating.published import read_published
+from updating.store import read_document, read_frf, write_frf
+from updating.update_file import read_update_file
+from updating.virtual_test_file import read_virtual_test
+
+DATA = Path(__file__).parents[2] / "data"
+REAL = Path(__file__).parents[2].parent / "shared/realdata"
+COUNTS = [10, pytest.param(600, marks=pytest.mark.benchmark)]
+TWO_SENSORS = TableLayout(
+    layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6)), coherence_columns=(4, 7)
+)
+
+
+def own_frf():
+    """Small, with local axes, for a universal file of our own: units, local axes, points, lines and 58b."""
+    rng = np.random.default_rng(0)
+    axes = np.stack([np.eye(3), np.linalg.qr(rng.normal(size=(3, 3)))[0]])
+    geometry = Geometry(node=[1, 2], coordinate=rng.normal(size=(2, 3)), line=[[1, 2]], axes=axes)
+    frf = FRF(
+        frequency=np.arange(20.0),
+        value=rng.normal(size=(2, 1, 20)) + 0j,
+        quantity="accelerance",
+        output=Dofs(node=[1, 2], direction=[[0, 0, 1], axes[1, 0]]),
+        input=Dofs(node=[9], direction=[[0, 0, 1]]),
+        run=[0, 0],
+        source=("a", "b"),
+    )
+    return geometry, frf
+
+
+def both(*reads):
+    """Read a file in several ways, each of which may refuse it."""
+
+    def read(file):
+        refused = []
+        for one in reads:
+            try:
+                one(file)
+            except EmaError as error:
+                refused.append(error)
+        if refused:
+            raise refused[0]
+
+    return read
+
+
+def measured(file):
+    """The functions of a run are merged with those of the others and checked."""
+    campaign = read_campaign(file.parents[1] / "campaign.toml")
+    check(read_measurement(campaign, "M1"))
+
+
+def table(layout):
+    return lambda file: read_table(file, layout, parse_unit("g/N"))
+
+
+UNIVERSAL = both(read_uff_functions, read_uff_geometry)
+# reader: the file, among those that stand beside it in its folder, and what may be raised
+READERS = {
+    "run of a campaign": (measured, "demo_stack/M1/run_01.uff", EmaError),
+    "universal file": (UNIVERSAL, "demo_stack/M1/run_02.uff", EmaError),
+    "table of real and imaginary parts": (table(TWO_SENSORS), "hidden_effect/b/M1/run_01.csv", EmaError),
+    "points": (lambda file: read_points(file, parse_unit("mm")), "demo_stack/points.csv", EmaError),
+    "campaign": (read_campaign, "demo_stack/campaign.toml", EmaError),
+    "campaign of tables": (read_campaign, "hidden_effect/b/campaign.toml", EmaError),
+    "stack": (model.read_stack, "demo_stack/stack.toml", model.StackError),
+    "stack with a curve and an outline": (model.read_stack, "stator/stack.toml", model.StackError),
+    "compression curve": (
+        lambda file: model.read_stack(file.parents[1] / "stator/stack.toml"),
+        "contact/compression_standin.csv",
+        model.StackError,
+    ),
+    "update file": (read_update_file, "demo_stack/update.toml", LAMELLA_ERRORS),
+    "virtual test": (read_virtual_test, "demo_stack/virtual_test.toml", LAMELLA_ERRORS),
+    "modal table's campaign": (read_modal_table, "pirnat2013/campaign.toml", LAMELLA_ERRORS),
+    "modal table": (
+        lambda file: read_modal_table(file.with_name("campaign.toml")),
+        "pirnat2013/table7_frequencies_320kPa.csv",
+        LAMELLA_ERRORS,
+    ),
+    "published table": (
+        lambda file: read_published(file.parent),
+        "pirnat2013/table6_contact_parameters.csv",
+        LAMELLA_ERRORS,
+    ),
+    "result": (read_document, "demo_stack/truth.json", StoreError),
+}
+
+
+@pytest.fixture
+def data(tmp_path):
+    """The shipped data by links; of the demo stack few runs, to be quick."""
+    most = shutil.ignore_patterns("run_[12]*", "run_0[4-9]*")
+    for name in ("demo_stack", "hidden_effect/b", "pirnat2013", "stator", "contact"):
+        ignore = most if name == "demo_stack" else None
+        shutil.copytree(DATA / name, tmp_path / name, ignore=ignore, copy_function=os.symlink)
+    return tmp_path
+
+
+def own(file):
+    """The file itself in place of the link to it."""
+    content = file.read_bytes()
+    file.unlink()
+    file.write_bytes(content)
+    return file
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("reader", list(READERS))
+def test_shipped_files(data, survives, reader, count):
+    read, name, errors = READERS[reader]
+    survives(read, own(data / name), errors, count // 5 if reader == "run of a campaign" else count)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_universal_files_of_our_own(tmp_path, survives, count):
+    write_uff(tmp_path / "own.uff", *own_frf())
+    survives(UNIVERSAL, tmp_path / "own.uff", EmaError, 3 * count)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("file", sorted(REAL.glob("uff-oddities-pyuff/*.uff")), ids=lambda file: file.stem)
+def test_universal_files_of_other_programs(tmp_path, survives, file, count):
+    if file.stat().st_size > 1e5:
+        pytest.skip("large")
+    survives(UNIVERSAL, Path(shutil.copy(file, tmp_path / "other.uff")), EmaError, count)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("layout", ["real-imaginary", "complex"])
+def test_small_tables(tmp_path, survives, layout, count):
+    file = tmp_path / "small.csv"
+    file.write_text("\n".join(f"{f},{f / 3:.6g},{-f / 7:.4e}" for f in range(30)))
+    survives(table(TableLayout(layout=layout)), file, EmaError, 3 * count)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_files_that_a_run_wrote(tmp_path, survives, count):
+    write_poles(tmp_path / "poles.txt", np.array([-3.0 + 500j, -10.0 + 900j]))
+    survives(read_poles, tmp_path / "poles.txt", IdentificationError, count)
+    write_frf(tmp_path / "measurement.npz", own_frf()[1])
+    survives(read_frf, tmp_path / "measurement.npz", StoreError, count)
+
+
+def test_unit_labels():
+    rng = np.random.default_rng(0)
+    alphabet = list("mgNs/*()^2-1 ²µ%")
+    for _ in range(3000):
+        with contextlib.suppress(EmaError):
+            parse_unit("".join(rng.choice(alphabet, rng.integers(0, 12))))
