@@ -353,7 +353,7 @@ def test_tables_that_cannot_be_written_leave_the_old_ones(folder, monkeypatch, c
     monkeypatch.setattr(Path, "replace", full)
     code, _, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
     assert code == 1
-    assert f"cannot write out/M1/{name}: No space left on device" in said
+    assert f"cannot write {folder / 'out/M1' / name}: No space left on device" in said
     assert (folder / "out/M1" / name).read_bytes() == old
     assert not [file for file in (folder / "out/M1").iterdir() if file.name.startswith(".")]
 
