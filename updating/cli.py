@@ -188,7 +188,9 @@ def fit(
         rows = jobs.fit_modal_table(campaign, output, _OUT, cluster)
         _OUT.print(tables.modal_table(rows))
         if effect:
-            _OUT.print(effect_jobs.ledger_table(effect_jobs.table_ledger(rows, effect, campaign, output)))
+            _OUT.print(
+                effect_jobs.ledger_table(effect_jobs.table_ledger(rows, effect, campaign, output, cluster))
+            )
         _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
         return
     fits = []
@@ -198,7 +200,9 @@ def fit(
         if effect:  # without, a campaign of any length takes the same memory
             fits.append((found, fitted))
     if effect:
-        _OUT.print(effect_jobs.ledger_table(effect_jobs.campaign_ledger(fits, effect, campaign, output)))
+        _OUT.print(
+            effect_jobs.ledger_table(effect_jobs.campaign_ledger(fits, effect, campaign, output, cluster))
+        )
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
 
 
@@ -242,6 +246,7 @@ def published(
     data: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the published tables.")] = Path(
         "data/pirnat2013"
     ),
+    cluster: Cluster = None,
 ) -> None:
     """Reproduce the published campaign of 18 stacks from its tables, then add effects that all stacks share.
 
@@ -252,10 +257,14 @@ def published(
     find_effects(effect or [], jobs.known_effects(()))
     calibrations = calibration or list(CALIBRATIONS)
     _OUT.print(
-        summary_table(effect_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT))
+        summary_table(
+            effect_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT, cluster)
+        )
     )
     if screen is not None:
-        _OUT.print(screening_table(effect_jobs.screen_published(data, calibrations, screen, output, _OUT)))
+        _OUT.print(
+            screening_table(effect_jobs.screen_published(data, calibrations, screen, output, _OUT, cluster))
+        )
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from updating.ledger import Entry, ledger
 from updating.modal_table import TableFit, read_modal_table
 from updating.plot import as_png
 from updating.prepared import prepare
-from updating.published import SCATTER, Calibrated, read_published, reproduce
+from updating.published import SCATTER, Calibrated, Published, read_published, reproduce
 from updating.published_plot import (
     contact_figure,
     error_figure,
@@ -32,8 +33,9 @@ from updating.published_plot import (
 from updating.published_screening import Screening, screen
 from updating.published_tables import parameters_csv, screening_csv, table_6_csv, table_7_csv
 from updating.sensitivity import Scatter
-from updating.store import write_bytes, write_result
+from updating.store import read_current, write_bytes, write_result
 from updating.target import specimen_name, target_of_modes, target_of_table
+from updating.workers import in_parallel, workers
 
 TORQUE_SCATTER = Scatter(pressure=0.03)
 """Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
@@ -47,7 +49,11 @@ class Ledger:
 
 
 def campaign_ledger(
-    fits: Sequence[tuple[Identified, Fit]], effects: Sequence[str], campaign: Path, output: Path
+    fits: Sequence[tuple[Identified, Fit]],
+    effects: Sequence[str],
+    campaign: Path,
+    output: Path,
+    cluster: str | None = None,
 ) -> tuple[Entry, ...]:
     """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv.
 
@@ -62,13 +68,18 @@ def campaign_ledger(
         )
         for found, fitted in fits
     ]
-    entries = ledger(prepare(targets), effects, scatter=TORQUE_SCATTER)
+    with workers(1 + len(effects), cluster) as executor:
+        entries = ledger(prepare(targets), effects, scatter=TORQUE_SCATTER, executor=executor)
     write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
     return entries
 
 
 def table_ledger(
-    fits: Sequence[TableFit], effects: Sequence[str], campaign: Path, output: Path
+    fits: Sequence[TableFit],
+    effects: Sequence[str],
+    campaign: Path,
+    output: Path,
+    cluster: str | None = None,
 ) -> tuple[Entry, ...]:
     """Fit effects that all rows of a modal table share, and write ledger.json and ledger.csv."""
     table = read_modal_table(campaign)
@@ -78,7 +89,8 @@ def table_ledger(
         )
         for fit in fits
     ]
-    entries = ledger(prepare(targets), effects, damping=False, scatter=SCATTER)
+    with workers(1 + len(effects), cluster) as executor:
+        entries = ledger(prepare(targets), effects, damping=False, scatter=SCATTER, executor=executor)
     write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
     return entries
 
@@ -128,17 +140,20 @@ def _percent(value: float) -> str:
 
 
 def published(
-    folder: Path, calibrations: Sequence[str], effects: Sequence[str], output: Path, console: Console
+    folder: Path,
+    calibrations: Sequence[str],
+    effects: Sequence[str],
+    output: Path,
+    console: Console,
+    cluster: str | None = None,
 ) -> tuple[Calibrated, ...]:
-    """Reproduce the published campaign, go beyond it, and write results, tables and pictures."""
-    data = read_published(folder)
-    found = []
-    for calibration in calibrations:
-        with console.status(f"calibration {calibration}"):
-            one = reproduce(data, calibration, effects)
-        inputs = (*data.table.inputs, folder / f"stack_{calibration}.toml")
-        write_result(output / f"{calibration}.json", one, inputs=inputs, options={"effects": list(effects)})
-        found.append(one)
+    """Reproduce the published campaign, go beyond it, and write results, tables and pictures.
+
+    Calibrations that an earlier run left are read back.
+    """
+    data = read_published(folder.absolute())
+    task = partial(_calibrated, data, tuple(effects), output.absolute())
+    found = tuple(in_parallel(task, calibrations, "calibrations", console, cluster))
     for name, content in (
         ("table_6.csv", table_6_csv(found)),
         ("table_7.csv", table_7_csv(found)),
@@ -151,26 +166,45 @@ def published(
         ("pressure_law.png", as_png(law_figure(found))),
     ):
         write_bytes(output / name, content)
-    return tuple(found)
+    return found
+
+
+def _calibrated(data: Published, effects: tuple[str, ...], output: Path, calibration: str) -> Calibrated:
+    path, options = output / f"{calibration}.json", {"effects": list(effects)}
+    inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
+    found = read_current(path, Calibrated, inputs=inputs, options=options)
+    if found is None:
+        found = reproduce(data, calibration, effects)
+        write_result(path, found, inputs=inputs, options=options)
+    return found
 
 
 def screen_published(
-    folder: Path, calibrations: Sequence[str], minutes: float, output: Path, console: Console
+    folder: Path,
+    calibrations: Sequence[str],
+    minutes: float,
+    output: Path,
+    console: Console,
+    cluster: str | None = None,
 ) -> tuple[Screening, ...]:
     """Try all effects of the catalogue, and the most promising pairs, on the published campaign.
 
-    What was found under one calibration is written before the next begins.
+    Calibrations that an earlier run left are read back.
     """
-    data = read_published(folder)
-    found: list[Screening] = []
-    for calibration in calibrations:
-        with console.status(f"calibration {calibration}: effects one by one, then pairs"):
-            found.append(screen(data, calibration, list(catalogue()), seconds=60.0 * minutes))
-        inputs = (*data.table.inputs, folder / f"stack_{calibration}.toml")
-        options = {"minutes": minutes}
-        write_result(output / f"screening_{calibration}.json", found[-1], inputs=inputs, options=options)
-        write_bytes(output / "screening.csv", screening_csv(found))
-    return tuple(found)
+    task = partial(_screened, read_published(folder.absolute()), minutes, output.absolute())
+    found = tuple(in_parallel(task, calibrations, "effects one by one, then pairs", console, cluster))
+    write_bytes(output / "screening.csv", screening_csv(found))
+    return found
+
+
+def _screened(data: Published, minutes: float, output: Path, calibration: str) -> Screening:
+    path, options = output / f"screening_{calibration}.json", {"minutes": minutes}
+    inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
+    found = read_current(path, Screening, inputs=inputs, options=options)
+    if found is None:
+        found = screen(data, calibration, list(catalogue()), seconds=60.0 * minutes)
+        write_result(path, found, inputs=inputs, options=options)
+    return found
 
 
 def write_ledger(

@@ -7,6 +7,8 @@ fits data that are drawn from the fitted model (Efron and Tibshirani, An Introdu
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -16,6 +18,7 @@ from scipy.stats import chi2, norm
 
 from updating.descent import Descent, at_bound, descend
 from updating.joint_problem import Problem
+from updating.workers import distribute
 
 Vector = NDArray[np.float64]
 Method = Literal["normal", "profile", "bootstrap"]
@@ -79,7 +82,13 @@ def profile_intervals(
 
 
 def bootstrap_intervals(
-    problem: Problem, x: Vector, inflation: Vector, *, seed: int, n_draw: int = N_DRAW
+    problem: Problem,
+    x: Vector,
+    inflation: Vector,
+    *,
+    seed: int,
+    n_draw: int = N_DRAW,
+    executor: Executor | None = None,
 ) -> Vector:
     """Return intervals of 95 % from fits to simulated data, in search variables (n_parameter, 2).
 
@@ -87,14 +96,14 @@ def bootstrap_intervals(
     """
     random = np.random.default_rng(seed)
     residual = problem.evaluate(x)[0]
-    draws = np.array(
-        [
-            descend(problem, x, shift=inflation * random.standard_normal(residual.size) - residual).last
-            for _ in range(n_draw)
-        ]
-    )
+    shifts = [inflation * random.standard_normal(residual.size) - residual for _ in range(n_draw)]
+    draws = np.array(list(distribute(partial(_refitted, problem, x), shifts, executor)))
     tail = (1.0 - LEVEL) / 2.0
     return np.quantile(draws, [tail, 1.0 - tail], axis=0).T
+
+
+def _refitted(problem: Problem, x: Vector, shift: Vector) -> Vector:
+    return descend(problem, x, shift=shift).last
 
 
 def _worth_profiling(problem: Problem) -> list[int]:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -24,6 +26,7 @@ from updating.objective import frequency_error
 from updating.prepared import Prepared, solve_target
 from updating.sensitivity import PRIOR, Scatter
 from updating.subset import select
+from updating.workers import distribute
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,6 +244,7 @@ def joint_fit(
     first: Mapping[str, float] | JointFit | None = None,
     intervals: Method = "normal",
     seed: int = 0,
+    executor: Executor | None = None,
 ) -> JointFit:
     """Fit contact parameters and effects to several configurations at once.
 
@@ -279,6 +283,8 @@ def joint_fit(
         to simulated data.
     seed : int
         Of the simulated data.
+    executor : Executor, optional
+        Where descents and fits to simulated data run, such as `updating.workers.workers`; by default here.
 
     Raises
     ------
@@ -301,7 +307,7 @@ def joint_fit(
     n = n_start if problem.of_effects else 1
     near = {(p.name, p.group): p.value for p in first.parameter} if isinstance(first, JointFit) else {}
     given = {} if first is None or isinstance(first, JointFit) else first
-    found = [descend(problem, begin) for begin in problem.starts(n, given, near)]
+    found = list(distribute(partial(descend, problem), problem.starts(n, given, near), executor))
     found.sort(key=lambda descent: descent.cost)
     if not found[0].converged:
         message = (
@@ -325,7 +331,10 @@ def joint_fit(
     if intervals == "profile":
         between, method = profile_intervals(problem, x, between, inflation)
     elif intervals == "bootstrap":
-        between, method = bootstrap_intervals(problem, x, inflation, seed=seed), ["bootstrap"] * x.size
+        between, method = (
+            bootstrap_intervals(problem, x, inflation, seed=seed, executor=executor),
+            ["bootstrap"] * x.size,
+        )
     reach = problem.high - problem.low
     uniform = reach / np.sqrt(12.0)
     data = (problem.block != PRIOR)[:, None] * jacobian / inflation[:, None]

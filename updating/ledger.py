@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +14,7 @@ from updating.joint_fit import FittedParameter, JointFit, joint_fit
 from updating.joint_problem import Scope
 from updating.prepared import Prepared
 from updating.sensitivity import Scatter
+from updating.workers import distribute
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,6 +70,7 @@ def ledger(
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
+    executor: Executor | None = None,
 ) -> tuple[Entry, ...]:
     """Fit the base model, the base model with each effect, and with all of them.
 
@@ -82,13 +86,14 @@ def ledger(
         Standard deviation beyond the identification's.
     free, scope, fixed, bounds, priors
         As in `joint_fit`.
+    executor : Executor, optional
+        Where the fits run; by default here.
 
     Raises
     ------
     FitError
         A fit fails.
     """
-    sets = [(), *((name,) for name in effects), *([tuple(effects)] if len(effects) > 1 else [])]
     options = _Options(
         damping=damping,
         scatter=scatter,
@@ -98,12 +103,12 @@ def ledger(
         bounds=bounds,
         priors=priors,
     )
-    fits: list[JointFit] = []
-    for chosen in sets:
-        # all together begin with the best one, than which they may not come out worse
-        best = min(fits, key=lambda fit: fit.chi_square) if len(chosen) > 1 else None
-        fits.append(_fit(prepared, chosen, options, first=best, n_start=4))
-    return tuple(_entry(prepared, fit, options) for fit in fits)
+    alone: list[tuple[str, ...]] = [(), *((name,) for name in effects)]
+    fits = list(distribute(partial(_fit, prepared, options), alone, executor))
+    if len(effects) > 1:  # all together begin with the best one, than which they may not come out worse
+        best = min(fits, key=lambda fit: fit.chi_square)
+        fits.append(_fit(prepared, options, tuple(effects), first=best, n_start=4))
+    return tuple(distribute(partial(_entry, prepared, options), fits, executor))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,13 +122,13 @@ class _Options:
     priors: Mapping[str, tuple[float, float]] | None
 
 
-def _entry(prepared: Sequence[Prepared], whole: JointFit, options: _Options) -> Entry:
+def _entry(prepared: Sequence[Prepared], options: _Options, whole: JointFit) -> Entry:
     effects = whole.effect
     by_mode, by_configuration = _Errors(), _Errors()
     for p in prepared:
         for r in np.flatnonzero(p.used):
             if sum(np.count_nonzero(other.used) for other in _kin(prepared, p)) > 1:
-                fit = _fit(prepared, effects, options, first=whole, hold_out={p.target.name: [int(r)]})
+                fit = _fit(prepared, options, effects, first=whole, hold_out={p.target.name: [int(r)]})
                 by_mode.add(fit, p.target.name, [int(r)])
     for one in prepared if len(prepared) > 1 else ():
         predicted = _without(prepared, one, effects, options, whole)
@@ -159,15 +164,15 @@ def _without(
     alone = any(scope == "configuration" for scope in (options.scope or {}).values())
     if kin and not alone:
         out = {one.target.name: range(one.used.size)}
-        others = _fit(prepared, effects, options, first=whole, hold_out=out)
+        others = _fit(prepared, options, effects, first=whole, hold_out=out)
     else:
-        others = _fit(rest, effects, options, first=whole)
+        others = _fit(rest, options, effects, first=whole)
     if not all(p.determined or p.at_bound for p in others.parameter if not p.group):
         return None
     if kin and not alone:
         return others
     known_of = {p.name: p.value for p in others.parameter if p.group in ("", one.target.specimen)}
-    return _fit([one], effects, options, fixed=known_of)
+    return _fit([one], options, effects, fixed=known_of)
 
 
 def _kin(prepared: Sequence[Prepared], one: Prepared) -> list[Prepared]:
@@ -177,8 +182,8 @@ def _kin(prepared: Sequence[Prepared], one: Prepared) -> list[Prepared]:
 
 def _fit(
     prepared: Sequence[Prepared],
-    effects: tuple[str, ...],
     options: _Options,
+    effects: tuple[str, ...],
     *,
     first: JointFit | None = None,
     n_start: int | None = None,

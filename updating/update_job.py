@@ -21,6 +21,7 @@ from updating.effect_jobs import write_ledger
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS
 from updating.identified import assignments, identified
+from updating.intervals import N_DRAW
 from updating.joint_fit import JointFit, joint_fit
 from updating.joint_plot import convergence_figure, correlation_figure
 from updating.joint_problem import require_known
@@ -39,7 +40,7 @@ from updating.target import (
     target_of_table,
 )
 from updating.update_file import CampaignSection, UpdateFile, read_update_file
-from updating.workers import in_parallel
+from updating.workers import in_parallel, workers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,22 +93,25 @@ def update(
         "bounds": given.bounds,
         "priors": given.priors,
     }
-    with console.status("fit"):
-        fit = joint_fit(
-            prepared,
-            **options,
-            hold_out=hold_out,
-            first=given.first,
-            n_start=given.starts,
-            intervals=given.intervals,
-            seed=given.seed,
-        )
-    with console.status("ledger"):
-        kept = [
-            replace(p, used=p.used & ~np.isin(np.arange(p.used.size), hold_out.get(p.target.name, ())))
-            for p in prepared
-        ]
-        entries = ledger(kept, [e.name for e in effects], **options)
+    kept = [
+        replace(p, used=p.used & ~np.isin(np.arange(p.used.size), hold_out.get(p.target.name, ())))
+        for p in prepared
+    ]
+    n_task = N_DRAW if given.intervals == "bootstrap" else 1 + len(effects)
+    with workers(n_task, cluster) as executor:
+        with console.status("fit"):
+            fit = joint_fit(
+                prepared,
+                **options,
+                hold_out=hold_out,
+                first=given.first,
+                n_start=given.starts,
+                intervals=given.intervals,
+                seed=given.seed,
+                executor=executor,
+            )
+        with console.status("ledger"):
+            entries = ledger(kept, [e.name for e in effects], **options, executor=executor)
     result = Updated(name=given.name, fit=fit, ledger=entries)
     _write(result, tuple(inputs), given, output)
     return result

@@ -8,11 +8,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, TypeVar
 
+import cloudpickle
 from rich.console import Console
 from rich.progress import track
 from threadpoolctl import threadpool_limits
@@ -21,6 +25,7 @@ from updating.errors import WorkerError
 
 T = TypeVar("T")
 R = TypeVar("R")
+_MESSAGES = 32  # in which the items of `distribute` are sent at most, or few more
 
 
 def workers(n_task: int, cluster: str | None = None) -> AbstractContextManager[Executor]:
@@ -75,6 +80,42 @@ def in_parallel(
     """
     with workers(len(items), cluster) as executor:
         yield from track(executor.map(task, items), text, len(items), console=console, transient=True)
+
+
+def distribute(task: Callable[[T], R], items: Iterable[T], executor: Executor | None) -> Iterator[R]:
+    """Do a task with every item, here or on an executor, and return the results in order.
+
+    Parameters
+    ----------
+    task : callable
+        Of one item. It is sent once for several items and may hold whatever another process cannot import, such as
+        models with their effects.
+    items : iterable
+        What to do it with.
+    executor : Executor or None
+        Where; None is in this process.
+    """
+    if executor is None:
+        return map(task, items)
+    listed = list(items)
+    n = 1 + len(listed) // _MESSAGES
+    parts = [listed[i : i + n] for i in range(0, len(listed), n)]
+    return chain.from_iterable(executor.map(_Sent(cloudpickle.dumps(task)), parts))
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """A task as bytes, which a process reads once, for several items."""
+
+    content: bytes
+
+    def __call__(self, items: list[Any]) -> list[Any]:
+        return list(map(_read(self.content), items))
+
+
+@lru_cache(maxsize=1)
+def _read(content: bytes) -> Callable[[Any], Any]:
+    return cloudpickle.loads(content)
 
 
 def one_blas_thread() -> None:

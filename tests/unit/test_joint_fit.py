@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from model import read_stack
 from model.stack import Mesh
@@ -16,6 +17,7 @@ from updating.joint_problem import Problem
 from updating.prepared import prepare, solve_target
 from updating.sensitivity import Scatter
 from updating.target import Target, target_of_table
+from updating.workers import workers
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
@@ -304,3 +306,18 @@ def test_what_cannot_be_fitted_is_said(prepared, options, message):
 def test_names_of_configurations_are_unique(stack):
     with pytest.raises(FitError, match="a name each"):
         prepare([blank(stack, "A", 160e3), blank(stack, "A", 320e3)])
+
+
+def test_workers_find_the_same_to_the_last_bit(prepared):
+    """The models go to other processes with their effects, whose factors are functions within functions."""
+    problem = problem_of(prepared)
+    with threadpool_limits(1, user_api="blas"), workers(2) as executor:
+        here, there = joint_fit(prepared, n_start=2), joint_fit(prepared, n_start=2, executor=executor)
+        x = problem.starts(1, {})[0]
+        inflation = np.ones(problem.evaluate(x)[0].size)
+        drawn = [
+            bootstrap_intervals(problem, x, inflation, seed=0, n_draw=6, executor=where)
+            for where in (None, executor)
+        ]
+    assert here.parameter == there.parameter
+    np.testing.assert_array_equal(*drawn)
