@@ -28,6 +28,7 @@ from ema.selection import Functions, fit_chosen, inside, select_modes
 from ema.shapes import driving_points, shapes_from_residues
 from ema.significance import variance_inflation
 from ema.stabilization import stabilization
+from ema.threads import single_threaded
 from ema.verdict import Verdict
 
 DEFAULT_ORDER = 60
@@ -94,6 +95,7 @@ def identify(
         yield Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
 
 
+@single_threaded
 def identify_frf(
     frf: FRF,
     geometry: Geometry,

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 from ema.arrays import readonly
 from ema.mac import mac
 from ema.modes import ModalModel
+from ema.threads import single_threaded
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.errors import FitError
 from updating.expansion import visible
@@ -101,6 +102,7 @@ class Fit:
         object.__setattr__(self, "distance", readonly("Fit", "distance", self.distance, (None,)))
 
 
+@single_threaded
 def fit(
     stack: Stack,
     measured: ModalModel,

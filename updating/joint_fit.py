@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ema.arrays import readonly
 from ema.mac import mac
+from ema.threads import single_threaded
 from updating.descent import at_bound, covariance, descend
 from updating.errors import FitError
 from updating.intervals import Method, bootstrap_intervals, normal_intervals, profile_intervals
@@ -228,6 +229,7 @@ class JointFit:
         return frequency_error(together, np.concatenate(model)) if together.size else float("nan")
 
 
+@single_threaded
 def joint_fit(
     prepared: Sequence[Prepared],
     *,

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ema.arrays import readonly
 from ema.mac import mac
+from ema.threads import single_threaded
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from model.observation import Observed, observe
 from updating.errors import FitError
@@ -51,6 +52,7 @@ class Prepared:
         object.__setattr__(self, "used", readonly("Prepared", "used", self.used, shape, bool))
 
 
+@single_threaded
 def prepare(
     targets: Sequence[Target],
     *,
