@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint benchmark blind published clean
+.PHONY: demo test lint docs benchmark blind published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -19,6 +19,9 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(READY)
+	$(BIN)/python -W error docs/api/build.py out/docs
 
 benchmark: $(READY)
 	$(BIN)/python -m pip install --quiet --quiet --editable ".[dev,peers]"
