@@ -1,4 +1,4 @@
-"""Pictures of measured functions beside those that the identified modes stand for."""
+"""Pictures of measured functions beside those of the identified modes and of the fitted model."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.frf import FRF
+from ema.mac import frac
 from ema.modes import ModalModel, synthesize
 from ema.plot import ACCENT, FITTED, MEASURED, UNIT
 
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _RESIDUAL = "#e8bd80"  # paler than the measured line in grey too
+_MODEL = "black"
+_GAPS = (0, (1.5, 3.5))  # through which the other curves are seen
+_SPARSE = 16
 
 
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
@@ -25,7 +29,7 @@ def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
     return tuple(int(k) for k in dict.fromkeys(picked))
 
 
-def overlay_figure(frf: FRF, measured: ModalModel) -> Figure:
+def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128] | None = None) -> Figure:
     """Draw functions with the synthesised ones over them, their difference, their phase and their coherence.
 
     Shown are the worst, the middle and the best of all by FRAC (`chosen_functions`), over the band that was
@@ -37,6 +41,8 @@ def overlay_figure(frf: FRF, measured: ModalModel) -> Figure:
         Measured functions.
     measured : ModalModel
         Modes identified from them.
+    model : (n_chosen, n_frequency) complex, optional
+        What a fitted model gives for the chosen functions at the lines of the band.
     """
     from matplotlib.figure import Figure
 
@@ -56,16 +62,26 @@ def overlay_figure(frf: FRF, measured: ModalModel) -> Figure:
         magnitude, phase = panels[n * k], panels[n * k + 1]
         _draw_magnitude(magnitude, lines, fitted, o)
         for value, color, size in ((lines.value[o, 0], MEASURED, 1.8), (fitted[o, 0], FITTED, 0.8)):
-            phase.plot(lines.frequency, np.degrees(np.angle(value)), ".", color=color, markersize=size)
+            phase.plot(lines.frequency, _degrees(value), ".", color=color, markersize=size)
+        title = f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
+        if model is not None:
+            magnitude.semilogy(
+                lines.frequency,
+                np.abs(model[k]),
+                color=_MODEL,
+                linewidth=1.2,
+                linestyle=_GAPS,
+                label="fitted model",
+            )
+            phase.plot(
+                lines.frequency[::_SPARSE], _degrees(model[k][::_SPARSE]), ".", color=_MODEL, markersize=1.5
+            )
+            title += f", of the fitted model {float(frac(lines.value[o, 0], model[k])):.4f}"
         phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
         if lines.coherence is not None:
             panels[n * k + 2].plot(lines.frequency, lines.coherence[o, 0], color="0.35", linewidth=0.8)
             panels[n * k + 2].set(ylabel="coh. [1]", ylim=(0.0, 1.1), yticks=[0, 1])
-        magnitude.set_title(
-            f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}",
-            fontsize="small",
-            loc="left",
-        )
+        magnitude.set_title(title, fontsize="small", loc="left")
     for axes in panels:
         axes.set_xlim(lines.frequency[0], lines.frequency[-1])
         axes.tick_params(labelsize=8, labelbottom=axes is panels[-1])
@@ -94,5 +110,9 @@ def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], outp
     value, model = lines.value[output, 0], fitted[output, 0]
     axes.semilogy(lines.frequency, np.abs(value - model), color=_RESIDUAL, linewidth=0.6, label="difference")
     axes.semilogy(lines.frequency, np.abs(value), color=MEASURED, linewidth=1.8, label="measured")
-    axes.semilogy(lines.frequency, np.abs(model), color=FITTED, linewidth=0.8, label="from the modes")
+    axes.semilogy(lines.frequency, np.abs(model), color=FITTED, linewidth=1.0, label="from the modes")
     axes.set_ylabel(UNIT[lines.quantity])
+
+
+def _degrees(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.asarray(np.degrees(np.angle(value)))

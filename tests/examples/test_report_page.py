@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Event, Thread
 
@@ -13,7 +14,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ema.mac import frac
 from updating.report import page as page_module
+from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
 from updating.report.page import write_report
 from updating.report.pdf import NAMES, print_pdf
@@ -179,6 +182,41 @@ def test_the_numbers_of_a_figure_are_those_of_the_result(page):
     assert np.max(np.linalg.norm(rows[:, 3:6], axis=1)) == pytest.approx(1.0)
     np.testing.assert_allclose(rows[:, 3:6], rows[:, 9:], atol=0.02)  # measured and model agree
     assert np.all(rows[:, [3, 4, 9, 10]] == 0.0)  # only z was measured
+
+
+def test_the_fitted_model_is_drawn_over_the_functions_and_its_numbers_stand_beside_them(page):
+    with (page.parent / "figures/frf_M1.csv").open(encoding="utf-8", newline="") as file:
+        names, *rows = csv.reader(file)
+    column = dict(zip(names, np.array(rows, float).T, strict=True))
+    functions = {name.split(" ")[0] for name in names if "/" in name}
+    assert len(functions) == 3
+    for function in functions:
+        measured, modes, model = (
+            column[f"{function} {what} real [SI accelerance]"]
+            + 1j * column[f"{function} {what} imaginary [SI accelerance]"]
+            for what in ("measured", "from the modes", "fitted model")
+        )
+        assert frac(measured, modes) > 0.9998
+        assert frac(measured, model) > 0.999
+        assert np.linalg.norm(model - measured) < 0.03 * np.linalg.norm(measured)  # in size and sign too
+
+
+def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
+    tested = read_results(page.parent).tested[0]
+    geometry = tested.measured.geometry
+    known = ~np.isin(geometry.node, tested.measured.input.node)
+    modes = replace(
+        tested.measured,
+        geometry=replace(
+            geometry,
+            node=geometry.node[known],
+            coordinate=geometry.coordinate[known],
+            axes=geometry.axes[known],
+        ),
+    )
+    picture = frf_picture(replace(tested, measured=modes), tested.frf())
+    assert "fitted model" not in picture.data
+    assert "Dotted" not in picture.caption
 
 
 def test_the_page_is_small_and_says_what_the_results_say(page):

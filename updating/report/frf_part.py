@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.frf import FRF
+from ema.geometry import Dofs
 from ema.plot import stabilization_figure
 from ema.stabilization import stabilization
+from updating.errors import PairingError
+from updating.fitted_frf import fitted_frf
 from updating.frf_plot import chosen_functions, overlay_figure, synthesized
 from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
@@ -32,10 +36,14 @@ def frf_picture(tested: Tested, frf: FRF) -> Picture:
     """Draw the functions that the identified modes meet worst, in the middle and best."""
     lines, fitted = synthesized(frf, tested.measured)
     chosen = chosen_functions(tested.measured)
+    model = _modelled(tested, lines, chosen)
     columns, names = [lines.frequency], ["frequency [Hz]"]
-    for o in chosen:
+    for k, o in enumerate(chosen):
         name = f"{lines.output.name(o)}/{lines.input.name(0)}"
-        for what, value in (("measured", lines.value[o, 0]), ("from the modes", fitted[o, 0])):
+        shown = [("measured", lines.value[o, 0]), ("from the modes", fitted[o, 0])]
+        if model is not None:
+            shown.append(("fitted model", model[k]))
+        for what, value in shown:
             columns += [value.real, value.imag]
             names += [f"{name} {what} {part} [SI {lines.quantity}]" for part in ("real", "imaginary")]
         if lines.coherence is not None:
@@ -43,14 +51,38 @@ def frf_picture(tested: Tested, frf: FRF) -> Picture:
             names.append(f"{name} coherence")
     return Picture(
         name=f"frf_{tested.name}",
-        content=png(overlay_figure(frf, tested.measured)),
+        content=png(overlay_figure(frf, tested.measured, model)),
         form="png",
         data=as_csv(names, zip(*columns, strict=True)),
         alt="Measured and synthesised FRFs",
         caption="The functions that the identified modes meet worst, in the middle and best. Dashed: natural "
         "frequencies. The difference is what the modes leave; where it is as large as the function, noise governs."
+        + (
+            ""
+            if model is None
+            else " Dotted: the fitted model, which knows of the functions only what their modes say."
+        )
         + ("" if lines.coherence is not None else " The test system stored no coherence."),
     )
+
+
+def _modelled(tested: Tested, lines: FRF, chosen: tuple[int, ...]) -> NDArray[np.complex128] | None:
+    """Return the fitted model's functions of the chosen outputs, (n_chosen, n_frequency); None where it has none."""
+    if tested.fit is None:
+        return None
+    rows, first = list(chosen), slice(0, 1)
+    try:
+        value = fitted_frf(
+            tested.fit,
+            tested.measured.geometry,
+            output=Dofs(node=lines.output.node[rows], direction=lines.output.direction[rows]),
+            input=Dofs(node=lines.input.node[first], direction=lines.input.direction[first]),
+            frequency=lines.frequency,
+            quantity=lines.quantity,
+        )
+    except PairingError:  # where the force acted is not known
+        return None
+    return value[:, 0]
 
 
 def stabilization_picture(tested: Tested, frf: FRF) -> Picture:
