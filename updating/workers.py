@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.progress import track
 from threadpoolctl import threadpool_limits
 
+from ema.threads import single_threaded
 from updating.errors import WorkerError
 
 T = TypeVar("T")
@@ -133,11 +134,10 @@ class _ThisProcess(Executor):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
-        with threadpool_limits(1, user_api="blas"):
-            try:
-                future.set_result(fn(*args, **kwargs))
-            except Exception as error:
-                future.set_exception(error)
+        try:
+            future.set_result(single_threaded(fn)(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
         return future
 
     def map(self, fn: Callable[..., Any], *iterables: Iterable[Any], **_: Any) -> Iterator[Any]:
