@@ -18,7 +18,7 @@ def readonly(
     owner, name : str
         The data type and field that the array is for, named in the message of a failed check.
     value : array_like
-        What was given; it is copied, so the caller's array stays writable.
+        What was given; an array that can still be written is copied, so that it stays the caller's.
     shape : tuple of int or None
         Expected length of each axis; `None` accepts any length.
     dtype : dtype, default float
@@ -29,7 +29,8 @@ def readonly(
     ValueError
         The shape differs from the expected one; the message names both.
     """
-    array = np.array(value, dtype=dtype)
+    frozen = isinstance(value, np.ndarray) and value.base is None and not value.flags.writeable
+    array = np.array(value, dtype=dtype, copy=None if frozen else True)
     fits = array.ndim == len(shape) and all(
         e is None or e == n for e, n in zip(shape, array.shape, strict=True)
     )

@@ -7,67 +7,69 @@ they had at that place (Rayleigh and Ritz); a second call squares it again.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.eigen import orthonormalize
+from model.errors import SolveError
 from model.modes import reduced_eigenpairs
 from model.projection import Projection
-from model.reduction import ReducedSystem, acting
+from model.reduction import ReducedSystem, ReducedTerm, acting
 from model.solver import solver_over_plan
+from model.system import Term
 from model.z_basis import N_RIGID, shear_shift
 
 
-def enriched(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> ReducedSystem:
-    """Return the reduced system with better modes at `theta` in its basis.
+def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mode: int) -> ReducedSystem:
+    """Return the reduced system with better modes at some parameters in its basis.
 
     Parameters
     ----------
     system : ReducedSystem
         The reduced stack.
-    theta : mapping of str to float
-        Parameters that differ from the nominal ones.
+    samples : iterable of mapping of str to float
+        Parameters that differ from the nominal ones. Those where the stiffness is negative are passed over.
     n_mode : int
-        Number of modes, the six rigid-body modes included.
-
-    Raises
-    ------
-    SolveError
-        The stiffness is negative there.
+        Modes of each sample, the six rigid-body modes included.
     """
-    assembly, at = system.assembly, {**system.theta, **theta}
-    _, vectors, _ = reduced_eigenpairs(system, at, n_mode)
-    factor = solver_over_plan(acting(assembly, [at])).factor(at, shear_shift(system.stack, at))
-    modes = system.basis @ vectors[:, N_RIGID:n_mode]
-    better = factor.solve(assembly.apply(assembly.krons("M", at), modes))
+    assembly = system.assembly
     mass = assembly.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
         return assembly.apply(mass, x)
 
-    fresh, _ = orthonormalize(better, product, [(system.basis, product(system.basis))])
-    return _extended(system, fresh)
+    known = [(system.basis, product(system.basis))]
+    for sample in samples:
+        with contextlib.suppress(SolveError):
+            known.append(
+                orthonormalize(_iterated(system, {**system.theta, **sample}, n_mode), product, known)
+            )
+    return _extended(system, np.hstack([vectors for vectors, _ in known[1:]])) if known[1:] else system
+
+
+def _iterated(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> NDArray[np.float64]:
+    """Return the elastic modes at `theta` after a step of inverse iteration with all equations."""
+    assembly = system.assembly
+    _, vectors, _ = reduced_eigenpairs(system, theta, n_mode)
+    factor = solver_over_plan(acting(assembly, [theta])).factor(theta, shear_shift(system.stack, theta))
+    modes = system.basis @ vectors[:, N_RIGID:n_mode]
+    return factor.solve(assembly.apply(assembly.krons("M", theta), modes))
 
 
 def _extended(system: ReducedSystem, fresh: NDArray[np.float64]) -> ReducedSystem:
     """Return the system with further basis vectors; only their rows and columns of the terms are computed."""
-    assembly, n = system.assembly, system.size
-    basis = np.hstack([system.basis, fresh])
-    krons = {id(old.matrix): new.krons for old, new in zip(system.terms, assembly.terms, strict=True)}
-    grown, project = {}, Projection(assembly, basis, fresh)
-    for old in system.terms:
-        if id(old.matrix) not in grown:
-            matrix = np.zeros((basis.shape[1], basis.shape[1]))
-            matrix[:n, :n] = old.matrix
-            matrix[:, n:] = project(krons[id(old.matrix)])
-            matrix[n:] = matrix[:, n:].T
-            matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
-            grown[id(old.matrix)] = matrix
-    return dataclasses.replace(
-        system,
-        basis=basis,
-        terms=tuple(dataclasses.replace(term, matrix=grown[id(term.matrix)]) for term in system.terms),
-    )
+    basis, n = np.hstack([system.basis, fresh]), system.size
+    project = Projection(system.assembly, basis, fresh)
+
+    def grown(term: ReducedTerm, full: Term) -> NDArray[np.float64]:
+        matrix = np.zeros((basis.shape[1], basis.shape[1]))
+        matrix[:n, :n] = term.matrix
+        matrix[:, n:] = project(full.krons)
+        matrix[n:] = matrix[:, n:].T
+        matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
+        return matrix
+
+    return system.rebased(basis, grown)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +31,7 @@ from model.projection import Projection
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan
 from model.stack import Stack
-from model.system import Assembly, ParameterFactor, Target, Term
+from model.system import OMEGA, Assembly, ParameterFactor, Target, Term
 from model.z_basis import N_RIGID, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
@@ -39,6 +39,7 @@ _FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
 _SOFT = 1e-2  # of it, beside the stiffness where energies are compared
 _LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
 _ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
+_GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 
@@ -94,6 +95,24 @@ class ReducedSystem:
     def size(self) -> int:
         """Number of reduced degrees of freedom."""
         return int(self.basis.shape[1])
+
+    def acting(self, moved: Collection[str]) -> ReducedSystem:
+        """Return the system without terms that vanish while only some parameters, and the frequency, move."""
+        free = {*moved, OMEGA}
+        apart = {n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()}
+        terms = tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
+        return dataclasses.replace(self, terms=terms)
+
+    def rebased(
+        self, basis: NDArray[np.float64], projected: Callable[[ReducedTerm, Term], NDArray[np.float64]]
+    ) -> ReducedSystem:
+        """Return the system in another basis; `projected` gives a term's matrix in it, once for terms that share it."""
+        found: dict[int, NDArray[np.float64]] = {}
+        for old, full in zip(self.terms, self.assembly.terms, strict=True):
+            if id(old.matrix) not in found:
+                found[id(old.matrix)] = projected(old, full)
+        terms = tuple(dataclasses.replace(term, matrix=found[id(term.matrix)]) for term in self.terms)
+        return dataclasses.replace(self, basis=basis, terms=terms)
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -50,9 +49,4 @@ def truncated(
     together[:N_RIGID] = 0.0  # rigid-body motion is kept as it is
     directions, amplitude, _ = la.svd(together, full_matrices=False)
     turn = np.hstack([np.eye(system.size, N_RIGID), directions[:, amplitude > tolerance * amplitude[0]]])
-    turned = {id(term.matrix): turn.T @ term.matrix @ turn for term in system.terms}
-    return dataclasses.replace(
-        system,
-        basis=system.basis @ turn,
-        terms=tuple(dataclasses.replace(t, matrix=turned[id(t.matrix)]) for t in system.terms),
-    )
+    return system.rebased(system.basis @ turn, lambda term, _: turn.T @ term.matrix @ turn)

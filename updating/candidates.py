@@ -89,11 +89,8 @@ def candidate_model(
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
     )
-    for effect in possible.values():
-        if any(p.sampled for p in effect.parameters):
-            for values in itertools.product(*map(_inside, effect.parameters)):
-                at = dict(zip([p.name for p in effect.parameters], values, strict=True))
-                system = enriched(system, at, N_MODEL)
+    sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
+    system = enriched(system, [at for effect in sampled for at in _typical(effect)], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
     return CandidateModel(
         stack=base,
@@ -118,6 +115,12 @@ def instruments_of(modes: ModalModel) -> Instruments:
     x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
     sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
+
+
+def _typical(effect: Effect) -> Iterator[dict[str, float]]:
+    """Return parameters of an effect for which the model is made."""
+    for values in itertools.product(*map(_inside, effect.parameters)):
+        yield dict(zip([p.name for p in effect.parameters], values, strict=True))
 
 
 def _inside(parameter: Parameter) -> tuple[float, ...]:

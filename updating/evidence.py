@@ -313,18 +313,15 @@ def _started(evidence: Evidence) -> Evidence:
 
 def solved(evidence: Evidence, configuration: int, theta: Mapping[str, float], by: Sequence[str]) -> Modes:
     """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`."""
-    rest = {k: v for k, v in theta.items() if k not in ("G_f", "d_f")}
+    own = evidence.tested[configuration]
+    moved = {"pressure": own.pressure, **own.known, **theta}
     return solve_modes(
-        evidence.system,
+        evidence.system.acting(moved),
         G_f=theta["G_f"],
         d_f=theta["d_f"],
         n_mode=N_MODEL,
         observation=evidence.observed[configuration],
-        parameters={
-            "pressure": evidence.tested[configuration].pressure,
-            **evidence.tested[configuration].known,
-            **rest,
-        },
+        parameters={k: v for k, v in moved.items() if k not in ("G_f", "d_f")},
         by=tuple(by),
     ).elastic()
 

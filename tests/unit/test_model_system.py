@@ -1,3 +1,4 @@
+import contextlib
 import dataclasses
 
 import numpy as np
@@ -144,3 +145,25 @@ def test_clamp_mass_is_its_mass_in_every_direction():
         x = np.zeros((assembly.size, 1))
         x[assembly.slices()[field], 0] = np.tile(assembly.plan.interpolate(field, (1.0, 0.0, 0.0)), 8)
         assert float(x[:, 0] @ assembly.apply(clamp, x)[:, 0]) == pytest.approx(2.0, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def with_catalogue():
+    """A stack reduced with all effects that it can have, all neutral."""
+    assembly, possible = model.assemble(STACK), []
+    for effect in model.catalogue().values():
+        with contextlib.suppress(model.EffectError):
+            effect.terms(assembly)
+            possible.append(effect)
+    return model.reduce(STACK.with_effects(*possible), n_snapshot=1, n_mode=8)
+
+
+def test_terms_that_do_not_act_can_be_left_out(with_catalogue):
+    own = ("pressure", "G_f", "d_f")
+    for effect in with_catalogue.stack.effects:
+        strong = {p.name: p.nominal for p in effect.parameters}
+        theta = {**with_catalogue.theta, **strong, "pressure": 2e5, "G_f": 1234.0, "omega": 4000.0}
+        acting = with_catalogue.acting({*own, *strong})
+        assert len(acting.terms) < len(with_catalogue.terms)
+        for target in ("M", "C", "K"):
+            np.testing.assert_array_equal(acting.matrix(target, theta), with_catalogue.matrix(target, theta))
