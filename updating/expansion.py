@@ -127,6 +127,7 @@ def expanded_modes(
     return Modes(
         frequency=frequency,
         damping=damping,
+        pole_frequency=frequency,
         shape=modes.shape @ amplitude,
         node=modes.node,
         direction=modes.direction,

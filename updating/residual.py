@@ -85,11 +85,11 @@ def residual(
                 full[..., n_common + c], full[..., n_common + n_tested + c] = own[..., 0], own[..., 1]
             return full
 
-        for kind, std, own in (
-            ("frequency", measured.frequency_std, s.frequency),
-            ("damping", measured.damping_std, s.damping),
+        for kind, modelled, std, own in (
+            ("frequency", modes.pole_frequency, measured.frequency_std, s.frequency),
+            ("damping", modes.damping, measured.damping_std, s.damping),
         ):
-            of_measured, of_model = getattr(measured, kind)[used], getattr(modes, kind)[column]
+            of_measured, of_model = getattr(measured, kind)[used], modelled[column]
             sigma = np.hypot(std[used] / of_measured, own)
             safe = np.maximum(of_model, 1e-12)
             difference = np.log(of_measured / safe)

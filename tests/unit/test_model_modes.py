@@ -101,6 +101,15 @@ def test_modal_damping_stands_for_the_complex_eigenproblem(system):
     assert np.max(np.abs(modes.damping / damping - 1.0)) > 1e-8  # damping is not proportional
 
 
+def test_second_order_of_heavy_damping_gives_the_frequency_of_the_complex_pole(system):
+    modes = model.solve_modes(system, G_f=825.0, d_f=8e-11, n_mode=14, observation=CORNERS).elastic()
+    frequency, damping = model.complex_modes(system, G_f=825.0, d_f=8e-11, n_mode=14)
+    assert damping.max() > 0.1
+    assert np.max(np.abs(modes.frequency / frequency - 1.0)) > 1e-3
+    # what is left is of fourth order, and of modes that lie close to each other
+    np.testing.assert_allclose(modes.pole_frequency, frequency, rtol=1e-4)
+
+
 def test_frf_agrees_with_the_direct_solution(system):
     point = model.Observation(node=[1], location=[[0.15, 0.04, 0.0325]], direction=[[0.0, 0.0, 1.0]])
     lines = np.array([20.0, 300.0, 460.0, 700.0, 1000.0])
