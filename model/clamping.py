@@ -23,10 +23,11 @@ def footprint_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points (n, 2) of a rectangle on the plan and their weights (n,), which sum to 1.
 
-    The rectangle is cut along the lines of the mesh, with two Gauss points in each direction between them, so
-    means over it are exact for the fields of a rectangle; what overhangs the plan's bounding box does not count.
+    The rectangle is cut along the lines of the mesh, with three Gauss points in each direction between them, so
+    means and first moments over it are exact for the fields of a rectangle; what overhangs the plan's bounding box does
+    not count.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(2)
+    nodes, weights = np.polynomial.legendre.leggauss(3)
     places, shares = [], []
     for axis, (middle, side) in enumerate(zip(centre, size, strict=True)):
         start, stop = plan.bounds[axis]

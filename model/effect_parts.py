@@ -122,6 +122,17 @@ def mean_over(
     return sp.csr_matrix(weights @ assembly.plan.point_rows(field, points, slope))
 
 
+def turn_of(assembly: Assembly, centre: tuple[float, float], size: tuple[float, float]) -> sp.csr_matrix:
+    """Return the row that takes the slope dw/dx of the plane that lies closest to w over a rectangle of the plan.
+
+    A stiff bar on the rectangle turns by it. The mean of dw/dx is the difference of w along two edges alone, and
+    converges three times more slowly with the mesh.
+    """
+    points, weights = footprint_points(centre, size, assembly.plan)
+    arm = points[:, 0] - weights @ points[:, 0]
+    return sp.csr_matrix((weights * arm / (weights @ arm**2)) @ assembly.plan.point_rows("w", points))
+
+
 def shear_spring(
     assembly: Assembly,
     centre: tuple[float, float],
