@@ -15,6 +15,7 @@ from updating.candidates import N_MODEL
 from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation, explain
+from updating.residual import residual
 from updating.scan import scan
 from updating.screening import Screened, pair_steps, screen
 
@@ -76,8 +77,7 @@ def search(evidence: Evidence, worth: float) -> Search:
         Fall of the misfit below which an effect is not worth a fit.
     """
     base = explain(evidence)
-    left = base.residual.value[base.residual.kind != "prior"]
-    evidence = replace(evidence, weight=1.0 / np.hypot(1.0, evidence.scatter.form * left))
+    evidence = _weighed(evidence, base)
     base = explain(evidence, nuisance=base.nuisance)
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
@@ -87,12 +87,34 @@ def search(evidence: Evidence, worth: float) -> Search:
     if astray and p_value(min(singles, key=lambda x: x.misfit, default=base)) < P_CONTENT:
         afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE])
         evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]))
+    best = min(singles, key=lambda x: x.misfit, default=base)
+    if base.misfit - best.misfit > worth:
+        evidence = _weighed(evidence, base, best)
+        base = explain(evidence, nuisance=base.nuisance)
+        again = _fitted(evidence, [(x.effects, x.nuisance, x.coordinate) for x in singles], _REFIT)
+        singles = sorted(again, key=lambda x: x.misfit)
     pairs = []
     best = min(singles, key=lambda x: x.misfit, default=base)
     if base.misfit - best.misfit > worth and p_value(best) < P_CONTENT:
         pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles), _REFIT)
         evidence, pairs = _exact(evidence, pairs)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
+
+
+def _weighed(evidence: Evidence, base: Explanation, best: Explanation | None = None) -> Evidence:
+    """Return evidence that counts less where an effect changes much, and its form decides, see `Scatter.form`.
+
+    What it changes is what the base model leaves, or more where nuisances hide it: the difference that the best effect
+    makes while all else stays as it is.
+    """
+    plain = replace(evidence, weight=None)
+    left = residual(plain, base.nuisance)
+    data = left.kind != "prior"
+    change = np.abs(left.value[data])
+    if best is not None:
+        with_it = residual(plain, best.nuisance, best.parameter, best.coordinate).value[data]
+        change = np.maximum(change, np.abs(with_it - residual(plain, best.nuisance).value[data]))
+    return replace(evidence, weight=1.0 / np.hypot(1.0, evidence.scatter.form * change))
 
 
 def _pair_starts(
@@ -147,16 +169,16 @@ def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
 def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence, list[Explanation]]:
     """Take the modes at the best explanations into the basis and fit these again; return all, the best first."""
     ordered = sorted(fitted, key=lambda x: x.misfit)
-    system = evidence.system
     pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
     near = [x for x in ordered[:N_EXACT] if x.misfit < _NEAR * ordered[0].misfit]
-    for own in near:
-        effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own.parameter, own.coordinate, strict=True)}
-        try:
-            theta = {**evidence.theta(own.nuisance, 0), "pressure": pressure, **effect}
-            system = enriched(system, theta, N_MODEL)
-        except SolveError:  # the fit went where the model ends; it stays as it is
-            continue
-    richer = evidence.with_system(system)
+    places = [
+        {
+            **evidence.theta(own.nuisance, 0),
+            "pressure": pressure,
+            **{p.name: scaled(p, float(x))[0] for p, x in zip(own.parameter, own.coordinate, strict=True)},
+        }
+        for own in near
+    ]
+    richer = evidence.with_system(enriched(evidence.system, places, N_MODEL))
     again = _fitted(richer, [(x.effects, x.nuisance, x.coordinate) for x in near], _REFIT)
     return richer, sorted([*again, *ordered[len(near) :]], key=lambda x: x.misfit)
