@@ -66,7 +66,7 @@ class Diagnosis:
     ----------
     verdict : str
         "nothing missing", "identified", "one of" or "unlike anything".
-    candidates : tuple of tuple of str
+    set : tuple of tuple of str
         The explanations that the data cannot tell apart; one where identified, none where nothing is missing.
     p_value : float
         Probability of a misfit as large as the base model's if nothing were missing.
@@ -89,7 +89,7 @@ class Diagnosis:
     """
 
     verdict: Verdict
-    candidates: tuple[tuple[str, ...], ...]
+    set: tuple[tuple[str, ...], ...]
     p_value: float
     block_p_value: Mapping[str, float]
     ranking: tuple[Ranked, ...]
@@ -148,7 +148,7 @@ def conclude(evidence: Evidence) -> Diagnosis:
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
     return Diagnosis(
         verdict=decision.verdict,
-        candidates=tuple(x.effects for x in left),
+        set=tuple(x.effects for x in left),
         p_value=p_value(base),
         block_p_value={kind: block_p_value(base, [kind], 0) for kind in ("frequency", "damping", "shape")},
         ranking=ranking,

@@ -39,7 +39,7 @@ def diagnosed(candidates, effects, values, seed):
 def test_nothing_is_missing_where_nothing_is_hidden(candidates):
     found = diagnosed(candidates, (), {}, 11)
     assert found.verdict == "nothing missing"
-    assert found.candidates == ()
+    assert found.set == ()
     assert found.p_value > 0.01
     assert {"clamp_rods", "temperature"} <= set(found.not_visible)
     assert found.sentences[0].startswith("Nothing is missing that these data can show")
@@ -52,7 +52,7 @@ def test_nothing_is_missing_where_nothing_is_hidden(candidates):
 def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue, name, values):
     found = diagnosed(candidates, (catalogue[name],), values, 12)
     assert found.verdict == "identified"
-    assert found.candidates == ((name,),)
+    assert found.set == ((name,),)
     best = next(x for x in found.ranking if x.effects == (name,))
     (parameter,) = best.parameter
     assert parameter.lower < values[parameter.name] < parameter.upper
@@ -68,4 +68,4 @@ def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confide
     )
     found = diagnosed(offered, (catalogue["contact_direction"],), {"G_yz_ratio": 0.6}, 13)
     assert found.verdict == "unlike anything"
-    assert found.candidates == ()
+    assert found.set == ()

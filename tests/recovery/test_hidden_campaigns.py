@@ -26,7 +26,7 @@ def test_the_hidden_effect_is_named(name, capsys):
     with capsys.disabled():
         print(f"\n{name}: planted {truth['effect_values']}")
         print("\n".join(found.sentences), flush=True)
-    if truth["effects"] or found.candidates:
-        assert set(truth["effects"]) <= set(found.candidates[0]) <= set(truth["effects"]) | BENCH
+    if truth["effects"] or found.set:
+        assert set(truth["effects"]) <= set(found.set[0]) <= set(truth["effects"]) | BENCH
     else:
         assert found.verdict == "nothing missing"

@@ -168,7 +168,7 @@ def mode_error(configuration, mode, base, explained):
 def test_a_model_that_is_too_soft_lacks_what_an_effect_that_stiffens_brings():
     made = diagnosis(
         verdict="identified",
-        candidates=(("stiff", "other"),),
+        set=(("stiff", "other"),),
         errors=(mode_error("M1", 1, -0.02, -0.001), mode_error("M2", 2, 0.01, 0.002)),
         signatures={"weak": (0.001, -0.001), "stiff": (0.019, -0.011)},
     )

@@ -103,7 +103,7 @@ def next_test_table(results: Results) -> Table:
 
 
 def _headline(diagnosis: Diagnosis) -> str:
-    names = "; ".join(" with ".join(effects) for effects in diagnosis.candidates)
+    names = "; ".join(" with ".join(effects) for effects in diagnosis.set)
     return {
         "nothing missing": "Nothing is missing that these data can show.",
         "identified": f"What the model lacks: {names}.",

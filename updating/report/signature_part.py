@@ -62,7 +62,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
 def signature_table(diagnosis: Diagnosis) -> Table:
     """List for every mode used what is lacking, what each effect brings, and what the first candidate leaves."""
     signatures = dict(list(_ordered(diagnosis).items())[:MOST])
-    left = "" if not diagnosis.candidates else f"left by {' + '.join(diagnosis.candidates[0])} [%]"
+    left = "" if not diagnosis.set else f"left by {' + '.join(diagnosis.set[0])} [%]"
     rows = tuple(
         (
             e.configuration,
@@ -87,7 +87,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:
     """Return the signatures of the candidates' effects first, then the others."""
-    own = [name for effects in diagnosis.candidates for name in effects if name in diagnosis.signatures]
+    own = [name for effects in diagnosis.set for name in effects if name in diagnosis.signatures]
     return {name: diagnosis.signatures[name] for name in dict.fromkeys([*own, *diagnosis.signatures])}
 
 
