@@ -32,11 +32,9 @@ from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan
 from model.stack import Stack
 from model.system import OMEGA, Assembly, ParameterFactor, Target, Term
-from model.z_basis import N_RIGID, SPARE, shear_shift, z_basis
+from model.z_basis import FREE, N_RIGID, SOFT, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
-_FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
-_SOFT = 1e-2  # of it, beside the stiffness where energies are compared
 _LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
 _ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
 _GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
@@ -250,7 +248,7 @@ def reduce(
         values, vectors = solver.modes(sample, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
         block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
         basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-        strained = np.flatnonzero(values[:n_mode] > _FREE * shift)
+        strained = np.flatnonzero(values[:n_mode] > FREE * shift)
         modes.append(vectors[:, strained] / np.sqrt(values[strained]))
     basis, mass_basis = orthonormalize(rigid, product)
     leading = _leading(np.hstack(modes), assembly, middle)
@@ -295,7 +293,7 @@ def _leading(
     modes: NDArray[np.float64], assembly: Assembly, theta: Mapping[str, float]
 ) -> NDArray[np.float64]:
     """Return the directions, normalised, in which modes of unit energy have more than next to nothing."""
-    shift = _SOFT * shear_shift(assembly.stack, theta)
+    shift = SOFT * shear_shift(assembly.stack, theta)
     image = assembly.apply(assembly.krons("K", theta), modes)
     image += shift * assembly.apply(assembly.krons("M", theta), modes)
     energy, principal = la.eigh(_symmetric(modes.T @ image))

@@ -29,6 +29,8 @@ Phi = Mapping[Field, Vector]
 
 N_RIGID = 6
 SPARE = 8  # vectors iterated beyond the modes asked for, so that the last ones converge as fast as the first
+FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
+SOFT = 1e-2  # of it, beside stiffness where energies are compared: what an iteration leaves in softer modes is more
 _TOLERANCE = (
     1e-6  # relative change of eigenvalues over the shapes in the last step; their error is far smaller
 )
@@ -36,8 +38,6 @@ _FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body m
 _MIN_STEPS = 4  # for modes that the start lacks
 _POLYNOMIALS = 4
 _ROUGH = 1e-2  # relative change of the eigenvalues with polynomials in the last step
-_FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
-_SOFT = 0.01  # of it: what the iteration leaves in softer modes exceeds what functions of z do
 _ROUNDING = 1e-15  # energy that no function can win any more
 _MIRRORED = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
 _REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth over the laminas
@@ -154,7 +154,7 @@ def _elastic(eigenvalues: Sequence[Vector], modes: Sequence[Vector], shifts: Seq
     """
     return np.hstack(
         [
-            m[:, : v.size][:, v > _FREE * shift] / np.sqrt(np.maximum(v[v > _FREE * shift], _SOFT * shift))
+            m[:, : v.size][:, v > FREE * shift] / np.sqrt(np.maximum(v[v > FREE * shift], SOFT * shift))
             for v, m, shift in zip(eigenvalues, modes, shifts, strict=True)
         ]
     )
@@ -222,7 +222,7 @@ def z_basis(
                 _TOLERANCE,
                 _over_phi(full, phi, rigid),
             )
-            errors.append(np.max((approximate - exact) / (2.0 * np.maximum(exact, _SOFT * shift))))
+            errors.append(np.max((approximate - exact) / (2.0 * np.maximum(exact, SOFT * shift))))
         if max(errors) < tolerance or allowed < _ROUNDING:
             break
         allowed *= min(0.5, 0.7 * tolerance / max(errors))
