@@ -18,16 +18,16 @@ from updating.blind_figures import figures
 from updating.store import write_bytes
 from updating.workers import workers
 
-_QUICK = {"single": 74, "null": 24, "withheld": 12, "pair": 10}
+_QUICK = {"single": 60, "null": 22, "withheld": 20, "pair": 18}
 _MORE = {"single": 600, "null": 200, "withheld": 190, "pair": 190}
 
 
 def planned(*, full: bool = False) -> tuple[tuple[int, str], ...]:
     """Return seed and kind of the cases: 120, or with `full` 1300, of which those are the first.
 
-    Thresholds of the diagnosis were set on seeds below 5000.
+    Thresholds of the diagnosis were set on seeds below 6000.
     """
-    return (*_mixed(5000, _QUICK), *(_mixed(6000, _MORE) if full else ()))
+    return (*_mixed(7000, _QUICK), *(_mixed(8000, _MORE) if full else ()))
 
 
 def _mixed(first: int, number: Mapping[str, int]) -> Iterator[tuple[int, str]]:

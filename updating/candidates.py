@@ -30,6 +30,7 @@ N_MODEL = 20
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3
 """Relative change of a dimension from which its influence is taken."""
+_PLACES = 11
 _TRUNCATED = 3e-4  # amplitude of a direction, relative, that modes need no more
 
 
@@ -136,7 +137,10 @@ def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:
     stiffness = np.geomspace(*G_F_RANGE, 7)
     for i, effect in enumerate(effects):
         names = [p.name for p in effect.parameters]
-        values = (_inside(p) if p.sampled else (p.lower, p.nominal, p.upper) for p in effect.parameters)
+        values = (
+            np.linspace(p.lower, p.upper, _PLACES) if p.sampled else (p.lower, p.nominal, p.upper)
+            for p in effect.parameters
+        )
         for j, corner in enumerate(itertools.product(*values)):
             for G_f in stiffness[1 + (i + j) % 3 : 6 : 3]:
-                yield {"G_f": float(G_f), **dict(zip(names, corner, strict=True))}
+                yield {"G_f": float(G_f), **dict(zip(names, map(float, corner), strict=True))}

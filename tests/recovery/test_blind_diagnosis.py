@@ -56,4 +56,4 @@ def test_the_full_study_begins_with_the_quick_one():
     quick, full = planned(), planned(full=True)
     assert (len(quick), len(full)) == (120, 1300)
     assert full[:120] == quick
-    assert len({seed for seed, kind in full if kind in ("single", "withheld")}) == 74 + 12 + 600 + 190
+    assert len({seed for seed, kind in full if kind in ("single", "withheld")}) == 60 + 20 + 600 + 190

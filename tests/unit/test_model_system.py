@@ -167,3 +167,27 @@ def test_terms_that_do_not_act_can_be_left_out(with_catalogue):
         assert len(acting.terms) < len(with_catalogue.terms)
         for target in ("M", "C", "K"):
             np.testing.assert_array_equal(acting.matrix(target, theta), with_catalogue.matrix(target, theta))
+
+
+def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for():
+    strong = {"clamp_roll_inertia": 0.01, "clamp_station": 0.3}
+    corners = model.Observation(
+        node=[1, 2], location=[[0.15, 0.04, 0.0325], [0.15, -0.04, 0.0325]], direction=[[0.0, 0.0, 1.0]] * 2
+    )
+
+    def solved(system, values):
+        own = {
+            "G_f": CONTACT.G_f,
+            "d_f": 0.0,
+            "n_mode": 10,
+            "observation": corners,
+            "parameters": values,
+            "by": (),
+        }
+        return model.solve_modes(system, **own).elastic().frequency
+
+    neutral = model.reduce(STACK.with_effects("clamp_inertia"))
+    exact = model.reduce(STACK.with_effects("clamp_inertia", **strong), n_mode=24)
+    before, after = solved(neutral, {}), solved(exact, {})
+    assert np.min(after / before) < 0.9
+    np.testing.assert_allclose(solved(neutral, strong), after, rtol=2e-3)
