@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from ema.mac import mac
 from model import Parameter, SolveError
@@ -16,17 +18,40 @@ from updating.evidence import D_F_START, Evidence, pair, solved
 
 Vector = NDArray[np.float64]
 
-_SHARES = (0.1, 0.35, 1.0)  # of the way from neutral to an end of the range
-_PLACES = 7
+_SHARES = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the way from neutral to an end of the range
+_PLACES = 11
 _STIFFNESS = 3
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
+_SETTLE = 0.15  # of a range, by which a place of the scan is varied
+_MOST, _CLOSE = 60, 1e-3  # evaluations, and change of the cost that ends them
 _FAR = 0.05  # a relative difference of frequency that counts as no resemblance
 
 
-def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> tuple[float, float, Vector]:
-    """Return the smallest cost of an effect over its range, with the G_f and the coordinates that give it.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """Where an effect comes nearest to the measurement.
 
-    The cost counts what is far off once only: a mode's squared relative difference in frequency up to one, and 1 - MAC.
+    Attributes
+    ----------
+    effect : str
+        Its name.
+    cost : float
+        What is far off counts at most once (Geman and McClure 1985): the sum of d**2 / (1 + d**2), where d is a mode's
+        relative difference in frequency over 5 %, and of 1 - MAC.
+    G_f : float
+        Contact stiffness parameter there, Pa/Pa.
+    coordinate : (n_parameter,) float
+        The effect's parameters in units of their ranges.
+    """
+
+    effect: str
+    cost: float
+    G_f: float
+    coordinate: Vector
+
+
+def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> Place:
+    """Look over the range of an effect for the place of least cost.
 
     Parameters
     ----------
@@ -37,29 +62,62 @@ def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> tuple[floa
     shaping : (n,) int
         Its parameters that have no strength of their own.
     """
+    grid = itertools.product(
+        np.geomspace(2.0 * G_F_RANGE[0], G_F_RANGE[1] / 2.0, _STIFFNESS),
+        _grid(evidence.parameters([name]), shaping),
+    )
+    return min(
+        (_place(evidence, name, float(G_f), where) for G_f, where in grid), key=lambda found: found.cost
+    )
+
+
+def settled(evidence: Evidence, start: Place) -> Place:
+    """Go from a place of `scan`, which is coarse, to one of less cost near it (Nelder and Mead 1965)."""
+    low, high = bounds_of(evidence.parameters([start.effect]))
+    seen = [start]
+
+    def cost(x: Vector) -> float:
+        seen.append(_place(evidence, start.effect, float(np.exp(x[0])), x[1:]))
+        return seen[-1].cost
+
+    first = np.concatenate([[np.log(start.G_f)], start.coordinate])
+    step = np.concatenate([[_STEP], (high - low) * _SETTLE])
+    inside = np.where(first[1:] + step[1:] < high, 1.0, -1.0)
+    corners = first + np.vstack([np.zeros(first.size), np.diag(step * np.concatenate([[1.0], inside]))])
+    minimize(
+        cost,
+        first,
+        method="Nelder-Mead",
+        bounds=list(
+            zip(
+                np.log(G_F_RANGE)[:1].tolist() + low.tolist(),
+                np.log(G_F_RANGE)[1:].tolist() + high.tolist(),
+                strict=True,
+            )
+        ),
+        options={"initial_simplex": corners, "maxfev": _MOST, "fatol": _CLOSE, "xatol": _CLOSE},
+    )
+    return min(seen, key=lambda found: found.cost)
+
+
+def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
+    """Return the cost at coordinates of an effect, with the G_f near the given one that makes it small."""
     c = int(np.argmax([used.size for used in evidence.used]))
     own, used = evidence.parameters([name]), evidence.used[c]
     shape, frequency = evidence.tested[c].modes.shape[:, used], evidence.tested[c].modes.frequency[used]
-    best = (np.inf, 0.0, np.zeros(len(own)))
-    for where in _grid(own, shaping):
-        effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own, where, strict=True)}
-        for G_f in np.geomspace(2.0 * G_F_RANGE[0], G_F_RANGE[1] / 2.0, _STIFFNESS):
-            try:
-                modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START, **effect}, ("G_f",))
-            except SolveError:  # so strong that the contact turns negative
-                continue
-            row, column = pair(shape, frequency, modes)
-            alike = mac(shape, modes.shape)[row, column]
-            far = np.log(frequency[row] / modes.frequency[column])
-            slope = G_f * modes.frequency_gradient[column, 0] / modes.frequency[column]
-            ratio = float(
-                np.clip(np.median(far / slope), -_STEP, _STEP)
-            )  # of log G_f, for most modes at once
-            far = (far - ratio * slope) / _FAR
-            cost = float(np.sum(np.minimum(far**2, 1.0) + 1.0 - alike))
-            if cost < best[0]:
-                best = (cost, float(G_f * np.exp(ratio)), where)
-    return best
+    effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own, where, strict=True)}
+    try:
+        modes = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START, **effect}, ("G_f",))
+    except SolveError:  # so strong that the contact turns negative
+        return Place(effect=name, cost=np.inf, G_f=G_f, coordinate=where)
+    row, column = pair(shape, frequency, modes)
+    alike = mac(shape, modes.shape)[row, column]
+    far = np.log(frequency[row] / modes.frequency[column])
+    slope = G_f * modes.frequency_gradient[column, 0] / modes.frequency[column]
+    ratio = float(np.clip(np.median(far / slope), -_STEP, _STEP))  # of log G_f, for most modes at once
+    far = (far - ratio * slope) / _FAR
+    cost = float(np.sum(far**2 / (1.0 + far**2) + 1.0 - alike))
+    return Place(effect=name, cost=cost, G_f=float(G_f * np.exp(ratio)), coordinate=where)
 
 
 def _grid(own: tuple[Parameter, ...], shaping: NDArray[np.intp]) -> Iterator[Vector]:

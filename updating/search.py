@@ -16,7 +16,7 @@ from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation, explain
 from updating.residual import residual
-from updating.scan import scan
+from updating.scan import scan, settled
 from updating.screening import Screened, pair_steps, screen
 
 Vector = NDArray[np.float64]
@@ -136,15 +136,13 @@ def _pair_starts(
 
 def _from_afar(evidence: Evidence, screened: Sequence[Screened]) -> list[Explanation]:
     """Fit the effects that come nearest over their whole ranges, from there."""
-    seen = []
-    for s in screened:
-        shaping = np.setdiff1d(np.arange(len(s.parameter)), s.strength)
-        seen.append((*scan(evidence, s.effect, shaping), s.effect))
+    seen = [scan(evidence, s.effect, np.setdiff1d(np.arange(len(s.parameter)), s.strength)) for s in screened]
     starts: list[Start] = []
-    for _, G_f, coordinate, name in sorted(seen, key=lambda item: item[0])[:N_AFAR]:
+    for place in sorted(seen, key=lambda found: found.cost)[:N_AFAR]:
+        near = settled(evidence, place)
         nuisance = evidence.start.copy()
-        nuisance[0] = np.log(G_f / evidence.stack.contact.G_f)
-        starts.append(([name], nuisance, coordinate))
+        nuisance[0] = np.log(near.G_f / evidence.stack.contact.G_f)
+        starts.append(([near.effect], nuisance, near.coordinate))
     return _fitted(evidence, starts, N_AFAR_STEPS)
 
 

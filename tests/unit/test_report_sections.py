@@ -91,7 +91,7 @@ def test_a_parameter_at_its_bound_has_no_interval():
 )
 def test_the_verdict_of_a_diagnosis_comes_first(verdict, candidates, expected):
     made = dict.fromkeys(Diagnosis.__dataclass_fields__, ())
-    made |= {"verdict": verdict, "candidates": candidates, "sentences": ("Because.",)}
+    made |= {"verdict": verdict, "set": candidates, "sentences": ("Because.",)}
     section = answer_section(results(diagnosis=Diagnosis(**made), missing=("M2",)))
     assert expected in section.text[0]
     assert section.text[1:] == ("Because.", "Not done yet: M2.")
