@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.threads import single_threaded
 from model import Effect, Stack
 from updating.adequacy import block_p_value, p_value
 from updating.candidates import candidate_model, instruments_of
@@ -101,6 +102,7 @@ class Diagnosis:
     sentences: tuple[str, ...]
 
 
+@single_threaded
 def diagnose(
     stack: Stack,
     tested: Sequence[Campaigned],
