@@ -23,6 +23,7 @@ _SMOOTHING = 12
 _ATTEMPTS = 6
 _LEAST_ANGLE = 5.0  # degrees
 _SEGMENTS = 16  # fewest sides of a circle
+_LARGEST = 1000.0  # m; what is larger is a slip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,6 +104,9 @@ class Outline:
             if len(polygon) < 3:
                 message = f"outline: {name} has {len(polygon)} corners; a polygon needs at least 3"
                 raise StackError(message)
+            if not np.all(np.abs(polygon) < _LARGEST):
+                message = f"outline: {name} has corners that are not within {_LARGEST:g} m"
+                raise StackError(message)
         for i, hole in enumerate(holes):
             if not inside(hole, (self.boundary,)).all():
                 message = f"outline: holes[{i}] reaches outside the boundary"
@@ -147,8 +151,11 @@ def centred(shape: Outline | Triangulation) -> Outline | Triangulation:
 
 def ring(outer: float, inner: float, n_side: int) -> Outline:
     """Return a ring by its outer and inner diameter, m, each circle a polygon of `n_side` sides."""
-    if not 0.0 < inner < outer:
-        message = f"ring: the inner diameter {inner:g} m must lie between 0 and the outer one, {outer:g} m"
+    if not 0.0 < inner < outer < _LARGEST:
+        message = (
+            f"ring: the inner diameter {inner:g} m must lie between 0 and the outer one, {outer:g} m, and that below "
+            f"{_LARGEST:g} m"
+        )
         raise StackError(message)
     return Outline(boundary=circle(outer, n_side), holes=(circle(inner, n_side),))
 
@@ -189,11 +196,11 @@ def stator(
     StackError
         The sizes do not fit into one another.
     """
-    sound = 0.0 < inner < slot < outer and n_tooth > 0 and tooth_width > 0.0
+    sound = 0.0 < inner < slot < outer < _LARGEST and n_tooth > 0 and tooth_width > 0.0
     if not (sound and tooth_width < inner * np.sin(min(np.pi / n_tooth, np.pi / 2.0))):
         message = (
-            f"stator: 0 < inner ({inner:g}) < slot ({slot:g}) < outer ({outer:g} m) must hold, and {n_tooth} teeth of "
-            f"{tooth_width:g} m must fit side by side into the bore"
+            f"stator: 0 < inner ({inner:g}) < slot ({slot:g}) < outer ({outer:g}) < {_LARGEST:g} m must hold, and "
+            f"{n_tooth} teeth of {tooth_width:g} m must fit side by side into the bore"
         )
         raise StackError(message)
     beside = hole_circle * np.sin(min(np.pi / max(n_hole, 1), np.pi / 2.0))

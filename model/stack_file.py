@@ -66,7 +66,7 @@ class _Clamp(_Table):
 class _Pressing(_Table):
     curve: str
     plate: Literal["rigid"] | None = None
-    plate_thickness_mm: float | None = None
+    plate_thickness_mm: float | None = Field(default=None, gt=0, le=1e4)
     plate_young_GPa: float = 200.0
 
 
@@ -214,6 +214,7 @@ def stack_inputs(path: Path) -> tuple[Path, ...]:
 
 def _to_si(given: _Stack, folder: Path) -> Stack:
     material, contact = given.material, given.contact
+    mesh = Mesh(n_x=given.mesh.n_x, n_y=given.mesh.n_y)
     length, width, shape = _outline(given, folder)
     forces = [clamp.force_N for clamp in given.clamps]
     area = length * width if shape is None else shape.area
@@ -253,7 +254,7 @@ def _to_si(given: _Stack, folder: Path) -> Stack:
             )
             for clamp in given.clamps
         ),
-        mesh=Mesh(n_x=given.mesh.n_x, n_y=given.mesh.n_y),
+        mesh=mesh,
         interlayers=tuple(
             Interlayer(
                 below=layer.below,

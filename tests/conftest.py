@@ -4,7 +4,7 @@ import re
 import signal
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -81,15 +81,26 @@ def limits():
 
 
 @pytest.fixture
-def survives(limits, request):
-    """Read a file with damages, so many and seeded; fail at other errors than the given ones, and at hang and greed."""
+def damage():
+    """Damaged versions of a file, so many and seeded."""
 
-    def run(read: Callable[[Path], object], file: Path, errors: tuple, count: int) -> None:
+    def make(file: Path, count: int) -> Iterator[bytes]:
         whole = file.read_bytes()
+        return (damaged(whole, np.random.default_rng(seed)) for seed in range(count))
+
+    return make
+
+
+@pytest.fixture
+def survives(limits, request):
+    """Read a file with each of the contents; fail at other errors than the given ones, and at hang and greed."""
+
+    def run(read: Callable[[Path], object], file: Path, errors: tuple, contents: Iterable[bytes]) -> None:
         peak = _status("VmHWM")
-        slowest, refused, faults = (0.0, 0), 0, {}
-        for seed in range(count):
-            file.write_bytes(damaged(whole, np.random.default_rng(seed)))
+        slowest, count, refused, faults = (0.0, 0), 0, 0, {}
+        for number, content in enumerate(contents):
+            count += 1
+            file.write_bytes(content)
             start = time.process_time()
             try:
                 signal.setitimer(signal.ITIMER_PROF, SECONDS)
@@ -97,22 +108,21 @@ def survives(limits, request):
             except errors as error:
                 refused += 1
                 if not str(error):
-                    faults[f"seed {seed}: {type(error).__name__} without a message"] = ""
+                    faults[f"input {number}: {type(error).__name__} without a message"] = ""
             except BaseException as error:
                 if isinstance(error, KeyboardInterrupt):
                     raise
                 place = traceback.extract_tb(error.__traceback__)[-1]
                 faults.setdefault(
                     f"{type(error).__name__} at {place.filename}:{place.lineno}",
-                    f"seed {seed}: {error}\n" + "".join(traceback.format_tb(error.__traceback__)[-4:]),
+                    f"input {number}: {error}\n" + "".join(traceback.format_tb(error.__traceback__)[-4:]),
                 )
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0.0)
-            slowest = max(slowest, (time.process_time() - start, seed))
-        file.write_bytes(whole)
+            slowest = max(slowest, (time.process_time() - start, number))
         print(
             f"\n{request.node.name}: {count} inputs, {refused} refused, slowest {1e3 * slowest[0]:.0f} ms "
-            f"(seed {slowest[1]}), {_status('VmHWM') - peak:.0f} MB more memory"
+            f"(input {slowest[1]}), {_status('VmHWM') - peak:.0f} MB more memory"
         )
         assert not faults, "\n\n".join(f"{what}\n{where}" for what, where in faults.items())
 

@@ -126,11 +126,14 @@ class _Structure(Section):
 
 
 class _Points(Section):
-    n_station: Annotated[int, Field(ge=2)]
+    n_station: Annotated[int, Field(ge=2, le=1000)]
+
+
+_Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 class _Shaker(Section):
-    place_mm: tuple[float, float, float]
+    place_mm: tuple[_Coordinate, _Coordinate, _Coordinate]
     force_cell_mass_g: Annotated[float, Field(ge=0)] = 0.0
     stinger_N_m: Annotated[float, Field(ge=0)] = 0.0
 

@@ -30,10 +30,12 @@ def own(file):
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("name", FILES)
-def test_documents(results, survives, name, count):
-    survives(lambda _: read_results(results), own(results / name), UpdatingError, count)
+def test_documents(results, survives, damage, name, count):
+    file = own(results / name)
+    survives(lambda _: read_results(results), file, UpdatingError, damage(file, count))
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_frfs(results, survives, count):
-    survives(read_frf, own(results / "M1/measurement.npz"), UpdatingError, count)
+def test_frfs(results, survives, damage, count):
+    file = own(results / "M1/measurement.npz")
+    survives(read_frf, file, UpdatingError, damage(file, count))

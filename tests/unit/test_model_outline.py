@@ -150,6 +150,8 @@ def test_shipped_stator_is_valid():
     ("make", "message"),
     [
         (lambda: ring(0.1, 0.2, 32), "must lie between 0 and the outer one"),
+        (lambda: ring(float("inf"), 0.2, 32), "and that below 1000 m"),
+        (lambda: Outline(boundary=[(0, 0), (1e300, 0), (0, 1)]), "not within 1000 m"),
         (
             lambda: stator(outer=0.2, inner=0.11, slot=0.16, n_tooth=40, tooth_width=0.014),
             "40 teeth of 0.014 m",
