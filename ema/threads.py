@@ -25,3 +25,8 @@ def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return run
+
+
+def one_blas_thread() -> None:
+    """Let this process multiply matrices with one thread from now on."""
+    threadpool_limits(1, user_api="blas")

@@ -8,7 +8,7 @@ from typing import Any
 from distributed import Client, KilledWorker, WorkerPlugin
 from distributed.comm import CommClosedError
 
-from updating.workers import one_blas_thread
+from ema.threads import one_blas_thread
 
 LOST = (KilledWorker, CancelledError, CommClosedError)
 """Errors of a task that the cluster could not finish."""

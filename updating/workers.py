@@ -19,9 +19,8 @@ from typing import Any, TypeVar
 import cloudpickle
 from rich.console import Console
 from rich.progress import track
-from threadpoolctl import threadpool_limits
 
-from ema.threads import single_threaded
+from ema.threads import one_blas_thread, single_threaded
 from updating.errors import WorkerError
 
 T = TypeVar("T")
@@ -117,11 +116,6 @@ class _Sent:
 @lru_cache(maxsize=1)
 def _read(content: bytes) -> Callable[[Any], Any]:
     return cloudpickle.loads(content)
-
-
-def one_blas_thread() -> None:
-    """Let this process multiply matrices with one thread from now on."""
-    threadpool_limits(1, user_api="blas")
 
 
 def _n_processor() -> int:
