@@ -42,6 +42,10 @@ SPREAD = {
 G_F, D_F = 1500.0, 2e-11
 HELD_OUT, HELD_OUT_PRESSURE = "held out", 240e3
 """A third torque that is played but not shown to the diagnosis, with its pressure, Pa."""
+WRONG_FORM = "wrong form"
+"""Kind of a case whose effect is of a known family but follows another law."""
+FORM = 0.6
+"""Share of its strength that such an effect has in the first configuration."""
 DETECTABLE = 4.0
 """Distance above which an effect counts as detectable: the root of `verdict.GAIN_SINGLE`."""
 
@@ -55,7 +59,7 @@ class Case:
     seed : int
         Seed of all that was drawn.
     kind : str
-        "null", "single", "pair" or "withheld".
+        "null", "single", "pair", "withheld" or "wrong form".
     truth : tuple of str
         The planted effects.
     values : mapping of str to float
@@ -113,6 +117,19 @@ def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
     return found
 
 
+def weaker(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    """Return an effect's values with its strengths `FORM` of the way from neutral."""
+    found = {}
+    for p in effect.parameters:
+        if p.scale == "log":
+            found[p.name] = float(p.neutral * (values[p.name] / p.neutral) ** FORM)
+        elif p.neutral in (p.lower, p.upper) or p.neutral in (0.0, 1.0):
+            found[p.name] = float(p.neutral + FORM * (values[p.name] - p.neutral))
+        else:
+            found[p.name] = values[p.name]
+    return found
+
+
 def blind_test(
     specification: Path, seed: int, effects: tuple[Effect, ...], values: dict[str, float]
 ) -> VirtualTest:
@@ -149,14 +166,15 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     seed : int
         Of all that is drawn.
     kind : str
-        "null", "single", "pair" or "withheld", the effect then being taken out of the catalogue.
+        "null", "single", "pair", "withheld", the effect then being taken out of the catalogue, or "wrong form": its
+        strength in the first configuration is not that in the others, as no effect of the catalogue has it.
     candidates : CandidateModel, optional
         The nominal model; by default with the whole catalogue.
     """
     candidates = _nominal(specification) if candidates is None else candidates
     rng = np.random.default_rng([7, seed])
     names = sorted(candidates.effects)
-    n = {"null": 0, "single": 1, "withheld": 1, "pair": 2}[kind]
+    n = {"null": 0, "single": 1, "withheld": 1, "pair": 2, WRONG_FORM: 1}[kind]
     chosen: tuple[Effect, ...]
     if n == 1:  # all effects in turn
         chosen = (candidates.effects[names[seed % len(names)]],)
@@ -165,6 +183,9 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     values = {k: v for effect in chosen for k, v in strengths(effect, rng).items()}
     test = blind_test(specification, seed, chosen, values)
     *tested, unseen = played(test)
+    if kind == WRONG_FORM:
+        less = {k: v for effect in chosen for k, v in weaker(effect, values).items()}
+        tested[0] = played(replace(test, effect_values=less))[0]
     truth = tuple(sorted(effect.name for effect in chosen))
     offered = candidates
     if kind == "withheld":

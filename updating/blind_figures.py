@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from scipy.stats import binomtest
 
-from updating.blind import DETECTABLE, Case
+from model import catalogue
+from updating.blind import DETECTABLE, WRONG_FORM, Case
 from updating.verdict import SEPARATE
 
 _NOTABLE = 2e-4  # fall of the mean frequency error by the true effects that is more than noise
@@ -33,16 +34,21 @@ class Figure:
 
 def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
     """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
+    families = {name: effect.family for name, effect in catalogue().items()}
     null = [c for c in cases if c.kind == "null"]
     single = [c for c in cases if c.kind == "single"]
     seen = [c for c in single if c.distance >= DETECTABLE]
     unseen = [c for c in single if c.distance < DETECTABLE]
     pairs = [c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]  # both show
+    formed = [c for c in cases if c.kind == WRONG_FORM and c.distance >= DETECTABLE]
     withheld = [c for c in cases if c.kind == "withheld"]
     far = [c for c in withheld if c.distance >= 5.0]
 
     def within(c: Case) -> bool:
         return any(set(c.truth) <= set(candidate) for candidate in c.candidates)
+
+    def akin(c: Case) -> bool:
+        return {families.get(n) for n in c.candidates[0]} == {families.get(n) for n in c.truth}
 
     def unlike(c: Case) -> bool:
         return c.verdict == "unlike anything"
@@ -67,6 +73,12 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
         share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
         share("unlike anything, withheld beyond 5 sigma", "90 %", [unlike(c) for c in far]),
         share("unlike anything, all withheld", "65 %", [unlike(c) for c in withheld]),
+        share(
+            "wrong form: the effect or its family named",
+            "reported",
+            [bool(c.candidates) and akin(c) for c in formed],
+        ),
+        share("wrong form: unlike anything", "reported", [unlike(c) for c in formed]),
         share(
             "undetectable singles not wrongly named",
             "95 %",

@@ -13,17 +13,17 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from updating.blind import Case, run
+from updating.blind import WRONG_FORM, Case, run
 from updating.blind_figures import figures
 from updating.store import write_bytes
 from updating.workers import workers
 
-_QUICK = {"single": 60, "null": 22, "withheld": 20, "pair": 18}
-_MORE = {"single": 600, "null": 200, "withheld": 190, "pair": 190}
+_QUICK = {"single": 60, "null": 22, "withheld": 20, "pair": 18, WRONG_FORM: 14}
+_MORE = {"single": 500, "null": 200, "withheld": 190, "pair": 190, WRONG_FORM: 86}
 
 
 def planned(*, full: bool = False) -> tuple[tuple[int, str], ...]:
-    """Return seed and kind of the cases: 120, or with `full` 1300, of which those are the first.
+    """Return seed and kind of the cases: 134, or with `full` 1300, of which those are the first.
 
     Thresholds of the diagnosis were set on seeds below 6000.
     """
@@ -31,13 +31,13 @@ def planned(*, full: bool = False) -> tuple[tuple[int, str], ...]:
 
 
 def _mixed(first: int, number: Mapping[str, int]) -> Iterator[tuple[int, str]]:
-    """Mix the kinds, so that what is done says something of each, with other draws where one is withheld."""
+    """Mix the kinds, so that what is done says something of each; those of one effect have other draws each."""
     longest = max(number.values())
     apart = 100 * -(-longest // 100)
     for i in range(longest):
         for kind, n in number.items():
             if i * n // longest != (i - 1) * n // longest:
-                yield first + i + (apart if kind == "withheld" else 0), kind
+                yield first + i + apart * {"withheld": 1, WRONG_FORM: 2}.get(kind, 0), kind
 
 
 def run_blind(

@@ -355,7 +355,7 @@ def blind(
         Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False)
     ],
     output: Folder,
-    full: Annotated[bool, typer.Option("--full", help="1300 cases instead of 120.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="1300 cases instead of 134.")] = False,
     cluster: Cluster = None,
 ) -> None:
     """Diagnose virtual tests with sealed effects and print how often the answer was right.
