@@ -52,7 +52,7 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
     height = 0.95 + 2.3 * len(chosen) if n == 2 else 0.95 + 2.8 * len(chosen)
     figure = Figure(figsize=(7.5, height))
     outer = figure.add_gridspec(
-        len(chosen), 1, hspace=0.17, left=0.1, right=0.985, top=1.0 - 0.5 / height, bottom=0.45 / height
+        len(chosen), 1, hspace=0.17, left=0.1, right=0.97, top=1.0 - 0.5 / height, bottom=0.45 / height
     )
     panels: list[Axes] = []
     for k in range(len(chosen)):
