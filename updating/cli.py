@@ -20,6 +20,7 @@ from updating.identified import Identified
 from updating.modal_table import is_modal_table
 from updating.published import CALIBRATIONS
 from updating.published_tables import screening_table, summary_table
+from updating.published_verdict import published_verdict
 from updating.report.pdf import print_pdf
 from updating.view import view as view_results
 
@@ -262,9 +263,9 @@ def published(
         )
     )
     if screen is not None:
-        _OUT.print(
-            screening_table(effect_jobs.screen_published(data, calibrations, screen, output, _OUT, cluster))
-        )
+        found = effect_jobs.screen_published(data, calibrations, screen, output, _OUT, cluster)
+        _OUT.print(screening_table(found))
+        _OUT.print(published_verdict(found), highlight=False)
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 

@@ -11,6 +11,7 @@ from updating.joint_fit import FittedParameter
 from updating.published import read_published
 from updating.published_screening import Screening, Tried, screen
 from updating.published_tables import screening_csv, screening_table, survivors
+from updating.published_verdict import published_verdict
 
 DATA = read_published(Path(__file__).parents[2] / "data/pirnat2013")
 
@@ -80,3 +81,20 @@ def test_what_survives_is_said():
     table = screening_table([one, two])
     assert list(table.columns[0].cells) == ["B", "A"]
     assert list(table.columns[1].cells) == ["3.00!", "3.90"]
+
+
+def test_the_verdict_names_what_stands_out_and_says_what_is_left():
+    far = [tried("C", error=0.15), tried("D", error=0.14)]
+    alone = Screening(calibration="C1", tried=(tried("A", error=0.033), *far, tried("A", "C", error=0.032)))
+    said = published_verdict([alone])
+    assert said.startswith(
+        "C1: identified: A. The error falls from 15.0% to 3.3%; the next, D, leaves 14.0%."
+    )
+    assert "No second effect is called for" in said
+    assert "16 times what a frequency is known to" in said
+    close = Screening(calibration="C1", tried=(tried("A", error=0.033), tried("B", error=0.034), *far))
+    assert published_verdict([close]).startswith("C1: one of: A or B.")
+    bound = Screening(calibration="C1", tried=(tried("A", error=0.033, at_bound=True), *far))
+    assert "unlike anything" in published_verdict([bound])
+    two = Screening(calibration="C1", tried=(tried("A", error=0.08), *far, tried("A", "D", error=0.01)))
+    assert "A second effect is called for: A with D leave 1.0%" in published_verdict([two])
