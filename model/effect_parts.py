@@ -125,11 +125,13 @@ def mean_over(
 def turn_of(assembly: Assembly, centre: tuple[float, float], size: tuple[float, float]) -> sp.csr_matrix:
     """Return the row that takes the slope dw/dx of the plane that lies closest to w over a rectangle of the plan.
 
-    A stiff bar on the rectangle turns by it. The mean of dw/dx is the difference of w along two edges alone, and
-    converges three times more slowly with the mesh.
+    A stiff bar on the rectangle turns by it; on one without length it is dw/dx there. The mean of dw/dx is the
+    difference of w along two edges alone, and converges three times more slowly with the mesh.
     """
     points, weights = footprint_points(centre, size, assembly.plan)
     arm = points[:, 0] - weights @ points[:, 0]
+    if np.ptp(arm) == 0.0:
+        return mean_over(assembly, "w", centre, size, "x")
     return sp.csr_matrix((weights * arm / (weights @ arm**2)) @ assembly.plan.point_rows("w", points))
 
 

@@ -7,6 +7,7 @@ import scipy.sparse.linalg as splinalg
 
 import model
 from model.effect_basis import shaping
+from model.effect_parts import turn_of
 from model.normal_contact import normal_krons
 from model.projection import Projection
 from model.solver import solver_over_laminas, solver_over_plan
@@ -191,3 +192,10 @@ def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for(
     before, after = solved(neutral, {}), solved(exact, {})
     assert np.min(after / before) < 0.9
     np.testing.assert_allclose(solved(neutral, strong), after, rtol=2e-3)
+
+
+def test_a_clamp_on_a_point_turns_with_the_slope_there_as_one_on_little_does():
+    assembly = model.assemble(STACK)
+    point, little = (turn_of(assembly, (0.05, 0.0), (length, 0.0)).toarray() for length in (0.0, 1e-4))
+    assert np.abs(point).max() > 0.0
+    np.testing.assert_allclose(point, little, atol=1e-3 * np.abs(point).max())
