@@ -26,8 +26,8 @@ def summary_table(found: Sequence[Calibrated]) -> Table:
         caption_justify="left",
     )
     for name in (
-        "", "base\npubl. | ours", f"with\n{effects}", "stack\nleft out", "n of\nG ~ p^n",
-        "95 %", "M1 from M2\nn = 1 | n | own G_f",
+        "", "base\npubl. | ours", "with\n" + " +\n".join(found[0].shared.effects), "stack\nleft out", "n of\nG ~ p^n",
+        "95 %", "M1 from M2\nn = 1 | n | own",
     ):  # fmt: skip
         table.add_column(name, justify="right", no_wrap=True)
     for one in found:

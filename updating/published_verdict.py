@@ -50,7 +50,10 @@ def _sentences(one: Screening) -> str:
     if pair is not None and _fall(best.error, pair.error) > GAIN_SECOND:
         text += f"A second effect is called for: {_name(pair)} leave {pair.error:.1%}. "
     elif pair is not None:
-        text += f"No second effect is called for: the best pair, {_name(pair)}, leaves {pair.error:.1%}. "
+        text += f"No pair that was tried calls for a second effect: the best, {_name(pair)}, leaves {pair.error:.1%}. "
+    untried = sum(len(t.effects) == 2 and not np.isfinite(t.error) for t in one.tried)
+    if untried:
+        text += f"Pairs without a result: {untried}. "
     last = min([best.error, *([] if pair is None else [pair.error])])
     if last > 3.0 * MEASURED:
         text += (

@@ -90,8 +90,11 @@ def test_the_verdict_names_what_stands_out_and_says_what_is_left():
     assert said.startswith(
         "C1: identified: A. The error falls from 15.0% to 3.3%; the next, D, leaves 14.0%."
     )
-    assert "No second effect is called for" in said
+    assert "No pair that was tried calls for a second effect: the best, A with C, leaves 3.2%." in said
+    assert "without a result" not in said
     assert "16 times what a frequency is known to" in said
+    cut = (*alone.tried, tried("A", "D", error=np.nan, note="not tried: the time was over"))
+    assert "Pairs without a result: 1." in published_verdict([Screening(calibration="C1", tried=cut)])
     close = Screening(calibration="C1", tried=(tried("A", error=0.033), tried("B", error=0.034), *far))
     assert published_verdict([close]).startswith("C1: one of: A or B.")
     bound = Screening(calibration="C1", tried=(tried("A", error=0.033, at_bound=True), *far))
