@@ -33,7 +33,7 @@ from updating.published_plot import (
 from updating.published_screening import Screening, screen
 from updating.published_tables import parameters_csv, screening_csv, table_6_csv, table_7_csv
 from updating.sensitivity import Scatter
-from updating.store import read_current, write_bytes, write_result
+from updating.store import kept, write_bytes, write_result
 from updating.target import specimen_name, target_of_modes, target_of_table
 from updating.workers import in_parallel, workers
 
@@ -172,11 +172,8 @@ def published(
 def _calibrated(data: Published, effects: tuple[str, ...], output: Path, calibration: str) -> Calibrated:
     path, options = output / f"{calibration}.json", {"effects": list(effects)}
     inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
-    found = read_current(path, Calibrated, inputs=inputs, options=options)
-    if found is None:
-        found = reproduce(data, calibration, effects)
-        write_result(path, found, inputs=inputs, options=options)
-    return found
+    make = partial(reproduce, data, calibration, effects)
+    return kept(path, Calibrated, make, inputs=inputs, options=options)
 
 
 def screen_published(
@@ -200,11 +197,8 @@ def screen_published(
 def _screened(data: Published, minutes: float, output: Path, calibration: str) -> Screening:
     path, options = output / f"screening_{calibration}.json", {"minutes": minutes}
     inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
-    found = read_current(path, Screening, inputs=inputs, options=options)
-    if found is None:
-        found = screen(data, calibration, list(catalogue()), seconds=60.0 * minutes)
-        write_result(path, found, inputs=inputs, options=options)
-    return found
+    make = partial(screen, data, calibration, list(catalogue()), seconds=60.0 * minutes)
+    return kept(path, Screening, make, inputs=inputs, options=options)
 
 
 def write_ledger(

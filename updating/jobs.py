@@ -44,7 +44,7 @@ from updating.plot import as_png
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
-from updating.store import folder_name, read_current, read_frf, write_bytes, write_result
+from updating.store import folder_name, kept, read_frf, write_bytes, write_result
 from updating.target import model_file, stack_in_state
 from updating.virtual_campaign import write_virtual_test
 from updating.virtual_test_file import read_virtual_test
@@ -165,13 +165,14 @@ def _identify_and_fit(
     found = identified(assigned)
     inputs = (assigned.campaign.path, *stack_files, found.folder / "modal_model.json")
     options = {"threshold": threshold}
-    fitted = read_current(found.folder / "fit.json", Fit, inputs=inputs, options=options)
-    if fitted is None:
+
+    def make() -> Fit:
         state = stack_in_state(stack, found.configuration)
         fitted = fit_configuration(state, found.modal_model, threshold=threshold)
         write_result(found.folder / "modes.json", fitted.modes, inputs=inputs, options=options)
-        write_result(found.folder / "fit.json", fitted, inputs=inputs, options=options)
-    return found, fitted
+        return fitted
+
+    return found, kept(found.folder / "fit.json", Fit, make, inputs=inputs, options=options)
 
 
 def fit_modal_table(
@@ -190,11 +191,7 @@ def fit_modal_table(
 
 def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Path, row: TableRow) -> TableFit:
     path = output / f"stack_{folder_name(row.name)}" / "fit.json"
-    fitted = read_current(path, TableFit, inputs=inputs, options={})
-    if fitted is None:
-        fitted = fit_row(row, shape_class)
-        write_result(path, fitted, inputs=inputs, options={})
-    return fitted
+    return kept(path, TableFit, partial(fit_row, row, shape_class), inputs=inputs, options={})
 
 
 def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:

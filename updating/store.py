@@ -114,6 +114,35 @@ def read_current(
         return None
 
 
+def kept(
+    path: Path,
+    kind: type[T],
+    make: Callable[[], T],
+    *,
+    inputs: tuple[Path, ...],
+    options: Mapping[str, object],
+) -> T:
+    """Return the result that an earlier run left, or make it and write it.
+
+    Parameters
+    ----------
+    path, kind, inputs, options
+        As in `read_current`.
+    make : callable
+        Makes the result.
+
+    Raises
+    ------
+    StoreError
+        As in `write_result`.
+    """
+    found = read_current(path, kind, inputs=inputs, options=options)
+    if found is None:
+        found = make()
+        write_result(path, found, inputs=inputs, options=options)
+    return found
+
+
 def read_document(path: Path) -> dict[str, Any]:
     """Read a whole result document: kind, provenance and the plain values of the result.
 
