@@ -12,7 +12,7 @@ import dataclasses
 import difflib
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg as la
@@ -83,6 +83,7 @@ class ReducedSystem:
     theta: Mapping[str, float]
     ranges: Mapping[str, tuple[float, float]]
     laminas: Assembly
+    _acting: dict[frozenset[str], ReducedSystem] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -96,10 +97,14 @@ class ReducedSystem:
 
     def acting(self, moved: Collection[str]) -> ReducedSystem:
         """Return the system without terms that vanish while only some parameters, and the frequency, move."""
-        free = {*moved, OMEGA}
-        apart = {n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()}
-        terms = tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
-        return dataclasses.replace(self, terms=terms)
+        free = frozenset((*moved, OMEGA))
+        if free not in self._acting:  # fits ask again at every step
+            apart = {
+                n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()
+            }
+            terms = tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
+            self._acting[free] = dataclasses.replace(self, terms=terms)
+        return self._acting[free]
 
     def rebased(
         self, basis: NDArray[np.float64], projected: Callable[[ReducedTerm, Term], NDArray[np.float64]]
