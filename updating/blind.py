@@ -11,7 +11,7 @@ import numpy as np
 
 import model
 from ema.modes import ModalModel
-from model import Effect
+from model import Effect, Parameter
 from updating.candidates import CandidateModel, candidate_model, instruments_of
 from updating.coordinates import coordinate_of
 from updating.diagnosis import WORTH
@@ -108,26 +108,28 @@ def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
         share = float(np.exp(rng.uniform(np.log(0.05), 0.0)))
         sides = [end for end in (p.lower, p.upper) if end != p.neutral]
         end = sides[int(rng.integers(len(sides)))]
-        if p.scale == "log":
-            found[p.name] = float(p.neutral * (end / p.neutral) ** share)
-        elif p.neutral in (p.lower, p.upper) or p.neutral in (0.0, 1.0):
-            found[p.name] = float(p.neutral + share * (end - p.neutral))
-        else:  # it shapes the effect and has no strength of its own
-            found[p.name] = float(rng.uniform(p.lower, p.upper))
+        found[p.name] = _towards(p, end, share) if _is_strength(p) else float(rng.uniform(p.lower, p.upper))
     return found
 
 
 def weaker(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
     """Return an effect's values with its strengths `FORM` of the way from neutral."""
-    found = {}
-    for p in effect.parameters:
-        if p.scale == "log":
-            found[p.name] = float(p.neutral * (values[p.name] / p.neutral) ** FORM)
-        elif p.neutral in (p.lower, p.upper) or p.neutral in (0.0, 1.0):
-            found[p.name] = float(p.neutral + FORM * (values[p.name] - p.neutral))
-        else:
-            found[p.name] = values[p.name]
-    return found
+    return {
+        p.name: _towards(p, values[p.name], FORM) if _is_strength(p) else values[p.name]
+        for p in effect.parameters
+    }
+
+
+def _is_strength(parameter: Parameter) -> bool:
+    """Whether the effect vanishes with the parameter, which else shapes it only."""
+    return parameter.scale == "log" or parameter.neutral in (parameter.lower, parameter.upper, 0.0, 1.0)
+
+
+def _towards(parameter: Parameter, end: float, share: float) -> float:
+    """Return the value that lies a share of the way from neutral to an end."""
+    if parameter.scale == "log":
+        return float(parameter.neutral * (end / parameter.neutral) ** share)
+    return float(parameter.neutral + share * (end - parameter.neutral))
 
 
 def blind_test(
