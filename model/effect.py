@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
 
 from model.errors import EffectError
 
@@ -85,6 +88,12 @@ class Parameter:
             message = f"parameter {self.name}: scale must be 'lin' or 'log', got {self.scale!r}"
             raise EffectError(message)
 
+    def trials(self, n: int) -> tuple[float, ...]:
+        """Return values to try: n over the range where the parameter is sampled, else the ends and the nominal one."""
+        if self.sampled:
+            return tuple(np.linspace(self.lower, self.upper, n).tolist())
+        return (self.lower, self.nominal, self.upper)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Effect:
@@ -131,6 +140,11 @@ class Effect:
         if not self.parameters:
             message = f"effect {self.name}: needs at least one parameter"
             raise EffectError(message)
+
+    def combinations(self, values: Callable[[Parameter], Iterable[float]]) -> Iterator[dict[str, float]]:
+        """Return all combinations of some values of each parameter."""
+        for chosen in itertools.product(*map(values, self.parameters)):
+            yield dict(zip([p.name for p in self.parameters], chosen, strict=True))
 
 
 def shared_parameters(effects: Iterable[Effect]) -> dict[str, Parameter]:

@@ -7,21 +7,20 @@ place they are its attachment modes.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model.effect import Effect, Parameter
+from model.effect import Effect
 from model.solver import Solver
 from model.system import Assembly, Kron, Term, ratio
 from model.z_basis import N_RIGID, shear_shift
 
 _EFFECTS_AT_ONCE = 8  # in one sample of the modes over z
 _SHARE = 0.75  # of its nominal strength, that an effect has in these samples
-_N_TRIAL = 21
+_N_TRIAL = 21  # over a range of which some terms act over a part alone
 _ENERGY = 1e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
 
 
@@ -129,9 +128,9 @@ def _strengths(
 ) -> list[tuple[Term, float]]:
     """Return the mass and stiffness terms that effects can switch on, with the largest factor that they can have."""
     corners = [
-        {**theta, **dict(zip([p.name for p in effect.parameters], corner, strict=True))}
+        {**theta, **corner}
         for effect in effects
-        for corner in itertools.product(*map(_trials, effect.parameters))
+        for corner in effect.combinations(lambda p: p.trials(_N_TRIAL))
     ]
     found = []
     for term in assembly.terms:
@@ -140,10 +139,3 @@ def _strengths(
             if np.ptp(at) > 0.0:
                 found.append((term, float(np.abs(at - term.factor(theta)).max())))
     return found
-
-
-def _trials(parameter: Parameter) -> tuple[float, ...]:
-    """Return values at which each term of an effect acts somewhere: many where some act over a part of a range."""
-    if parameter.sampled:
-        return tuple(np.linspace(parameter.lower, parameter.upper, _N_TRIAL).tolist())
-    return (parameter.lower, parameter.nominal, parameter.upper)

@@ -268,10 +268,7 @@ def _own(assembly: Assembly, base: Assembly) -> tuple[Term, ...]:
 
 def _corners(effect: Effect) -> list[dict[str, float]]:
     """Return all combinations of bounds and nominal values."""
-    return [
-        dict(zip([p.name for p in effect.parameters], corner, strict=True))
-        for corner in itertools.product(*((p.lower, p.nominal, p.upper) for p in effect.parameters))
-    ]
+    return list(effect.combinations(lambda p: (p.lower, p.nominal, p.upper)))
 
 
 def _inside(effect: Effect, assembly: Assembly) -> list[dict[str, float]]:

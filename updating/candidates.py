@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -91,7 +90,7 @@ def candidate_model(
         n_mode=N_MODEL,
     )
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
-    system = enriched(system, [at for effect in sampled for at in _typical(effect)], N_MODEL)
+    system = enriched(system, [at for effect in sampled for at in effect.combinations(_inside)], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
     return CandidateModel(
         stack=base,
@@ -118,12 +117,6 @@ def instruments_of(modes: ModalModel) -> Instruments:
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
 
 
-def _typical(effect: Effect) -> Iterator[dict[str, float]]:
-    """Return parameters of an effect for which the model is made."""
-    for values in itertools.product(*map(_inside, effect.parameters)):
-        yield dict(zip([p.name for p in effect.parameters], values, strict=True))
-
-
 def _inside(parameter: Parameter) -> tuple[float, ...]:
     """Return values of a parameter for which the model is made: several where it is sampled, else a typical one."""
     if not parameter.sampled:
@@ -136,11 +129,6 @@ def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:
     """Return parameters with one effect at a time over its range, each at two contact stiffnesses."""
     stiffness = np.geomspace(*G_F_RANGE, 7)
     for i, effect in enumerate(effects):
-        names = [p.name for p in effect.parameters]
-        values = (
-            np.linspace(p.lower, p.upper, _PLACES) if p.sampled else (p.lower, p.nominal, p.upper)
-            for p in effect.parameters
-        )
-        for j, corner in enumerate(itertools.product(*values)):
+        for j, corner in enumerate(effect.combinations(lambda p: p.trials(_PLACES))):
             for G_f in stiffness[1 + (i + j) % 3 : 6 : 3]:
-                yield {"G_f": float(G_f), **dict(zip(names, map(float, corner), strict=True))}
+                yield {"G_f": float(G_f), **corner}
