@@ -92,6 +92,19 @@ def damage():
 
 
 @pytest.fixture
+def own():
+    """Put the file itself in place of a link to it."""
+
+    def copied(link: Path) -> Path:
+        content = link.read_bytes()
+        link.unlink()
+        link.write_bytes(content)
+        return link
+
+    return copied
+
+
+@pytest.fixture
 def survives(limits, request):
     """Read a file with each of the contents; fail at other errors than the given ones, and at hang and greed."""
 

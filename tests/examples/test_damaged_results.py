@@ -21,21 +21,14 @@ def results(demo, tmp_path):
     return folder
 
 
-def own(file):
-    content = file.read_bytes()
-    file.unlink()
-    file.write_bytes(content)
-    return file
-
-
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("name", FILES)
-def test_documents(results, survives, damage, name, count):
+def test_documents(results, survives, damage, name, count, own):
     file = own(results / name)
     survives(lambda _: read_results(results), file, UpdatingError, damage(file, count))
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_frfs(results, survives, damage, count):
+def test_frfs(results, survives, damage, count, own):
     file = own(results / "M1/measurement.npz")
     survives(read_frf, file, UpdatingError, damage(file, count))

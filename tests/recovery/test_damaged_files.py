@@ -127,17 +127,9 @@ def data(tmp_path):
     return tmp_path
 
 
-def own(file):
-    """The file itself in place of the link to it."""
-    content = file.read_bytes()
-    file.unlink()
-    file.write_bytes(content)
-    return file
-
-
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("reader", list(READERS))
-def test_shipped_files(data, survives, damage, reader, count):
+def test_shipped_files(data, survives, damage, reader, count, own):
     read, name, errors = READERS[reader]
     file = own(data / name)
     survives(read, file, errors, damage(file, count // 5 if reader == "run of a campaign" else count))
@@ -157,7 +149,7 @@ EXTREMES = [b"0", b"-1", b"1000000", b"2147483648", b"1e300", b"1e-300", b"nan",
         "modal table's campaign",
     ],
 )
-def test_every_number_of_a_file(data, survives, reader):
+def test_every_number_of_a_file(data, survives, reader, own):
     """Each in turn is made as small, large or odd as it can be."""
     read, name, errors = READERS[reader]
     file = own(data / name)

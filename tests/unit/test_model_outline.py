@@ -146,6 +146,9 @@ def test_shipped_stator_is_valid():
     np.testing.assert_allclose(field.interface_force, 320e3 * shipped.outline.area, rtol=1e-6)
 
 
+HOLED = {"outer": 0.2, "inner": 0.1, "slot": 0.16, "n_tooth": 6, "tooth_width": 0.01, "hole_circle": 0.18}
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -156,33 +159,9 @@ def test_shipped_stator_is_valid():
             lambda: stator(outer=0.2, inner=0.11, slot=0.16, n_tooth=40, tooth_width=0.014),
             "40 teeth of 0.014 m",
         ),
-        (
-            lambda: stator(
-                outer=0.2,
-                inner=0.1,
-                slot=0.16,
-                n_tooth=6,
-                tooth_width=0.01,
-                hole=0.02,
-                hole_circle=0.18,
-                n_hole=2,
-            ),
-            "do not fit into the yoke",
-        ),
+        (lambda: stator(**HOLED, hole=0.02, n_hole=2), "do not fit into the yoke"),
         (lambda: stator(outer=0.2, inner=0.0, slot=0.16, n_tooth=4, tooth_width=0.014), r"0 < inner \(0\)"),
-        (
-            lambda: stator(
-                outer=0.2,
-                inner=0.1,
-                slot=0.16,
-                n_tooth=6,
-                tooth_width=0.01,
-                hole=0.01,
-                hole_circle=0.18,
-                n_hole=60,
-            ),
-            "do not fit into the yoke",
-        ),
+        (lambda: stator(**HOLED, hole=0.01, n_hole=60), "do not fit into the yoke"),
         (lambda: model.Mesh(n_x=2_000_000), "n_x and n_y must be at most 1000, got 2000000"),
         (lambda: Outline(boundary=[(0, 0), (1, 0)]), "2 corners"),
         (
