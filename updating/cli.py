@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.text import Text
-from threadpoolctl import threadpool_limits
 
-from model import find_effects
+from ema.threads import single_threaded
+from model import catalogue, find_effects
 from updating import blind_jobs, effect_jobs, jobs, tables, update_job
 from updating.cli_options import CampaignFile, Cluster, EffectFiles, Folder, ResultsFolder, SharedEffects
 from updating.errors import LAMELLA_ERRORS
@@ -145,7 +145,7 @@ def effects(
         if stack is not None or output is not None:
             message = "which effect? give its name with --stack and -o, such as lamella effects clamp_inertia"
             raise typer.BadParameter(message)
-        for table in tables.effect_tables(jobs.known_effects(effect_file or ())):
+        for table in tables.effect_tables(catalogue(effect_file or ())):
             _OUT.print(table)
         _OUT.print("More about one: lamella effects NAME --stack STACK")
         return
@@ -184,7 +184,7 @@ def fit(
     contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
     held out.
     """
-    find_effects(effect or [], jobs.known_effects(()))  # before hours of work
+    find_effects(effect or [], catalogue())  # before hours of work
     if is_modal_table(campaign):
         rows = jobs.fit_modal_table(campaign, output, _OUT, cluster)
         _OUT.print(tables.modal_table(rows))
@@ -255,7 +255,7 @@ def published(
     ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, and how contact
     stiffness grows with pressure. A calibration takes some minutes; trying all effects takes half an hour.
     """
-    find_effects(effect or [], jobs.known_effects(()))
+    find_effects(effect or [], catalogue())
     calibrations = calibration or list(CALIBRATIONS)
     _OUT.print(
         summary_table(
@@ -404,10 +404,7 @@ def _say(message: str) -> None:
 def main() -> None:
     """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
     try:
-        with threadpool_limits(
-            1, user_api="blas"
-        ):  # small dense blocks: more threads only wait for each other
-            app()
+        single_threaded(app)()
     except LAMELLA_ERRORS as error:
         _say(str(error))
         sys.exit(1)

@@ -85,7 +85,6 @@ def pick(campaign_file: Path, configuration: str, output: Path) -> Path:
     diagram = stabilization(lines) if options.order is None else stabilization(lines, order=options.order)
     chosen = pick_poles(diagram)
     path = output / folder_name(configuration) / "poles.txt"
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_poles(path, chosen)
     return path
 
@@ -228,11 +227,6 @@ def report(folder: Path) -> Path:
 def simulate(specification: Path, output: Path, effect_files: Iterable[Path]) -> None:
     """Play a virtual test and write its campaign."""
     write_virtual_test(read_virtual_test(specification, effect_files), output)
-
-
-def known_effects(files: Iterable[Path]) -> dict[str, Effect]:
-    """Return the catalogue's effects and those of the user's files."""
-    return catalogue(files)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

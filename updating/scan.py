@@ -88,13 +88,7 @@ def settled(evidence: Evidence, start: Place) -> Place:
         cost,
         first,
         method="Nelder-Mead",
-        bounds=list(
-            zip(
-                np.log(G_F_RANGE)[:1].tolist() + low.tolist(),
-                np.log(G_F_RANGE)[1:].tolist() + high.tolist(),
-                strict=True,
-            )
-        ),
+        bounds=[tuple(np.log(G_F_RANGE)), *zip(low, high, strict=True)],
         options={"initial_simplex": corners, "maxfev": _MOST, "fatol": _CLOSE, "xatol": _CLOSE},
     )
     return min(seen, key=lambda found: found.cost)
