@@ -18,7 +18,7 @@ from updating.cli_options import CampaignFile, Cluster, EffectFiles, Folder, Res
 from updating.errors import LAMELLA_ERRORS
 from updating.identified import Identified
 from updating.modal_table import is_modal_table
-from updating.published import CALIBRATIONS
+from updating.published import CALIBRATIONS, read_published
 from updating.published_tables import screening_table, summary_table
 from updating.published_verdict import published_verdict
 from updating.report.pdf import print_pdf
@@ -265,7 +265,7 @@ def published(
     if screen is not None:
         found = effect_jobs.screen_published(data, calibrations, screen, output, _OUT, cluster)
         _OUT.print(screening_table(found))
-        _OUT.print(published_verdict(found), highlight=False)
+        _OUT.print(published_verdict(found, read_published(data).table), highlight=False)
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 

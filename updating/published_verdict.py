@@ -11,43 +11,49 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from updating.modal_table import ModalTable
 from updating.published_screening import Screening, Tried
 from updating.verdict import GAIN_SECOND, GAIN_SINGLE, SEPARATE
 
-N_FREE = 54
-"""Frequencies less contact stiffnesses: 18 stacks of four modes, each with a G_f of its own."""
 MEASURED = 0.002
 """What a frequency of such a test is known to, relative."""
 
 
-def published_verdict(found: Sequence[Screening]) -> str:
+def published_verdict(found: Sequence[Screening], table: ModalTable) -> str:
     """Say under each calibration which effect is missing, what cannot be told from it, and what is still left.
 
     Parameters
     ----------
     found : sequence of Screening
         What was tried under each calibration.
+    table : ModalTable
+        Table 7. Each stack has a G_f of its own, so one frequency of each is taken up by it.
     """
-    return "\n".join(_sentences(one) for one in found)
+    n_free = sum(int(np.isfinite(row.frequency).sum()) - 1 for row in table.rows)
+    return "\n".join(_sentences(one, n_free) for one in found)
 
 
-def _sentences(one: Screening) -> str:
+def _sentences(one: Screening, n_free: int) -> str:
+    def fall(before: float, after: float) -> float:
+        """Return the fall of minus twice the log-likelihood."""
+        return float(2.0 * n_free * np.log(before / after))
+
     tried = [t for t in one.tried if np.isfinite(t.error) and not t.at_bound]
     singles = sorted((t for t in tried if len(t.effects) == 1), key=lambda t: t.error)
     everyone = [t.error for t in one.tried if len(t.effects) == 1 and np.isfinite(t.error)]
     if not singles:
         return f"{one.calibration}: no effect could be fitted inside its range."
     base, best = max(everyone), singles[0]
-    if _fall(base, best.error) < GAIN_SINGLE:
+    if fall(base, best.error) < GAIN_SINGLE:
         return f"{one.calibration}: unlike anything in the catalogue; no effect in its range lowers {base:.1%} much."
-    left = [t for t in singles if _fall(t.error, best.error) < SEPARATE**2]
+    left = [t for t in singles if fall(t.error, best.error) < SEPARATE**2]
     names = " or ".join(_name(t) for t in left)
     text = f"{one.calibration}: {'identified' if len(left) == 1 else 'one of'}: {names}. "
     text += f"The error falls from {base:.1%} to {best.error:.1%}; "
     if len(singles) > len(left):
         text += f"the next, {_name(singles[len(left)])}, leaves {singles[len(left)].error:.1%}. "
     pair = min((t for t in tried if len(t.effects) == 2), key=lambda t: t.error, default=None)
-    if pair is not None and _fall(best.error, pair.error) > GAIN_SECOND:
+    if pair is not None and fall(best.error, pair.error) > GAIN_SECOND:
         text += f"A second effect is called for: {_name(pair)} leave {pair.error:.1%}. "
     elif pair is not None:
         text += f"No pair that was tried calls for a second effect: the best, {_name(pair)}, leaves {pair.error:.1%}. "
@@ -61,11 +67,6 @@ def _sentences(one: Screening) -> str:
             "other, or more is missing that these tables cannot tell."
         )
     return text
-
-
-def _fall(before: float, after: float) -> float:
-    """Return the fall of minus twice the log-likelihood."""
-    return float(2.0 * N_FREE * np.log(before / after))
 
 
 def _name(tried: Tried) -> str:

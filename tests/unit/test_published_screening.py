@@ -86,7 +86,7 @@ def test_what_survives_is_said():
 def test_the_verdict_names_what_stands_out_and_says_what_is_left():
     far = [tried("C", error=0.15), tried("D", error=0.14)]
     alone = Screening(calibration="C1", tried=(tried("A", error=0.033), *far, tried("A", "C", error=0.032)))
-    said = published_verdict([alone])
+    said = published_verdict([alone], DATA.table)
     assert said.startswith(
         "C1: identified: A. The error falls from 15.0% to 3.3%; the next, D, leaves 14.0%."
     )
@@ -94,10 +94,12 @@ def test_the_verdict_names_what_stands_out_and_says_what_is_left():
     assert "without a result" not in said
     assert "16 times what a frequency is known to" in said
     cut = (*alone.tried, tried("A", "D", error=np.nan, note="not tried: the time was over"))
-    assert "Pairs without a result: 1." in published_verdict([Screening(calibration="C1", tried=cut)])
+    assert "Pairs without a result: 1." in published_verdict(
+        [Screening(calibration="C1", tried=cut)], DATA.table
+    )
     close = Screening(calibration="C1", tried=(tried("A", error=0.033), tried("B", error=0.034), *far))
-    assert published_verdict([close]).startswith("C1: one of: A or B.")
+    assert published_verdict([close], DATA.table).startswith("C1: one of: A or B.")
     bound = Screening(calibration="C1", tried=(tried("A", error=0.033, at_bound=True), *far))
-    assert "unlike anything" in published_verdict([bound])
+    assert "unlike anything" in published_verdict([bound], DATA.table)
     two = Screening(calibration="C1", tried=(tried("A", error=0.08), *far, tried("A", "D", error=0.01)))
-    assert "A second effect is called for: A with D leave 1.0%" in published_verdict([two])
+    assert "A second effect is called for: A with D leave 1.0%" in published_verdict([two], DATA.table)
