@@ -26,6 +26,7 @@ from updating.joint_problem import Problem, Scope, require_known
 from updating.objective import frequency_error
 from updating.prepared import Prepared, solve_target
 from updating.sensitivity import PRIOR, Scatter
+from updating.starts import starts
 from updating.subset import select
 from updating.workers import distribute
 
@@ -309,14 +310,14 @@ def joint_fit(
     n = n_start if problem.of_effects else 1
     near = {(p.name, p.group): p.value for p in first.parameter} if isinstance(first, JointFit) else {}
     given = {} if first is None or isinstance(first, JointFit) else first
-    found = list(distribute(partial(descend, problem), problem.starts(n, given, near), executor))
+    found = list(distribute(partial(descend, problem), starts(problem, n, given, near), executor))
     found.sort(key=lambda descent: descent.cost)
     if not found[0].converged:
         message = (
             f"the fit did not converge in {found[0].objective.size} evaluations; fix or bound a parameter"
         )
         raise FitError(message)
-    starts = tuple(
+    records = tuple(
         Start(
             first=problem.value(descent.first),
             last=problem.value(descent.last),
@@ -362,7 +363,7 @@ def joint_fit(
         chi_square=float(residual @ residual),
         n_residual=residual.size,
         configuration=tuple(_configuration(problem, i, x) for i in range(len(problem.prepared))),
-        start=starts,
+        start=records,
     )  # fmt: skip
 
 

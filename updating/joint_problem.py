@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.stats
 from numpy.typing import NDArray
 
 from model import Modes
@@ -27,7 +26,6 @@ Differences = tuple[NDArray[np.float64], NDArray[np.float64]]
 RATIOS = ("young", "density", "normal_modulus")
 """Parameters of every stack, as ratios to the values of its file."""
 _RATIO_BOUNDS = (0.5, 2.0)
-_SCAN = 15  # values of G_f tried before each descent
 _PRESSURE_REACH = 5.0  # bounds of a pressure that has a prior, in standard deviations
 
 
@@ -212,69 +210,6 @@ class Problem:
         found = np.concatenate(residuals), np.vstack(jacobians)
         self._latest = (x.copy(), found)
         return found
-
-    def starts(
-        self, n: int, first: Mapping[str, float], near: Mapping[tuple[str, str], float] | None = None
-    ) -> list[NDArray[np.float64]]:
-        """Return n points to descend from; see `joint_fit`.
-
-        The first is `near`, estimates by name and group, with effects that it lacks at their neutral values.
-        """
-        near = near or {}
-        shared = self.of_effects
-        stiffness = [j for j, f in enumerate(self.free) if f.name == "G_f"]
-        inside = 1e-3 * (self.high - self.low)
-        sobol = (
-            scipy.stats.qmc.Sobol(len(shared), rng=np.random.default_rng(0)).random(
-                1 << max(0, n - 2).bit_length()
-            )
-            if shared and n > 2
-            else np.empty((0, len(shared)))
-        )
-        found = []
-        for k in range(n):
-            x = np.array([f.inward(f.nominal) for f in self.free])
-            for m, j in enumerate(shared):
-                nominal, neutral = x[j], self.free[j].inward(self.free[j].neutral)
-                if k == 0 and self.free[j].name in first:
-                    x[j] = self.free[j].inward(first[self.free[j].name])
-                elif k == 1:
-                    x[j] = neutral + 0.05 * (nominal - neutral)
-                elif k > 1:
-                    x[j] = self.low[j] + sobol[k - 2, m] * (self.high[j] - self.low[j])
-            at = {j: near[f.name, f.group] for j, f in enumerate(self.free) if (f.name, f.group) in near}
-            if k == 0 and near:
-                for j in shared:
-                    x[j] = self.free[j].inward(self.free[j].neutral)
-                for j, value in at.items():
-                    x[j] = self.free[j].inward(value)
-            x = np.clip(x, self.low + inside, self.high - inside)
-            if k > 0 or any(j not in at for j in stiffness):
-                x = self._scan(x, stiffness)
-            found.append(x)
-        return found
-
-    def _scan(self, x: NDArray[np.float64], stiffness: list[int]) -> NDArray[np.float64]:
-        """Give each G_f the best value of a grid, the other parameters kept."""
-        if not stiffness:
-            return x
-        grid = [np.linspace(self.low[j], self.high[j], _SCAN + 2)[1:-1] for j in stiffness]
-        cost = np.zeros((len(stiffness), _SCAN))
-        for k in range(_SCAN):
-            trial = x.copy()
-            trial[stiffness] = [g[k] for g in grid]
-            for i, (p, used) in enumerate(zip(self.prepared, self.used, strict=True)):
-                if np.any(used):
-                    modes, column = self.modes(i, trial)
-                    residual = whitened_residual(
-                        p.target, used, modes, column, self.scatter, with_damping=False
-                    )[0]
-                    cost[stiffness.index(self.column[i]["G_f"]), k] += residual @ residual
-        x = x.copy()
-        for j, g, c in zip(stiffness, grid, cost, strict=True):
-            if np.any(c):  # else no mode of that group counts
-                x[j] = g[int(np.argmin(c))]
-        return x
 
 
 def _contact(name: str, unit: str, bounds: tuple[float, float], *, nominal: float) -> Parameter:

@@ -16,6 +16,7 @@ from updating.joint_fit import joint_fit
 from updating.joint_problem import Problem
 from updating.prepared import prepare, solve_target
 from updating.sensitivity import Scatter
+from updating.starts import starts
 from updating.target import Target, target_of_table
 from updating.workers import workers
 
@@ -108,7 +109,7 @@ def test_the_record_of_each_start_falls(fitted):
 @pytest.mark.parametrize("shapes", [False, True])
 def test_derivatives_agree_with_differences(prepared, shapes):
     problem = problem_of([with_shapes(one) for one in prepared] if shapes else prepared)
-    x = problem.starts(1, {})[0]
+    x = starts(problem, 1, {})[0]
     station = next(j for j, f in enumerate(problem.free) if f.name == "clamp_station")
     x[station] = 0.65  # between the effect's fixed places, where its derivative jumps
     _, jacobian = problem.evaluate(x)
@@ -223,7 +224,7 @@ def test_a_profile_ends_where_chi_square_has_risen(prepared):
 
 def test_simulated_data_give_the_interval_of_the_covariance_where_all_is_nearly_linear(prepared):
     problem = problem_of(noisy(prepared, 0.003, 2), clamp_station=0.7)
-    x = descend(problem, problem.starts(1, {})[0]).last
+    x = descend(problem, starts(problem, 1, {})[0]).last
     spread, inflation = covariance(problem, x)
     normal = normal_intervals(problem, x, spread)
     drawn = bootstrap_intervals(problem, x, inflation, seed=0, n_draw=40)
@@ -313,7 +314,7 @@ def test_workers_find_the_same_to_the_last_bit(prepared):
     problem = problem_of(prepared)
     with threadpool_limits(1, user_api="blas"), workers(2) as executor:
         here, there = joint_fit(prepared, n_start=2), joint_fit(prepared, n_start=2, executor=executor)
-        x = problem.starts(1, {})[0]
+        x = starts(problem, 1, {})[0]
         inflation = np.ones(problem.evaluate(x)[0].size)
         drawn = [
             bootstrap_intervals(problem, x, inflation, seed=0, n_draw=6, executor=where)
