@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from updating.explanation import Explanation
 
 P_CONTENT = 0.05
-"""One effect that fits better than this needs no second."""
+"""One effect that fits worse than this asks for a second."""
 
 
 def block_p_value(explanation: Explanation, kinds: Sequence[str], n_free: int) -> float:

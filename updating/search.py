@@ -30,9 +30,11 @@ N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
 VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
+_PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
 _ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
 N_AFAR, N_AFAR_STEPS = 6, 20
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
+_CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
 _REFIT = 8  # evaluations after the basis has grown
 
 
@@ -67,7 +69,7 @@ class Search:
 def search(evidence: Evidence, worth: float) -> Search:
     """Fit the base model and the effects and pairs that could explain what it leaves.
 
-    Pairs are tried where the best single effect leaves more than chance does.
+    Pairs are tried where the best single effect leaves more than chance does, or where a second one promises much.
 
     Parameters
     ----------
@@ -91,13 +93,13 @@ def search(evidence: Evidence, worth: float) -> Search:
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
         base = explain(evidence, nuisance=base.nuisance)
-        again = _fitted(evidence, [(x.effects, x.nuisance, x.coordinate) for x in singles], _REFIT)
-        singles = sorted(again, key=lambda x: x.misfit)
+        singles = _again(evidence, singles, len(singles))
     pairs = []
     best = min(singles, key=lambda x: x.misfit, default=base)
-    if base.misfit - best.misfit > worth and p_value(best) < P_CONTENT:
+    if base.misfit - best.misfit > worth and (p_value(best) < P_CONTENT or _hides(evidence, best)):
         pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles), _REFIT)
         evidence, pairs = _exact(evidence, pairs)
+        singles = _again(evidence, singles)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
 
 
@@ -115,6 +117,14 @@ def _weighed(evidence: Evidence, base: Explanation, best: Explanation | None = N
         with_it = residual(plain, best.nuisance, best.parameter, best.coordinate).value[data]
         change = np.maximum(change, np.abs(with_it - residual(plain, best.nuisance).value[data]))
     return replace(evidence, weight=1.0 / np.hypot(1.0, evidence.scatter.form * change))
+
+
+def _hides(evidence: Evidence, best: Explanation) -> bool:
+    """Whether a second effect could explain more than chance does although the best one is enough as it is.
+
+    Shapes are many, and what an effect changes in few frequencies is little beside their scatter.
+    """
+    return max((s.gain for s in screen(evidence, best)), default=0.0) > _PROMISING
 
 
 def _pair_starts(
@@ -178,5 +188,13 @@ def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence,
         for own in near
     ]
     richer = evidence.with_system(enriched(evidence.system, places, N_MODEL))
-    again = _fitted(richer, [(x.effects, x.nuisance, x.coordinate) for x in near], _REFIT)
-    return richer, sorted([*again, *ordered[len(near) :]], key=lambda x: x.misfit)
+    return richer, _again(richer, ordered, len(near))
+
+
+def _again(evidence: Evidence, fitted: Sequence[Explanation], least: int = N_EXACT) -> list[Explanation]:
+    """Fit the best again, with another basis or other weights, and those that are close to them; the best first."""
+    ordered = sorted(fitted, key=lambda x: x.misfit)
+    close = sum(x.misfit < ordered[0].misfit + _CLOSE for x in ordered)
+    first, rest = ordered[: max(least, close)], ordered[max(least, close) :]
+    again = _fitted(evidence, [(x.effects, x.nuisance, x.coordinate) for x in first], _REFIT)
+    return sorted([*again, *rest], key=lambda x: x.misfit)

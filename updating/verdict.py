@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from updating.adequacy import P_CONTENT, p_value
+from updating.adequacy import p_value
 from updating.explanation import Explanation
 from updating.search import Search
 
@@ -44,7 +44,7 @@ def decide(found: Search) -> Decision:
     single = min(found.singles, key=lambda x: x.misfit, default=base)
     pair = min(found.pairs, key=lambda x: x.misfit, default=base)
     needed = base.misfit - single.misfit > GAIN_SINGLE
-    second = single.misfit - pair.misfit > GAIN_SECOND and p_value(single) < P_CONTENT
+    second = single.misfit - pair.misfit > GAIN_SECOND
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
