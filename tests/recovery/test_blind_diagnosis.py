@@ -11,6 +11,7 @@ from updating import blind_jobs
 from updating.blind import Case
 from updating.blind_figures import figures
 from updating.blind_jobs import figures_table, planned, run_blind
+from updating.errors import StoreError
 
 ROOT = Path(__file__).parents[2]
 SPECIFICATION = ROOT / "data" / "demo_stack" / "virtual_test.toml"
@@ -30,7 +31,8 @@ def case(seed, kind):
     return Case(
         seed=seed, kind=kind, truth=("rod_spring",), values={"k": 1.5}, verdict="one of",
         candidates=(("rod_spring",), ("stinger", "weld")), not_visible=(), covered=(True,), distance=6.0,
-        rival=float("inf"), most_visible=("stinger",), bic=(), held_out=(0.01, 0.002, 0.001),
+        rival=float("inf"), most_visible=("stinger",), bic=(), held_out=(9.0, 1.2, 1.0),
+        held_out_frequency=(0.01, 0.002, 0.001),
     )  # fmt: skip
 
 
@@ -57,4 +59,10 @@ def test_the_full_study_begins_with_the_quick_one():
     assert (len(quick), len(full)) == (134, 1300)
     assert full[:134] == quick
     one = [seed for seed, kind in full if kind in ("single", "withheld", "wrong form")]
-    assert len(set(one)) == len(one) == 60 + 20 + 14 + 500 + 190 + 86
+    assert len(set(one)) == len(one) == 54 + 24 + 10 + 506 + 186 + 90
+
+
+def test_a_record_of_another_version_is_named(tmp_path):
+    (tmp_path / "cases.jsonl").write_text('{"seed": 1, "kind": "null"}\n', encoding="utf-8")
+    with pytest.raises(StoreError, match=r"cases\.jsonl, line 1: .*another version.*move it away"):
+        run_blind(SPECIFICATION, tmp_path, Console(quiet=True))
