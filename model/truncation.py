@@ -9,7 +9,7 @@ import scipy.linalg as la
 
 from model.errors import SolveError
 from model.reduction import ReducedSystem
-from model.z_basis import N_RIGID
+from model.z_basis import N_RIGID, SOFT, shear_shift
 
 
 def truncated(
@@ -26,14 +26,16 @@ def truncated(
     n_mode : int
         Modes of each sample, the six rigid-body modes included.
     tolerance : float
-        Amplitude of a direction, relative to the largest, below which it is left out (proper orthogonal
-        decomposition in the mass of the nominal parameters).
+        Amplitude of a direction, each mode having one of unit energy, below which it is left out (proper orthogonal
+        decomposition in the stiffness of the nominal parameters). What is left out raises frequencies by half its
+        energy: mass weighs it too little in soft modes, such as the first torsion mode at low contact stiffness.
 
     Raises
     ------
     SolveError
         The stiffness is negative at all samples.
     """
+    shift = SOFT * shear_shift(system.stack, system.theta)
     modes = []
     for sample in samples:
         theta = {**system.theta, **sample}
@@ -41,12 +43,15 @@ def truncated(
             system.matrix("K", theta), system.matrix("M", theta), subset_by_index=(0, n_mode - 1)
         )
         if value[0] > -1e-6 * value[-1]:
-            modes.append(vector[:, N_RIGID:])
+            modes.append(vector[:, N_RIGID:] / np.sqrt(np.maximum(value[N_RIGID:], shift)))
     if not modes:
         message = "truncated: the stiffness is negative at all samples"
         raise SolveError(message)
     together = np.hstack(modes)
     together[:N_RIGID] = 0.0  # rigid-body motion is kept as it is
-    directions, amplitude, _ = la.svd(together, full_matrices=False)
-    turn = np.hstack([np.eye(system.size, N_RIGID), directions[:, amplitude > tolerance * amplitude[0]]])
+    energy = system.matrix("K", system.theta) + shift * system.matrix("M", system.theta)
+    root = la.cholesky(energy)
+    directions, amplitude, _ = la.svd(root @ together, full_matrices=False)
+    kept = la.solve_triangular(root, directions[:, amplitude > tolerance])
+    turn = np.hstack([np.eye(system.size, N_RIGID), la.qr(kept, mode="economic")[0]])
     return system.rebased(system.basis @ turn, lambda term, _: turn.T @ term.matrix @ turn)

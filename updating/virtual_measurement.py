@@ -95,7 +95,7 @@ def play(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
     rng = np.random.default_rng(test.seed)
     played = {}
     for specimen in specimens(test):
-        system = model.reduce(specimen.stack)
+        system = model.reduce(specimen.stack, n_mode=_N_MODE)
         true = true_modes(test, specimen, system)
         clean = _clean(test, specimen, system)
         coherence = None
@@ -130,7 +130,7 @@ def play_modes(test: VirtualTest, noise: ModalNoise) -> dict[str, tuple[ModalMod
     played = {}
     for specimen in specimens(replace(test, stack=replace(test.stack, mesh=QUICK_MESH))):
         G_f = specimen.configuration.G_f
-        system = model.reduce(specimen.stack, G_f_range=(0.9 * G_f, 1.1 * G_f), n_snapshot=2)
+        system = model.reduce(specimen.stack, G_f_range=(0.9 * G_f, 1.1 * G_f), n_snapshot=2, n_mode=_N_MODE)
         true = true_modes(test, specimen, system)
         played[specimen.configuration.name] = (_drawn(test, specimen, true, noise, rng), true)
     return played

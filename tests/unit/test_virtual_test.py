@@ -12,7 +12,7 @@ import model
 from updating.errors import FitError
 from updating.virtual_campaign import write_virtual_test
 from updating.virtual_dynamics import dynamics, loaded_response, poles
-from updating.virtual_measurement import ModalNoise, play, play_modes, true_modes
+from updating.virtual_measurement import QUICK_MESH, ModalNoise, play, play_modes, true_modes
 from updating.virtual_test import Averaging, drawn_deviations, specimens
 from updating.virtual_test_file import read_virtual_test
 
@@ -231,6 +231,18 @@ def test_modal_data_scatter_as_stated(test):
     np.testing.assert_allclose(np.diag(ema.mac(measured.shape, true.shape[:, seen])), 1.0, atol=0.01)
     again, _ = play_modes(one, noise)["M1"]
     np.testing.assert_array_equal(again.shape, measured.shape)
+
+
+def test_upper_modes_are_true_as_well(test):
+    """Soft contact brings many modes into the band; the reduction must hold for all that are played."""
+    soft = replace(test.configurations[0], G_f=300.0)
+    one = replace(test, configurations=(soft,), deviation={}, spread={}, force_cell_mass=0.0)
+    one = replace(one, stinger_stiffness=0.0, sensor_mass=0.0)
+    _, true = play_modes(one, ModalNoise())["M1"]
+    (specimen,) = specimens(replace(one, stack=replace(one.stack, mesh=QUICK_MESH)))
+    system = model.reduce(specimen.stack, G_f_range=(270.0, 330.0), n_snapshot=2, n_mode=24)
+    exact = model.refine(system, G_f=300.0, n_mode=22).frequency[6:]
+    np.testing.assert_allclose(true.frequency, exact, rtol=1e-3)
 
 
 def test_the_truth_is_sealed():
