@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from model import Parameter
+from model import Parameter, SolveError
 from updating.coordinates import bounds_of
 from updating.evidence import Evidence
 from updating.explanation import Explanation
@@ -57,7 +57,7 @@ class Screened:
 
 
 def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
-    """Return what each effect of the catalogue could add to an explanation.
+    """Return what each effect of the catalogue could add to an explanation, those that leave a possible stack.
 
     Parameters
     ----------
@@ -93,9 +93,14 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
         for values in itertools.product(*(np.linspace(low[i], high[i], _SHAPES) for i in shaping)):
             where = np.zeros(len(own))
             where[shaping] = values
-            slope = changes(own, where) if shaping.size else raw
+            try:
+                slope = changes(own, where) if shaping.size else raw
+            except SolveError:  # with what is fitted already, there is no such stack
+                continue
             strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > _SILENT * size)
             trials.append(_screened(name, own, where, projected(slope), np.setdiff1d(strong, shaping), r))
+        if not trials:
+            continue
         best = max(trials, key=lambda s: s.gain)
         found.append(replace(best, reach=max(s.reach for s in trials)))
     return tuple(found)
