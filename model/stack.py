@@ -28,6 +28,7 @@ Edge = Literal["left", "right", "front", "back", "all"]
 Laminas = Literal["all", "bottom", "top", "faces"]
 
 _MOST_ELEMENTS = 1000  # along a side; more is a slip, and would fill the memory before anything is said
+_THINNEST = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
 
 
 def _require_positive(owner: str, value: object, *names: str) -> None:
@@ -370,6 +371,12 @@ class Stack:
                 raise StackError(message)
         if self.pitch <= 0.0:
             message = f"stack: height {self.height:g} m leaves no room for laminas between the interlayers"
+            raise StackError(message)
+        if self.pitch < _THINNEST:
+            message = (
+                f"stack: n_lamina = {self.n_lamina} in a height of {self.height:g} m makes laminas {self.pitch:.2g} m "
+                "thick; electrical steel has 1e-4 to 1e-3 m"
+            )
             raise StackError(message)
         for i, clamp in enumerate(self.clamps):
             for axis, position, size in (("x", clamp.x, self.length), ("y", clamp.y, self.width)):

@@ -75,6 +75,7 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
         share("both of a pair right, where both show", "80 %", [top(c) for c in pairs]),
         share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
         share("unlike anything, withheld beyond 5 sigma", "90 %", [unlike(c) for c in far]),
+        share("  of these not aliased", "reported", [unlike(c) for c in far if c.rival >= SEPARATE]),
         share("unlike anything, all withheld", "65 %", [unlike(c) for c in withheld]),
         share(
             "wrong form: the effect or its family named",

@@ -40,6 +40,7 @@ def test_units_become_si(tmp_path, stack_text):
         ("x_mm = 100", "x_mm = 200", ["clamps[0]", "outside the stack", "0.15"]),
         ("x_mm = 100", 'x_mm = 100\ndistribution = "side"', ["clamps.0.distribution", "'side'"]),
         ("length_mm = 300", "length_mm = 0", ["length must be positive"]),
+        ("n_lamina = 240", "n_lamina = 1000000000", ["n_lamina = 1000000000", "m thick"]),
         ("[material]", "[material", ["not a TOML file"]),
     ],
 )
