@@ -131,3 +131,24 @@ def lowest_modes(
         before = now
     message = f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps"
     raise SolveError(message)
+
+
+def inverse_iterated(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve for one step of inverse iteration, also where the shift is an eigenvalue to the last digit.
+
+    Parameters
+    ----------
+    matrix : (n, n)
+        The shifted matrix, symmetric.
+    right : (n,)
+        Mass times the last vector.
+
+    Returns
+    -------
+    (n,)
+        x with right' x = 1 and matrix x along `right`; the border of that condition keeps a singular matrix solvable.
+    """
+    n, size = right.size, float(np.abs(matrix).max() / np.abs(right).max())
+    bordered = np.zeros((n + 1, n + 1))
+    bordered[:n, :n], bordered[:n, n], bordered[n, :n] = matrix, size * right, size * right
+    return np.asarray(la.lu_solve(la.lu_factor(bordered), np.append(np.zeros(n), size))[:n])

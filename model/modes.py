@@ -11,6 +11,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.arrays import readonly
+from model.eigen import inverse_iterated
 from model.errors import SolveError
 from model.observation import Observation, Observed, observe
 from model.reduction import ReducedSystem
@@ -327,7 +328,7 @@ def _at_own_frequency(
         mass, stiffness = system.matrix("M", here), system.matrix("K", here)
         if abs(omega - last) < _CONVERGED * omega:
             break
-        better = la.lu_solve(la.lu_factor(stiffness - omega**2 * mass), mass @ shape)
+        better = inverse_iterated(stiffness - omega**2 * mass, mass @ shape)
         shape = better / np.sqrt(better @ mass @ better)
     else:
         message = (

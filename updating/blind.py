@@ -229,7 +229,9 @@ def _drawn(
             chosen = tuple(effects[names[i]] for i in rng.choice(len(names), n, replace=False))
         values = {k: v for effect in chosen for k, v in strengths(effect, rng).items()}
         test = blind_test(specification, seed, chosen, values)
-        with contextlib.suppress(SolveError):  # where the contact turns negative, in stiffness or in damping alone
+        with contextlib.suppress(
+            SolveError
+        ):  # where the contact turns negative, in stiffness or in damping alone
             tested = played(test)
             if all(np.all(modes.damping > 0.0) for _, _, modes in tested):
                 return chosen, values, test, tested

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from updating.adequacy import p_value
 from updating.explanation import Explanation
 from updating.search import Search
@@ -17,9 +19,11 @@ GAIN_SINGLE = 16.0
 """Fall of the squared misfit that a missing effect must bring; the best of the whole catalogue reaches it by chance in
 few of 100 complete models."""
 GAIN_SECOND = 16.0
-"""The same for a second effect beside the first."""
+"""The same for a second effect beside the first, and more where a strong first one is adequate: what its form may be
+off by changes the data, too, and is no effect of its own."""
 P_ADEQUATE = 0.02
 """A model that fits worse than this is not adequate."""
+_Z90 = 1.645
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +48,9 @@ def decide(found: Search) -> Decision:
     single = min(found.singles, key=lambda x: x.misfit, default=base)
     pair = min(found.pairs, key=lambda x: x.misfit, default=base)
     needed = base.misfit - single.misfit > GAIN_SINGLE
-    second = single.misfit - pair.misfit > GAIN_SECOND
+    unknown = found.evidence.scatter.form * _Z90 * np.sqrt(max(base.misfit - single.misfit, 0.0))
+    doubt = unknown**2 if p_value(single) > P_ADEQUATE else 0.0
+    second = single.misfit - pair.misfit > GAIN_SECOND + doubt
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
