@@ -24,6 +24,7 @@ _LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says no
 
 _MOST_STEPS = 30  # of the search for a mode's own frequency
 _CONVERGED = 1e-10  # relative change of that frequency
+_MOST_GROWTH = 0.9  # of a frequency with the one that its stiffness is taken at, so that steps stay finite
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -344,7 +345,13 @@ def _at_own_frequency(
 def _rayleigh(
     system: ReducedSystem, theta: Mapping[str, float], shape: NDArray[np.float64], omega: float
 ) -> float:
-    """Return the frequency near `omega`, rad/s, at which shape' (K - omega**2 M) shape vanishes, by Newton."""
+    """Return the frequency near `omega`, rad/s, at which shape' (K - omega**2 M) shape vanishes, by Newton.
+
+    Raises
+    ------
+    SolveError
+        The stiffness is negative there.
+    """
     shares = [(t.target, t.factor, float(shape @ t.matrix @ shape)) for t in system.terms if t.target != "C"]
     for _ in range(_MOST_STEPS):
         here = {**theta, OMEGA: omega}
@@ -352,11 +359,13 @@ def _rayleigh(
         for target, factor, share in shares:
             value[target] += factor(here) * share
             slope[target] += factor.derivative(here, OMEGA) * share
-        step = (value["K"] - omega**2 * value["M"]) / (
-            2.0 * omega * value["M"] + omega**2 * slope["M"] - slope["K"]
-        )
-        omega += step
-        if abs(step) < _CONVERGED * abs(omega):
+        if not min(value.values()) > 0.0:
+            message = f"the stiffness at {here} is negative for a mode near {omega / 2.0 / np.pi:.6g} Hz"
+            raise SolveError(message)
+        next_one = float(np.sqrt(value["K"] / value["M"]))
+        growth = 0.5 * next_one * (slope["K"] / value["K"] - slope["M"] / value["M"])
+        last, omega = omega, max(omega + (next_one - omega) / (1.0 - min(growth, _MOST_GROWTH)), omega / 2.0)
+        if abs(omega - last) < _CONVERGED * omega:
             break
     return omega
 
