@@ -191,7 +191,7 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     found = search(gather(offered, tested), WORTH)
     decision = decide(found)
     whole = replace(found.evidence, effects=candidates.effects)
-    true = _true(whole, found.base, truth, values)
+    true = _true(whole, found, truth, values)
     others = [x.misfit - true.misfit for x in found.singles if x.effects != truth]
     named = decision.left[0] if decision.left else found.base
     unseen_evidence = gather(candidates, [unseen]).with_system(found.evidence.system)
@@ -244,9 +244,13 @@ def played(test: VirtualTest) -> list[Campaigned]:
 
 
 def _true(
-    evidence: Evidence, base: Explanation, truth: tuple[str, ...], values: Mapping[str, float]
+    evidence: Evidence, found: Search, truth: tuple[str, ...], values: Mapping[str, float]
 ) -> Explanation:
-    """Fit the true effects, from the truth; the contact is sought from the base model's and from the stack's own."""
+    """Return the best fit of the true effects: from the truth, or what the search found.
+
+    From the truth, the contact is sought from the base model's and from the stack's own.
+    """
+    base = found.base
     if not truth:
         return base
     start = np.array([coordinate_of(p, values[p.name]) for p in evidence.parameters(truth)])
@@ -254,7 +258,8 @@ def _true(
         explain(evidence, truth, nuisance=nuisance, coordinate=start)
         for nuisance in (base.nuisance, np.zeros(base.nuisance.size))
     ]
-    return min(fitted, key=lambda x: x.misfit)
+    own = [x for x in found.explanations if tuple(sorted(x.effects)) == truth]
+    return min((*own, *fitted), key=lambda x: x.misfit)
 
 
 def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float]) -> tuple[bool, ...]:
