@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from updating.adequacy import p_value
+from updating.adequacy import P_CONTENT, p_value
 from updating.explanation import Explanation
 from updating.search import Search
 
@@ -21,6 +21,9 @@ few of 100 complete models."""
 GAIN_SECOND = 16.0
 """The same for a second effect beside the first, and more where a strong first one is adequate: what its form may be
 off by changes the data, too, and is no effect of its own."""
+GAIN_HIDDEN = 30.0
+"""The same where the first alone leaves no more than chance does: then what the mesh leaves, below the scatter but
+coherent, can pass for a second effect."""
 P_ADEQUATE = 0.02
 """A model that fits worse than this is not adequate."""
 _Z90 = 1.645
@@ -50,7 +53,8 @@ def decide(found: Search) -> Decision:
     needed = base.misfit - single.misfit > GAIN_SINGLE
     unknown = found.evidence.scatter.form * _Z90 * np.sqrt(max(base.misfit - single.misfit, 0.0))
     doubt = unknown**2 if p_value(single) > P_ADEQUATE else 0.0
-    second = single.misfit - pair.misfit > GAIN_SECOND + doubt
+    least = GAIN_HIDDEN if p_value(single) > P_CONTENT else GAIN_SECOND
+    second = single.misfit - pair.misfit > least + doubt
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
