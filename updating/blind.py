@@ -258,12 +258,17 @@ def _true(
         explain(evidence, truth, nuisance=nuisance, coordinate=start)
         for nuisance in (base.nuisance, np.zeros(base.nuisance.size))
     ]
-    own = [x for x in found.explanations if tuple(sorted(x.effects)) == truth]
-    return min((*own, *fitted), key=lambda x: x.misfit)
+    own = _of(found, truth)
+    return min(fitted if own is None else (own, *fitted), key=lambda x: x.misfit)
+
+
+def _of(found: Search, truth: tuple[str, ...]) -> Explanation | None:
+    """Return what the search fitted with the true effects."""
+    return next((x for x in found.explanations if tuple(sorted(x.effects)) == truth), None)
 
 
 def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float]) -> tuple[bool, ...]:
-    own = next((x for x in found.explanations if tuple(sorted(x.effects)) == truth), None)
+    own = _of(found, truth)
     if own is None:
         return ()
     return tuple(
@@ -286,12 +291,11 @@ def _predicted(unseen: Evidence, own: Explanation) -> tuple[float, float]:
     relative error of frequencies.
     """
     common = own.nuisance[: unseen.n_common].copy()
-    for _ in range(_STEPS):
-        found = residual(unseen, common, own.parameter, own.coordinate)
-        modal = np.isin(found.kind, ("frequency", "damping"))
-        common[:2] -= np.linalg.lstsq(found.jacobian[modal, :2], found.value[modal], rcond=None)[0]
     found = residual(unseen, common, own.parameter, own.coordinate)
     modal = np.isin(found.kind, ("frequency", "damping"))
+    for _ in range(_STEPS):
+        common[:2] -= np.linalg.lstsq(found.jacobian[modal, :2], found.value[modal], rcond=None)[0]
+        found = residual(unseen, common, own.parameter, own.coordinate)
     return (
         float(np.sqrt(np.mean(found.value[modal] ** 2))),
         float(np.mean(np.abs(np.expm1(-found.log_frequency)))),

@@ -18,7 +18,8 @@ from updating.residual import Residual, residual
 
 Vector = NDArray[np.float64]
 
-_Z90 = 1.6449
+Z90 = 1.6449
+"""Standard deviations to either side that hold 90 % of a normal distribution."""
 _FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
 _ROBUST = 10.0  # residual beyond which a robust loss counts it less
@@ -154,8 +155,8 @@ def explain(
         effects=tuple(effects),
         parameter=parameters,
         value=ends(np.zeros(z.size)),
-        lower=ends(-_Z90 * std),
-        upper=ends(_Z90 * std),
+        lower=ends(-Z90 * std),
+        upper=ends(Z90 * std),
         at_bound=(z - low < _EDGE) | (high - z < _EDGE),
         nuisance=solution[:n_own],
         coordinate=z,

@@ -96,10 +96,13 @@ def search(evidence: Evidence, worth: float) -> Search:
         singles = _again(evidence, singles, len(singles))
     pairs = []
     best = min(singles, key=lambda x: x.misfit, default=base)
-    if base.misfit - best.misfit > worth and (p_value(best) < P_CONTENT or _hides(evidence, best)):
-        pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles), _REFIT)
-        evidence, pairs = _exact(evidence, pairs)
-        singles = _again(evidence, singles)
+    if base.misfit - best.misfit > worth:
+        beside = screen(evidence, best)
+        # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
+        if p_value(best) < P_CONTENT or max((s.gain for s in beside), default=0.0) > _PROMISING:
+            pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles, beside), _REFIT)
+            evidence, pairs = _exact(evidence, pairs)
+            singles = _again(evidence, singles)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
 
 
@@ -119,25 +122,21 @@ def _weighed(evidence: Evidence, base: Explanation, best: Explanation | None = N
     return replace(evidence, weight=1.0 / np.hypot(1.0, evidence.scatter.form * change))
 
 
-def _hides(evidence: Evidence, best: Explanation) -> bool:
-    """Whether a second effect could explain more than chance does although the best one is enough as it is.
-
-    Shapes are many, and what an effect changes in few frequencies is little beside their scatter.
-    """
-    return max((s.gain for s in screen(evidence, best)), default=0.0) > _PROMISING
-
-
 def _pair_starts(
-    evidence: Evidence, base: Explanation, screened: Sequence[Screened], singles: Sequence[Explanation]
+    evidence: Evidence,
+    base: Explanation,
+    screened: Sequence[Screened],
+    singles: Sequence[Explanation],
+    beside: Sequence[Screened],
 ) -> list[Start]:
-    """Return pairs worth a fit, and from where."""
+    """Return pairs worth a fit, and from where; `beside` is what was screened beside the best single effect."""
     starts: dict[frozenset[str], Start] = {}
     visible = [s for s in screened if s.reach >= VISIBLE]
     for _, (a, b), coordinate in pair_steps(base, visible)[:N_PAIR]:
         starts[frozenset((a, b))] = ((a, b), base.nuisance, np.concatenate(coordinate))
-    for first in singles[:N_FIRST]:
-        beside = sorted(screen(evidence, first), key=lambda s: -s.gain)[:N_BESIDE]
-        for second in beside:
+    for i, first in enumerate(singles[:N_FIRST]):
+        every = screen(evidence, first) if i else beside
+        for second in sorted(every, key=lambda s: -s.gain)[:N_BESIDE]:
             names = (first.effects[0], second.effect)
             start = np.concatenate([first.coordinate, second.start])
             starts[frozenset(names)] = (names, first.nuisance, start)

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from updating.adequacy import P_CONTENT, p_value
-from updating.explanation import Explanation
+from updating.explanation import Z90, Explanation
 from updating.search import Search
 
 Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]
@@ -26,7 +24,6 @@ GAIN_HIDDEN = 30.0
 coherent, can pass for a second effect."""
 P_ADEQUATE = 0.02
 """A model that fits worse than this is not adequate."""
-_Z90 = 1.645
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,10 +48,7 @@ def decide(found: Search) -> Decision:
     single = min(found.singles, key=lambda x: x.misfit, default=base)
     pair = min(found.pairs, key=lambda x: x.misfit, default=base)
     needed = base.misfit - single.misfit > GAIN_SINGLE
-    unknown = found.evidence.scatter.form * _Z90 * np.sqrt(max(base.misfit - single.misfit, 0.0))
-    doubt = unknown**2 if p_value(single) > P_ADEQUATE else 0.0
-    least = GAIN_HIDDEN if p_value(single) > P_CONTENT else GAIN_SECOND
-    second = single.misfit - pair.misfit > least + doubt
+    second = single.misfit - pair.misfit > _least_of_second(found, single)
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
@@ -66,3 +60,13 @@ def decide(found: Search) -> Decision:
         return Decision(verdict="unlike anything", left=())
     left = tuple(sorted((x for x in among if x.misfit - best.misfit < SEPARATE**2), key=lambda x: x.misfit))
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left)
+
+
+def _least_of_second(found: Search, single: Explanation) -> float:
+    """Return the fall of the squared misfit that a second effect must bring beside the best single one."""
+    p = p_value(single)
+    least = GAIN_HIDDEN if p > P_CONTENT else GAIN_SECOND
+    if p <= P_ADEQUATE:
+        return least
+    fall = max(found.base.misfit - single.misfit, 0.0)
+    return least + (Z90 * found.evidence.scatter.form) ** 2 * fall
