@@ -29,6 +29,10 @@ N_MODEL = 20
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3
 """Relative change of a dimension from which its influence is taken."""
+_FINER = 1.5  # elements along each side of the finer mesh over those of the model's
+_ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
+EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
+"""What the whole error of a mesh is of what the finer one takes away (Richardson 1911)."""
 _PLACES = 11
 _TRUNCATED = 0.06  # amplitude of a direction that modes need no more: errors of frequency are below 1e-4
 
@@ -49,6 +53,8 @@ class CandidateModel:
         Why the others cannot be.
     resized : mapping of str to ReducedSystem
         The stack without effects with one dimension larger by `RESIZED`.
+    finer : ReducedSystem, optional
+        The stack without effects on a finer mesh; none where an outline decides the mesh.
     """
 
     stack: Stack
@@ -56,6 +62,7 @@ class CandidateModel:
     effects: Mapping[str, Effect]
     impossible: Mapping[str, str]
     resized: Mapping[str, ReducedSystem]
+    finer: ReducedSystem | None
 
 
 def candidate_model(
@@ -92,21 +99,24 @@ def candidate_model(
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
     system = enriched(system, [at for effect in sampled for at in effect.combinations(_inside)], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
+    regular = base.outline is None
+    fine = replace(base.mesh, n_x=round(_FINER * base.mesh.n_x), n_y=round(_FINER * base.mesh.n_y))
     return CandidateModel(
         stack=base,
         system=system,
         effects=possible,
         impossible=impossible,
         resized={
-            name: reduce(
-                replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)}),
-                G_f_range=G_F_RANGE,
-                n_snapshot=N_SNAPSHOT,
-                n_mode=N_MODEL,
-            )
-            for name in (DIMENSIONS if base.outline is None else ("height",))
+            name: _plain(replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)}))
+            for name in (DIMENSIONS if regular else ("height",))
         },
+        finer=_plain(replace(base, mesh=fine)) if regular else None,
     )
+
+
+def _plain(stack: Stack) -> ReducedSystem:
+    """Reduce a stack without effects."""
+    return reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT, n_mode=N_MODEL)
 
 
 def instruments_of(modes: ModalModel) -> Instruments:

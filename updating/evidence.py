@@ -29,7 +29,7 @@ from model import (
     shared_parameters,
     solve_modes,
 )
-from updating.candidates import G_F_RANGE, N_MODEL, RESIZED, CandidateModel
+from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
 from updating.errors import FitError
 from updating.registration import register
 
@@ -51,7 +51,9 @@ class Scatter:
     Attributes
     ----------
     frequency, damping : float
-        Of every mode, beside the measurement's own: the mesh, and how a mode's damping repeats.
+        Of every mode, beside the measurement's own: the reduction, and how a mode's damping repeats.
+    mesh : float
+        Of what the mesh is corrected by, relative to it.
     shape : float
         Of every shape component, relative to the shape's root mean square: places and calibration of sensors.
     stiffness, loss : float
@@ -62,7 +64,8 @@ class Scatter:
         Of what an effect changes, relative to the change: no effect is modelled, nor meshed, better.
     """
 
-    frequency: float = 2e-4
+    frequency: float = 1e-4
+    mesh: float = 0.3
     damping: float = 0.01
     shape: float = 0.006
     stiffness: float = 0.03
@@ -71,7 +74,7 @@ class Scatter:
     density: float = 0.01
     normal_modulus: float = 0.2
     length: float = 1e-3
-    width: float = 1e-3
+    width: float = 2e-3
     height: float = 2e-3
     form: float = 1e-2
 
@@ -157,6 +160,10 @@ class Evidence:
     slope : tuple of (n_mode, n_dimension) float
         For each configuration, how much the logarithm of each measured mode's frequency grows with those of the
         dimensions: of the base model's mode that it resembles most.
+    finer : ReducedSystem, optional
+        The model without effects on a finer mesh.
+    mesh : tuple of (n_mode,) float
+        For each configuration, how much the logarithm of each measured mode's frequency grows with an ever finer mesh.
     weight : (n,) float, optional
         By which residuals of data are multiplied: below 1 where an effect's form decides, see `Scatter.form`.
     """
@@ -173,6 +180,8 @@ class Evidence:
     start: Vector
     resized: Mapping[str, ReducedSystem]
     slope: tuple[Vector, ...]
+    finer: ReducedSystem | None
+    mesh: tuple[Vector, ...]
     weight: Vector | None = None
 
     @property
@@ -258,23 +267,24 @@ def gather(
         start=np.zeros(0),
         resized=candidates.resized,
         slope=(),
+        finer=candidates.finer,
+        mesh=(),
     )
     started = _started(evidence)
     G_f = started.theta(started.start, 0)["G_f"]
-    return replace(started, slope=tuple(size_slopes(started, c, G_f) for c in range(len(tested))))
+    shift = [base_shifts(started, c, G_f) for c in range(len(tested))]
+    return replace(started, slope=tuple(slope for slope, _ in shift), mesh=tuple(mesh for _, mesh in shift))
 
 
-def size_slopes(evidence: Evidence, configuration: int, G_f: float) -> Vector:
-    """Return how much the logarithms of frequencies grow with those of the dimensions, (n_mode, n_dimension).
-
-    The measured modes' are those of the modes of the base model that they resemble most at `G_f`.
-    """
+def base_shifts(evidence: Evidence, configuration: int, G_f: float) -> tuple[Vector, Vector]:
+    """Return `Evidence.slope` and `Evidence.mesh` of a configuration: of the base model's modes at `G_f`."""
     own = evidence.tested[configuration]
     base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, ())
     column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
-    slopes = np.empty((own.modes.frequency.size, len(evidence.resized)))
-    for i, system in enumerate(evidence.resized.values()):
-        larger = solve_modes(
+
+    def growth(system: ReducedSystem) -> Vector:
+        """Return the logarithms of frequencies of another base model over those of this."""
+        other = solve_modes(
             system,
             G_f=G_f,
             d_f=D_F_START,
@@ -283,9 +293,12 @@ def size_slopes(evidence: Evidence, configuration: int, G_f: float) -> Vector:
             parameters={"pressure": own.pressure},
             by=(),
         ).elastic()
-        same = np.argmax(mac(base.shape, larger.shape), axis=1)
-        slopes[:, i] = np.log(larger.frequency[same] / base.frequency)[column] / np.log1p(RESIZED)
-    return slopes
+        same = np.argmax(mac(base.shape, other.shape), axis=1)
+        return np.asarray(np.log(other.frequency[same] / base.frequency)[column])
+
+    slopes = [growth(system) / np.log1p(RESIZED) for system in evidence.resized.values()]
+    finer = np.zeros(column.size) if evidence.finer is None else growth(evidence.finer)
+    return np.column_stack(slopes), EXTRAPOLATED * finer
 
 
 def _started(evidence: Evidence) -> Evidence:

@@ -13,7 +13,7 @@ from model.effect_parts import every_lamina, mean_over, square
 from model.mesh import FIELDS
 from model.system import Assembly, Monomial, Term
 from updating.coordinates import scaled
-from updating.evidence import Evidence, Tested, size_slopes, solved
+from updating.evidence import Evidence, Tested, base_shifts, solved
 from updating.explanation import Explanation
 from updating.residual import residual
 
@@ -249,7 +249,10 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    alone = replace(alone, slope=(size_slopes(alone, 0, theta["G_f"]),), weight=None)
+    slope, mesh = base_shifts(alone, 0, theta["G_f"])
+    expected = replace(expected, frequency=np.exp(mesh) * expected.frequency)
+    alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), weight=None)
+    alone = replace(alone, slope=(slope,), mesh=(mesh,))
     nuisance = b.nuisance[:common]
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"

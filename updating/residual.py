@@ -85,8 +85,9 @@ def residual(
                 full[..., n_common + c], full[..., n_common + n_tested + c] = own[..., 0], own[..., 1]
             return full
 
+        mesh = evidence.mesh[c][used]
         for kind, modelled, std, own in (
-            ("frequency", modes.pole_frequency, measured.frequency_std, s.frequency),
+            ("frequency", modes.pole_frequency, measured.frequency_std, np.hypot(s.frequency, s.mesh * mesh)),
             ("damping", modes.damping, measured.damping_std, s.damping),
         ):
             of_measured, of_model = getattr(measured, kind)[used], modelled[column]
@@ -96,7 +97,7 @@ def residual(
             gradient = spread(getattr(modes, f"{kind}_gradient")[column]) / safe[:, None]
             if kind == "frequency":
                 gradient[:, n_shared:n_common] = evidence.slope[c][used]
-                difference -= evidence.slope[c][used] @ nuisance[n_shared:n_common]
+                difference -= mesh + evidence.slope[c][used] @ nuisance[n_shared:n_common]
                 logarithm.append(difference)
             value.append(difference / sigma)
             rows.append(-gradient / sigma[:, None])

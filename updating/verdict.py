@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from updating.adequacy import P_CONTENT, p_value
+from updating.adequacy import p_value
 from updating.explanation import Z90, Explanation
 from updating.search import Search
 
@@ -19,9 +19,6 @@ few of 100 complete models."""
 GAIN_SECOND = 16.0
 """The same for a second effect beside the first, and more where a strong first one is adequate: what its form may be
 off by changes the data, too, and is no effect of its own."""
-GAIN_HIDDEN = 30.0
-"""The same where the first alone leaves no more than chance does: then what the mesh leaves, below the scatter but
-coherent, can pass for a second effect."""
 P_ADEQUATE = 0.02
 """A model that fits worse than this is not adequate."""
 
@@ -64,9 +61,7 @@ def decide(found: Search) -> Decision:
 
 def _least_of_second(found: Search, single: Explanation) -> float:
     """Return the fall of the squared misfit that a second effect must bring beside the best single one."""
-    p = p_value(single)
-    least = GAIN_HIDDEN if p > P_CONTENT else GAIN_SECOND
-    if p <= P_ADEQUATE:
-        return least
+    if p_value(single) <= P_ADEQUATE:
+        return GAIN_SECOND
     fall = max(found.base.misfit - single.misfit, 0.0)
-    return least + (Z90 * found.evidence.scatter.form) ** 2 * fall
+    return GAIN_SECOND + (Z90 * found.evidence.scatter.form) ** 2 * fall
