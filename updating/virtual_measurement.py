@@ -15,7 +15,7 @@ from model import Mesh, Observation, ReducedSystem
 from updating.virtual_dynamics import Dynamics, dynamics, loaded_response, poles, receptance
 from updating.virtual_test import Averaging, Specimen, VirtualTest, specimens
 
-QUICK_MESH = Mesh(n_x=20, n_y=5)
+QUICK_MESH = Mesh(n_x=24, n_y=6)
 """Mesh of tests that are played for their modal data alone; still finer than a fit's."""
 _N_MODE = 22  # the rigid-body modes included
 _VISIBLE = (
