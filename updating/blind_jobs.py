@@ -19,6 +19,7 @@ from updating.errors import StoreError
 from updating.store import write_bytes
 from updating.workers import workers
 
+_RECORD = "cases.jsonl"
 _QUICK = {"single": 54, "null": 22, "withheld": 24, "pair": 24, WRONG_FORM: 10}
 _MORE = {"single": 506, "null": 200, "withheld": 186, "pair": 184, WRONG_FORM: 90}
 
@@ -66,8 +67,8 @@ def run_blind(
     WorkerError
         See `workers`.
     """
-    record = output / "cases.jsonl"
-    done = {(case.seed, case.kind): case for case in _recorded(record)}
+    record = output / _RECORD
+    done = {(case.seed, case.kind): case for case in recorded(output)}
     write_bytes(record, "".join(map(_line, done.values())).encode())  # without a line that was cut off
     asked = planned(full=full)
     left = [case for case in asked if case not in done]
@@ -79,6 +80,28 @@ def run_blind(
             file.flush()
             console.print(f"{i + 1} of {len(left)}: {_sentence(case)}", highlight=False, markup=False)
     return tuple(done[case] for case in asked)
+
+
+def recorded(output: Path) -> tuple[Case, ...]:
+    """Read the cases that are done; what follows the last end of a line is a case that was being written.
+
+    Raises
+    ------
+    StoreError
+        A line is no case of this version.
+    """
+    record = output / _RECORD
+    if not record.exists():
+        return ()
+    *lines, _ = record.read_text(encoding="utf-8").split("\n")
+    cases = []
+    for number, line in enumerate(lines, 1):
+        try:
+            cases.append(cattrs.structure(json.loads(line), Case))
+        except (cattrs.BaseValidationError, ValueError) as error:
+            message = f"{record}, line {number}: no blind case, or one of another version; move it away"
+            raise StoreError(message) from error
+    return tuple(cases)
 
 
 def figures_table(cases: Sequence[Case]) -> Table:
@@ -95,21 +118,6 @@ def figures_table(cases: Sequence[Case]) -> Table:
         share = f"{100 * own.hits / own.total:.1f} %" if own.total else "-"
         table.add_row(own.name, share, str(own.total), f"{100 * low:.0f} to {100 * high:.0f}", own.target)
     return table
-
-
-def _recorded(record: Path) -> list[Case]:
-    """Read the cases that are done; what follows the last end of a line is a case that was being written."""
-    if not record.exists():
-        return []
-    *lines, _ = record.read_text(encoding="utf-8").split("\n")
-    cases = []
-    for number, line in enumerate(lines, 1):
-        try:
-            cases.append(cattrs.structure(json.loads(line), Case))
-        except (cattrs.BaseValidationError, ValueError) as error:
-            message = f"{record}, line {number}: no blind case, or one of another version; move it away"
-            raise StoreError(message) from error
-    return cases
 
 
 def _line(case: Case) -> str:

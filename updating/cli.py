@@ -362,8 +362,13 @@ def blind(
     """Diagnose virtual tests with sealed effects and print how often the answer was right.
 
     Each case is recorded in cases.jsonl as soon as it is done and is not run again; delete the file to begin anew.
+    Kinds of cases are mixed, and a run that is interrupted prints the figures of those that it has.
     """
-    cases = blind_jobs.run_blind(specification, output, _OUT, full=full, cluster=cluster)
+    try:
+        cases = blind_jobs.run_blind(specification, output, _OUT, full=full, cluster=cluster)
+    except KeyboardInterrupt:
+        _OUT.print(blind_jobs.figures_table(blind_jobs.recorded(output)))
+        raise
     _OUT.print(blind_jobs.figures_table(cases))
 
 

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from updating import blind_jobs
 from updating.blind import Case
 from updating.blind_figures import figures
 from updating.blind_jobs import figures_table, planned, run_blind
+from updating.cli import app
 from updating.errors import StoreError
 
 ROOT = Path(__file__).parents[2]
@@ -52,6 +54,18 @@ def test_cases_go_on_after_the_last_whole_line(tmp_path, monkeypatch):
     assert asked == [planned()[-1]]
     assert found == tuple(case(*which) for which in planned())
     assert record.read_text(encoding="utf-8") == "".join(lines)
+
+
+def test_an_interrupted_run_prints_the_figures_of_what_is_done(tmp_path, monkeypatch):
+    def run(specification, seed, kind):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(blind_jobs, "run", run)
+    lines = [json.dumps(asdict(case(*which))) + "\n" for which in planned()[:-1]]
+    (tmp_path / "cases.jsonl").write_text("".join(lines), encoding="utf-8")
+    printed = CliRunner().invoke(app, ["blind", str(SPECIFICATION), "-o", str(tmp_path)])
+    assert printed.exit_code == 130
+    assert "133 blind cases" in printed.output
 
 
 def test_the_full_study_begins_with_the_quick_one():
