@@ -293,7 +293,7 @@ def base_shifts(evidence: Evidence, configuration: int, G_f: float) -> tuple[Vec
             parameters={"pressure": own.pressure},
             by=(),
         ).elastic()
-        same = np.argmax(mac(base.shape, other.shape), axis=1)
+        _, same = pair(base.shape.astype(complex), base.frequency, other)
         return np.asarray(np.log(other.frequency[same] / base.frequency)[column])
 
     slopes = [growth(system) / np.log1p(RESIZED) for system in evidence.resized.values()]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import differential_evolution, minimize
 
 from ema.mac import mac
 from model import Parameter, SolveError
@@ -23,6 +23,7 @@ _PLACES = 11
 _STIFFNESS = 3
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
 _SETTLE = 0.15  # of a range, by which a place of the scan is varied
+_GENERATIONS, _POPULATION = 12, 12  # of a search over several parameters, the population for each of them
 _MOST, _CLOSE = 60, 1e-3  # evaluations, and change of the cost that ends them
 _FAR = 0.05  # a relative difference of frequency that counts as no resemblance
 
@@ -72,7 +73,13 @@ def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> Place:
 
 
 def settled(evidence: Evidence, start: Place) -> Place:
-    """Go from a place of `scan`, which is coarse, to one of less cost near it (Nelder and Mead 1965)."""
+    """Go from a place of `scan`, which is coarse, to one of less cost (Nelder and Mead 1965).
+
+    Where an effect has several parameters the valley is narrow and crooked, and a population looks for it over the
+    whole range first (Storn and Price 1997).
+    """
+    if start.coordinate.size > 1:
+        start = _evolved(evidence, start)
     low, high = bounds_of(evidence.parameters([start.effect]))
     seen = [start]
 
@@ -90,6 +97,27 @@ def settled(evidence: Evidence, start: Place) -> Place:
         method="Nelder-Mead",
         bounds=[tuple(np.log(G_F_RANGE)), *zip(low, high, strict=True)],
         options={"initial_simplex": corners, "maxfev": _MOST, "fatol": _CLOSE, "xatol": _CLOSE},
+    )
+    return min(seen, key=lambda found: found.cost)
+
+
+def _evolved(evidence: Evidence, start: Place) -> Place:
+    """Return the place of least cost that differential evolution finds at the G_f of another place, or that place."""
+    seen = [start]
+
+    def cost(x: Vector) -> float:
+        seen.append(_place(evidence, start.effect, start.G_f, np.array(x)))
+        return seen[-1].cost
+
+    low, high = bounds_of(evidence.parameters([start.effect]))
+    differential_evolution(
+        cost,
+        list(zip(low, high, strict=True)),
+        maxiter=_GENERATIONS,
+        popsize=_POPULATION,
+        init="sobol",
+        polish=False,
+        rng=0,
     )
     return min(seen, key=lambda found: found.cost)
 

@@ -21,6 +21,7 @@ _LINES_AT_ONCE = 128
 _STEP = 1e-6  # relative, of the derivative that only steers the iteration
 _MOST_STEPS = 40
 _CONVERGED = 1e-11
+_ASIDE = 1e-13  # relative step aside
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -109,7 +110,11 @@ def poles(
         for _ in range(_MOST_STEPS):
             h = _STEP * abs(s)
             slope = (of.at(s + h) - of.at(s - h)) / (2.0 * h)
-            u = np.linalg.solve(of.at(s), slope @ x)  # at the pole nearly singular, and meant to be
+            try:
+                u = np.linalg.solve(of.at(s), slope @ x)  # at the pole nearly singular, and meant to be
+            except np.linalg.LinAlgError:  # the pole to the last bit
+                s *= 1.0 + _ASIDE
+                u = np.linalg.solve(of.at(s), slope @ x)
             gain = (v @ u) / (v @ x)
             s, x = s - 1.0 / gain, u / gain
             if abs(1.0 / gain) < _CONVERGED * abs(s):

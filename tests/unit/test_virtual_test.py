@@ -11,7 +11,7 @@ import ema
 import model
 from updating.errors import FitError
 from updating.virtual_campaign import write_virtual_test
-from updating.virtual_dynamics import dynamics, loaded_response, poles
+from updating.virtual_dynamics import Dynamics, dynamics, loaded_response, poles
 from updating.virtual_measurement import QUICK_MESH, ModalNoise, play, play_modes, true_modes
 from updating.virtual_test import Averaging, drawn_deviations, specimens
 from updating.virtual_test_file import read_virtual_test
@@ -134,6 +134,14 @@ def test_dummies_make_all_runs_see_one_heavier_stack(bench, test):
     assert np.all(true.tested_frequency[:3] < 0.99 * true.frequency[:3])
     roving = true_modes(replace(heavy, dummy_masses=False), specimen, system)
     assert np.ptp(roving.run_frequency, axis=0)[:3].min() > 0.01
+
+
+def test_a_pole_that_is_met_to_the_last_bit_is_found():
+    undamped = Dynamics(
+        steady={"M": np.eye(2), "C": np.zeros((2, 2)), "K": np.diag([1.0, 4.0])}, following=()
+    )
+    found, _ = poles(undamped, np.array([1j, 2j]), np.eye(2))
+    np.testing.assert_allclose(found, [1j, 2j], rtol=1e-12)
 
 
 def test_functions_without_noise_have_the_true_poles(test):
