@@ -19,6 +19,7 @@ from model.system import OMEGA
 from model.z_basis import shear_shift
 
 _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
+_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same where the basis holds very stiff motion
 _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
 _LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
@@ -384,7 +385,7 @@ def reduced_eigenpairs(
         message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
         raise SolveError(message)
     eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
-    rigid_limit = _RIGID * abs(shear_shift(system.stack, theta))
+    rigid_limit = max(_RIGID * abs(shear_shift(system.stack, theta)), _ROUNDING * eigenvalues[-1])
     if eigenvalues[0] < -rigid_limit:
         message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
         raise SolveError(message)
