@@ -49,6 +49,25 @@ def test_reduced_modes_agree_with_the_full_matrices(system, G_f):
     np.testing.assert_allclose(modes.elastic().damping, damping[6:], rtol=2e-3)
 
 
+def test_rounding_beside_very_stiff_motion_is_no_negative_stiffness(system):
+    """A basis can hold motion 1e10 times stiffer than the first modes; rigid-body motion is 0 to its rounding."""
+    stiff = np.random.default_rng(1).standard_normal(system.size)
+    stiff[:6] *= np.finfo(float).eps  # rounding couples it with rigid-body motion
+    last = system.terms[-1]
+    hard = dataclasses.replace(
+        last,
+        name="stiff",
+        target="K",
+        factor=model.Monomial(exponent={}),
+        matrix=1e15 * np.outer(stiff, stiff),
+    )
+    harder = dataclasses.replace(system, terms=(*system.terms, hard))
+    modes = model.solve_modes(harder, G_f=825.0, d_f=3e-11, n_mode=10, observation=CORNERS, by=())
+    assert modes.n_rigid == 6
+    assert np.all(modes.frequency[:6] == 0.0)
+    assert modes.frequency[6] > 100.0
+
+
 def test_derivatives_agree_with_finite_differences(system):
     step = {
         "G_f": 1e-2,
