@@ -19,7 +19,7 @@ from model.system import OMEGA
 from model.z_basis import shear_shift
 
 _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
-_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same where the basis holds very stiff motion
+_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
 _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
 _LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
