@@ -385,7 +385,7 @@ def reduced_eigenpairs(
         message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
         raise SolveError(message)
     eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
-    rigid_limit = max(_RIGID * abs(shear_shift(system.stack, theta)), _ROUNDING * eigenvalues[-1])
+    rigid_limit = _rigid_limit(system, theta, eigenvalues)
     if eigenvalues[0] < -rigid_limit:
         message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
         raise SolveError(message)
@@ -415,6 +415,13 @@ def full_parameters(
     return {**system.theta, **given, "G_f": G_f, "d_f": d_f}
 
 
+def _rigid_limit(
+    system: ReducedSystem, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]
+) -> float:
+    """Return the eigenvalue, (rad/s)**2, below which all is rounding around rigid-body motion."""
+    return max(_RIGID * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
+
+
 def complex_modes(
     system: ReducedSystem,
     *,
@@ -435,7 +442,7 @@ def complex_modes(
     theta = full_parameters(system, G_f, d_f, parameters)
     eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
     n = system.size
-    n_rigid = int(np.count_nonzero(eigenvalues < _RIGID * shear_shift(system.stack, theta)))
+    n_rigid = int(np.count_nonzero(eigenvalues < _rigid_limit(system, theta, eigenvalues)))
     damping = vectors.T @ system.matrix("C", theta) @ vectors
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(eigenvalues), -damping]])
     poles = la.eigvals(state)

@@ -293,7 +293,7 @@ def base_shifts(evidence: Evidence, configuration: int, G_f: float) -> tuple[Vec
             parameters={"pressure": own.pressure},
             by=(),
         ).elastic()
-        _, same = pair(base.shape.astype(complex), base.frequency, other)
+        _, same = pair(base.shape, base.frequency, other)
         return np.asarray(np.log(other.frequency[same] / base.frequency)[column])
 
     slopes = [growth(system) / np.log1p(RESIZED) for system in evidence.resized.values()]
@@ -340,7 +340,7 @@ def solved(evidence: Evidence, configuration: int, theta: Mapping[str, float], b
 
 
 def pair(
-    shape: NDArray[np.complex128], frequency: Vector, modes: Modes
+    shape: NDArray[np.complex128] | Vector, frequency: Vector, modes: Modes
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pair measured with modelled modes by MAC less a small penalty for distance in frequency."""
     far = np.abs(np.log(frequency[:, None] / modes.frequency))

@@ -251,8 +251,8 @@ def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Exp
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
     slope, mesh = base_shifts(alone, 0, theta["G_f"])
     expected = replace(expected, frequency=np.exp(mesh) * expected.frequency)
-    alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), weight=None)
-    alone = replace(alone, slope=(slope,), mesh=(mesh,))
+    as_measured = replace(alone.tested[0], modes=expected)
+    alone = replace(alone, tested=(as_measured,), slope=(slope,), mesh=(mesh,), weight=None)
     nuisance = b.nuisance[:common]
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"

@@ -78,46 +78,34 @@ def settled(evidence: Evidence, start: Place) -> Place:
     Where an effect has several parameters the valley is narrow and crooked, and a population looks for it over the
     whole range first (Storn and Price 1997).
     """
-    if start.coordinate.size > 1:
-        start = _evolved(evidence, start)
     low, high = bounds_of(evidence.parameters([start.effect]))
     seen = [start]
 
-    def cost(x: Vector) -> float:
-        seen.append(_place(evidence, start.effect, float(np.exp(x[0])), x[1:]))
+    def cost(G_f: float, where: Vector) -> float:
+        seen.append(_place(evidence, start.effect, G_f, where.copy()))
         return seen[-1].cost
 
-    first = np.concatenate([[np.log(start.G_f)], start.coordinate])
+    if start.coordinate.size > 1:
+        differential_evolution(
+            lambda x: cost(start.G_f, x),
+            list(zip(low, high, strict=True)),
+            maxiter=_GENERATIONS,
+            popsize=_POPULATION,
+            init="sobol",
+            polish=False,
+            rng=0,
+        )
+    best = min(seen, key=lambda found: found.cost)
+    first = np.concatenate([[np.log(best.G_f)], best.coordinate])
     step = np.concatenate([[_STEP], (high - low) * _SETTLE])
     inside = np.where(first[1:] + step[1:] < high, 1.0, -1.0)
     corners = first + np.vstack([np.zeros(first.size), np.diag(step * np.concatenate([[1.0], inside]))])
     minimize(
-        cost,
+        lambda x: cost(float(np.exp(x[0])), x[1:]),
         first,
         method="Nelder-Mead",
         bounds=[tuple(np.log(G_F_RANGE)), *zip(low, high, strict=True)],
         options={"initial_simplex": corners, "maxfev": _MOST, "fatol": _CLOSE, "xatol": _CLOSE},
-    )
-    return min(seen, key=lambda found: found.cost)
-
-
-def _evolved(evidence: Evidence, start: Place) -> Place:
-    """Return the place of least cost that differential evolution finds at the G_f of another place, or that place."""
-    seen = [start]
-
-    def cost(x: Vector) -> float:
-        seen.append(_place(evidence, start.effect, start.G_f, np.array(x)))
-        return seen[-1].cost
-
-    low, high = bounds_of(evidence.parameters([start.effect]))
-    differential_evolution(
-        cost,
-        list(zip(low, high, strict=True)),
-        maxiter=_GENERATIONS,
-        popsize=_POPULATION,
-        init="sobol",
-        polish=False,
-        rng=0,
     )
     return min(seen, key=lambda found: found.cost)
 
