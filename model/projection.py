@@ -33,7 +33,8 @@ class Projection:
     """
 
     def __init__(self, assembly: Assembly, left: Vector, right: Vector) -> None:
-        self._left, self._right = (_by_field(assembly, basis) for basis in (left, right))
+        self._right = _by_field(assembly, right)
+        self._left = self._right if left is right else _by_field(assembly, left)
         self._shape = (left.shape[1], right.shape[1])
         self._known: dict[bytes, Vector] = {}
 
@@ -50,9 +51,11 @@ class Projection:
     def _projected(self, kron: Kron) -> Vector:
         z = kron.z.toarray() if sp.issparse(kron.z) else kron.z
         found = self._one(kron.row, kron.column, z, kron.planar)
-        if kron.row != kron.column:
-            found += self._one(kron.column, kron.row, z.T, kron.planar.T)
-        return found
+        if kron.row == kron.column:
+            return found
+        if self._left is self._right:
+            return found + found.T
+        return found + self._one(kron.column, kron.row, z.T, kron.planar.T)
 
     def _one(self, row: Field, column: Field, z: Vector, planar: sp.csr_matrix) -> Vector:
         coo = planar.tocoo()
