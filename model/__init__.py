@@ -8,6 +8,7 @@ from model.errors import EffectError, ModelError, SolveError, StackError
 from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
 from model.observation import Observation, Observed, observe, sample_points
+from model.reduced_equations import ReducedEquations
 from model.reduction import ReducedSystem, reduce
 from model.refinement import Refined, refine
 from model.response import frf, frf_direct
@@ -35,6 +36,7 @@ __all__ = [
     "Observed",
     "Parameter",
     "ParameterFactor",
+    "ReducedEquations",
     "ReducedSystem",
     "Refined",
     "SolveError",

@@ -148,7 +148,37 @@ def inverse_iterated(matrix: NDArray[np.float64], right: NDArray[np.float64]) ->
     (n,)
         x with right' x = 1 and matrix x along `right`; the border of that condition keeps a singular matrix solvable.
     """
-    n, size = right.size, float(np.abs(matrix).max() / np.abs(right).max())
+    bordered, size = _bordered(matrix, right)
+    return np.asarray(la.lu_solve(la.lu_factor(bordered), np.append(np.zeros(right.size), size))[:-1])
+
+
+def orthogonal_answers(
+    matrix: NDArray[np.float64], border: NDArray[np.float64], load: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Solve with a matrix that is singular along one mode, for what is orthogonal to that mode.
+
+    Parameters
+    ----------
+    matrix : (n, n)
+        The matrix shifted by the mode's eigenvalue, symmetric.
+    border : (n,)
+        Mass times the mode.
+    load : (n, k)
+        Right-hand sides; what of them lies along `border` is left out.
+
+    Returns
+    -------
+    (n, k)
+        x with border' x = 0.
+    """
+    bordered, _ = _bordered(matrix, border)
+    right = np.vstack([load, np.zeros(load.shape[1])])
+    return np.asarray(la.lu_solve(la.lu_factor(bordered), right)[:-1])
+
+
+def _bordered(matrix: NDArray[np.float64], border: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return a symmetric matrix with one more row and column of its own size, and their factor to `border`."""
+    n, size = border.size, float(np.abs(matrix).max() / np.abs(border).max())
     bordered = np.zeros((n + 1, n + 1))
-    bordered[:n, :n], bordered[:n, n], bordered[n, :n] = matrix, size * right, size * right
-    return np.asarray(la.lu_solve(la.lu_factor(bordered), np.append(np.zeros(n), size))[:n])
+    bordered[:n, :n], bordered[:n, n], bordered[n, :n] = matrix, size * border, size * border
+    return bordered, size

@@ -17,7 +17,8 @@ from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.modes import reduced_eigenpairs
 from model.projection import Projection
-from model.reduction import ReducedSystem, ReducedTerm, acting
+from model.reduced_equations import ReducedTerm
+from model.reduction import ReducedSystem, acting
 from model.solver import solver_over_plan
 from model.system import Term
 from model.z_basis import N_RIGID, shear_shift

@@ -11,16 +11,17 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.arrays import readonly
-from model.eigen import inverse_iterated
+from model.eigen import inverse_iterated, orthogonal_answers
 from model.errors import SolveError
 from model.observation import Observation, Observed, observe
-from model.reduction import ReducedSystem
+from model.reduced_equations import ReducedEquations
 from model.system import OMEGA
 from model.z_basis import shear_shift
 
 _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
 _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
+_TWIN = 1e-6  # relative gap of eigenvalues below which one mode's derivatives are taken beside all others
 _LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
 _MOST_STEPS = 30  # of the search for a mode's own frequency
@@ -111,7 +112,7 @@ class Modes:
 
 
 def solve_modes(
-    system: ReducedSystem,
+    system: ReducedEquations,
     *,
     G_f: float,
     d_f: float,
@@ -133,7 +134,7 @@ def solve_modes(
 
     Parameters
     ----------
-    system : ReducedSystem
+    system : ReducedEquations
         The reduced stack.
     G_f : float
         Contact stiffness parameter, Pa/Pa.
@@ -250,7 +251,7 @@ class _Derivatives:
 
 
 def _mode_derivatives(
-    system: ReducedSystem,
+    system: ReducedEquations,
     theta: Mapping[str, float],
     names: tuple[str, ...],
     eigenvalues: NDArray[np.float64],
@@ -306,7 +307,7 @@ def _mode_derivatives(
 
 
 def _at_own_frequency(
-    system: ReducedSystem,
+    system: ReducedEquations,
     theta: Mapping[str, float],
     names: tuple[str, ...],
     eigenvalues: NDArray[np.float64],
@@ -316,7 +317,7 @@ def _at_own_frequency(
     """Solve for one mode with the matrices at its own frequency, the mode being followed by its shape.
 
     The shape is improved by inverse iteration at the frequency of its nonlinear Rayleigh quotient, which converges
-    cubically (Schwetlick and Schreiber 2012); the other modes, which derivatives ask for, are solved for once.
+    cubically (Schwetlick and Schreiber 2012).
 
     Raises
     ------
@@ -337,14 +338,64 @@ def _at_own_frequency(
             f"mode {mode}: its frequency-dependent stiffness does not settle near {omega / 2 / np.pi:.6g} Hz"
         )
         raise SolveError(message)
-    values, basis = la.eigh(stiffness, mass)
-    index = int(np.argmax(np.abs(basis.T @ (mass @ shape))))
-    derivatives = _mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
-    return derivatives.without_omega()
+    if np.count_nonzero(np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]) > 1:
+        values, basis = la.eigh(stiffness, mass)  # only beside all modes are twins told from it
+        index = int(np.argmax(np.abs(basis.T @ (mass @ shape))))
+        own = _mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
+    else:
+        own = _own_derivatives(system, here, (*names, OMEGA), shape, mass, stiffness)
+    return own.without_omega()
+
+
+def _own_derivatives(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    shape: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    stiffness: NDArray[np.float64],
+) -> _Derivatives:
+    """Return one mode and its derivatives without the other modes: one factorisation takes their place (Nelson 1976).
+
+    Parameters
+    ----------
+    system, theta, names
+        As elsewhere; the mode's own frequency is among `theta`.
+    shape : (n,)
+        The mode, of unit modal mass.
+    mass, stiffness : (n, n)
+        The matrices at `theta`.
+    """
+    eigenvalue = theta[OMEGA] ** 2
+    slopes = {target: np.zeros((shape.size, len(names))) for target in ("M", "C", "K")}
+    damped = np.zeros(shape.size)
+    for term in system.terms:
+        used = term.factor.names(theta)
+        shares = {j: term.factor.derivative(theta, name) for j, name in enumerate(names) if name in used}
+        factor = term.factor(theta) if term.target == "C" else 0.0
+        if factor or any(shares.values()):
+            image = term.matrix @ shape
+            damped += factor * image
+            for j, share in shares.items():
+                slopes[term.target][:, j] += share * image
+    unbalanced = slopes["K"] - eigenvalue * slopes["M"]
+    answer = orthogonal_answers(
+        stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped])
+    )
+    d_shape = answer[:, :-1] - 0.5 * np.outer(shape, shape @ slopes["M"])
+    return _Derivatives(
+        eigenvalue=np.array([eigenvalue]),
+        coordinate=shape[:, None],
+        modal_damping=np.array([shape @ damped]),
+        coupling=np.array([answer[:, -1] @ damped]),
+        d_eigenvalue=(shape @ unbalanced)[None],
+        d_coordinate=d_shape[:, None],
+        d_modal_damping=(2.0 * damped @ d_shape + shape @ slopes["C"])[None],
+    )
 
 
 def _rayleigh(
-    system: ReducedSystem, theta: Mapping[str, float], shape: NDArray[np.float64], omega: float
+    system: ReducedEquations, theta: Mapping[str, float], shape: NDArray[np.float64], omega: float
 ) -> float:
     """Return the frequency near `omega`, rad/s, at which shape' (K - omega**2 M) shape vanishes, by Newton.
 
@@ -372,7 +423,7 @@ def _rayleigh(
 
 
 def reduced_eigenpairs(
-    system: ReducedSystem, theta: Mapping[str, float], n_mode: int
+    system: ReducedEquations, theta: Mapping[str, float], n_mode: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Return all eigenvalues and vectors of the reduced system, and how many of the first are rigid-body motion.
 
@@ -392,13 +443,13 @@ def reduced_eigenpairs(
     return eigenvalues, vectors, int(np.count_nonzero(eigenvalues[:n_mode] < rigid_limit))
 
 
-def outside_ranges(system: ReducedSystem, theta: Mapping[str, float]) -> tuple[str, ...]:
+def outside_ranges(system: ReducedEquations, theta: Mapping[str, float]) -> tuple[str, ...]:
     """Return the parameters whose values lie outside the ranges that the reduction was made for."""
     return tuple(n for n, (low, high) in system.ranges.items() if not low <= theta[n] <= high)
 
 
 def full_parameters(
-    system: ReducedSystem, G_f: float, d_f: float, parameters: Mapping[str, float] | None
+    system: ReducedEquations, G_f: float, d_f: float, parameters: Mapping[str, float] | None
 ) -> dict[str, float]:
     """Return all parameters of the system, with the given ones in place of the nominal.
 
@@ -416,14 +467,14 @@ def full_parameters(
 
 
 def _rigid_limit(
-    system: ReducedSystem, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]
+    system: ReducedEquations, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]
 ) -> float:
     """Return the eigenvalue, (rad/s)**2, below which all is rounding around rigid-body motion."""
     return max(_RIGID * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
 
 
 def complex_modes(
-    system: ReducedSystem,
+    system: ReducedEquations,
     *,
     G_f: float,
     d_f: float,

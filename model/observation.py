@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from model.arrays import readonly
 from model.mesh import FIELDS
+from model.reduced_equations import ReducedEquations
 from model.reduction import ReducedSystem
 from model.stack import Stack
 
@@ -106,13 +107,21 @@ class Observed:
     reduced_rows: NDArray[np.float64]
 
 
-def observe(system: ReducedSystem, observation: Observation | Observed) -> Observed:
+def observe(system: ReducedEquations, observation: Observation | Observed) -> Observed:
     """Tie an observation to a system, so that each further solve costs about a millisecond.
 
     What is tied already comes back as it is.
+
+    Raises
+    ------
+    TypeError
+        An observation that is not tied needs a `ReducedSystem`, which knows what it was reduced from.
     """
     if isinstance(observation, Observed):
         return observation
+    if not isinstance(system, ReducedSystem):
+        message = "observe: these equations alone know no points; tie the observation to their ReducedSystem"
+        raise TypeError(message)
     sampled, _ = sample_points(system.stack, observation.location)
     lamina = nearest_lamina(system.stack, sampled[:, 2])
     parts = [

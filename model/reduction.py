@@ -11,8 +11,8 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
@@ -28,83 +28,44 @@ from model.errors import SolveError
 from model.low_rank import Factor
 from model.mesh import Field
 from model.projection import Projection
+from model.reduced_equations import ReducedEquations, ReducedTerm
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan
 from model.stack import Stack
-from model.system import OMEGA, Assembly, ParameterFactor, Target, Term
+from model.system import Assembly, Term
 from model.z_basis import FREE, N_RIGID, SOFT, SPARE, shear_shift, z_basis
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 _LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
 _ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
-_GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ReducedTerm:
-    """A term of the equations of motion projected on the reduced basis: `factor` times `matrix`, (n, n)."""
-
-    name: str
-    target: Target
-    factor: ParameterFactor
-    matrix: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ReducedSystem:
-    """A stack reduced to a few degrees of freedom, affine in its parameters.
+class ReducedSystem(ReducedEquations):
+    """A stack reduced to a few degrees of freedom, affine in its parameters, with what it was reduced from.
 
     Attributes
     ----------
-    stack : Stack
-        What was reduced.
     phi : mapping of field to (n_lamina, n_function)
         Functions of z of each field, one row a lamina.
     assembly : Assembly
         The equations of motion after reduction over z.
     basis : (assembly.size, n)
         Snapshot basis, orthonormal in the mass of the nominal parameters; the rigid-body modes come first.
-    terms : tuple of ReducedTerm
-        The projected terms.
-    theta : mapping of str to float
-        Nominal parameters.
-    ranges : mapping of str to (float, float)
-        Values of parameters for which the reduction was made, G_f among them.
     laminas : Assembly
         The equations of motion of all laminas, before any reduction.
     """
 
-    stack: Stack
     phi: Mapping[Field, NDArray[np.float64]]
     assembly: Assembly
     basis: NDArray[np.float64]
-    terms: tuple[ReducedTerm, ...]
-    theta: Mapping[str, float]
-    ranges: Mapping[str, tuple[float, float]]
     laminas: Assembly
-    _acting: dict[frozenset[str], ReducedSystem] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(
             self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None))
         )
-
-    @property
-    def size(self) -> int:
-        """Number of reduced degrees of freedom."""
-        return int(self.basis.shape[1])
-
-    def acting(self, moved: Collection[str]) -> ReducedSystem:
-        """Return the system without terms that vanish while only some parameters, and the frequency, move."""
-        free = frozenset((*moved, OMEGA))
-        if free not in self._acting:  # fits ask again at every step
-            apart = {
-                n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()
-            }
-            terms = tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
-            self._acting[free] = dataclasses.replace(self, terms=terms)
-        return self._acting[free]
 
     def rebased(
         self, basis: NDArray[np.float64], projected: Callable[[ReducedTerm, Term], NDArray[np.float64]]
@@ -116,22 +77,6 @@ class ReducedSystem:
                 found[id(old.matrix)] = projected(old, full)
         terms = tuple(dataclasses.replace(term, matrix=found[id(term.matrix)]) for term in self.terms)
         return dataclasses.replace(self, basis=basis, terms=terms)
-
-    def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
-        total = np.zeros((self.size, self.size))
-        for term in self.terms:
-            if term.target == target:
-                total += term.factor(theta) * term.matrix
-        return total
-
-    def derivative(self, target: Target, theta: Mapping[str, float], name: str) -> NDArray[np.float64]:
-        """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""
-        total = np.zeros((self.size, self.size))
-        for term in self.terms:
-            if term.target == target:
-                total += term.factor.derivative(theta, name) * term.matrix
-        return total
 
     def field_rows(
         self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]

@@ -68,7 +68,17 @@ def test_rounding_beside_very_stiff_motion_is_no_negative_stiffness(system):
     assert modes.frequency[6] > 100.0
 
 
-def test_derivatives_agree_with_finite_differences(system):
+@pytest.fixture(scope="module")
+def relaxing():
+    """Return a stack whose contact is stiffer at higher frequencies."""
+    (effect,) = model.find_effects(["viscoelastic_contact"], model.catalogue())
+    reduced = model.reduce(STACK.with_effects(effect))
+    return dataclasses.replace(reduced, theta={**reduced.theta, effect.parameters[0].name: 0.08})
+
+
+@pytest.mark.parametrize("which", ["system", "relaxing"])
+def test_derivatives_agree_with_finite_differences(which, request):
+    system = request.getfixturevalue(which)
     step = {
         "G_f": 1e-2,
         "d_f": 1e-16,
@@ -76,11 +86,12 @@ def test_derivatives_agree_with_finite_differences(system):
         "young": 1e-4,
         "density": 1e-4,
         "normal_modulus": 1e-4,
+        "fraction": 1e-6,
     }
     observed = model.observe(system, CORNERS)
 
     def solve(theta):
-        rest = {name: theta[name] for name in ("pressure", "young", "density", "normal_modulus")}
+        rest = {name: theta[name] for name in step if name in theta and name not in ("G_f", "d_f")}
         return model.solve_modes(
             system, G_f=theta["G_f"], d_f=theta["d_f"], observation=observed, parameters=rest
         ).elastic()
