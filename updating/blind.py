@@ -16,9 +16,10 @@ from model import Effect, Parameter, SolveError
 from updating.candidates import CandidateModel, candidate_model, instruments_of
 from updating.coordinates import coordinate_of
 from updating.diagnosis import WORTH
-from updating.evidence import Campaigned, Evidence, gather
+from updating.evidence import Evidence
 from updating.experiment import aids
 from updating.explanation import Explanation, explain
+from updating.gathering import Campaigned, gather
 from updating.residual import residual
 from updating.search import VISIBLE, Search, search
 from updating.verdict import decide

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from model import (
     reduce,
     truncated,
 )
+from updating.workers import distribute
 
 G_F_RANGE = (300.0, 6000.0)
 """Contact stiffness parameters, Pa/Pa, for which the model is reduced: three times beyond Table 6 of the paper."""
@@ -29,6 +31,7 @@ N_MODEL = 20
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3
 """Relative change of a dimension from which its influence is taken."""
+_FINE = "mesh"  # name of the stack with a finer one, beside those of the dimensions
 _FINER = 1.5  # elements along each side of the finer mesh over those of the model's
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
@@ -66,7 +69,11 @@ class CandidateModel:
 
 
 def candidate_model(
-    stack: Stack, instruments: Instruments, effects: Mapping[str, Effect], aids: Sequence[Effect] = ()
+    stack: Stack,
+    instruments: Instruments,
+    effects: Mapping[str, Effect],
+    aids: Sequence[Effect] = (),
+    executor: Executor | None = None,
 ) -> CandidateModel:
     """Reduce the model of a stack so that it holds for all effects that the stack can have.
 
@@ -80,6 +87,8 @@ def candidate_model(
         What to consider.
     aids : sequence of Effect
         What further tests could do to the stack; the reduction holds for them too.
+    executor : Executor, optional
+        What reduces the stack without effects while this process reduces it with them.
     """
     base = replace(stack, instruments=instruments)
     small = assemble(replace(base, mesh=replace(base.mesh, n_x=2, n_y=1)))
@@ -90,6 +99,8 @@ def candidate_model(
             possible[name] = effect
         except EffectError as error:
             impossible[name] = str(error)
+    # begins at once where there is an executor; one task, for a second process would slow this one down
+    plain = distribute(_all_plain, [_variants(base)], executor)
     system = reduce(
         base.with_effects(*possible.values(), *aids),
         G_f_range=G_F_RANGE,
@@ -99,24 +110,34 @@ def candidate_model(
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
     system = enriched(system, [at for effect in sampled for at in effect.combinations(_inside)], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
-    regular = base.outline is None
-    fine = replace(base.mesh, n_x=round(_FINER * base.mesh.n_x), n_y=round(_FINER * base.mesh.n_y))
+    (reduced,) = plain
     return CandidateModel(
         stack=base,
         system=system,
         effects=possible,
         impossible=impossible,
-        resized={
-            name: _plain(replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)}))
-            for name in (DIMENSIONS if regular else ("height",))
-        },
-        finer=_plain(replace(base, mesh=fine)) if regular else None,
+        finer=reduced.pop(_FINE, None),
+        resized=reduced,
     )
 
 
-def _plain(stack: Stack) -> ReducedSystem:
-    """Reduce a stack without effects."""
-    return reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT, n_mode=N_MODEL)
+def _variants(base: Stack) -> dict[str, Stack]:
+    """Return a stack with one dimension larger by `RESIZED`, by the dimension's name, and with a finer mesh."""
+    regular = base.outline is None
+    resized: dict[str, Stack] = {
+        name: replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)})
+        for name in (DIMENSIONS if regular else ("height",))
+    }
+    mesh = replace(base.mesh, n_x=round(_FINER * base.mesh.n_x), n_y=round(_FINER * base.mesh.n_y))
+    return {**resized, **({_FINE: replace(base, mesh=mesh)} if regular else {})}
+
+
+def _all_plain(stacks: Mapping[str, Stack]) -> dict[str, ReducedSystem]:
+    """Reduce stacks without effects."""
+    return {
+        name: reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT, n_mode=N_MODEL)
+        for name, stack in stacks.items()
+    }
 
 
 def instruments_of(modes: ModalModel) -> Instruments:

@@ -277,7 +277,7 @@ def diagnose(
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
-    All configurations of the campaign count together. Writes diagnosis.json.
+    All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
     """
     found = jobs.diagnose(campaign, output, effect_file or [], _OUT)
     for sentence in found.sentences:
@@ -289,9 +289,16 @@ def diagnose(
 @app.command(
     name="next-test", epilog="Example: lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
 )
-def next_test(campaign: CampaignFile, output: Folder) -> None:
-    """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open."""
-    found = jobs.diagnose(campaign, output, [], _OUT)
+def next_test(
+    campaign: CampaignFile,
+    output: Folder,
+    effect_file: EffectFiles = None,
+) -> None:
+    """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open.
+
+    The diagnosis is made where the folder has none of this campaign.
+    """
+    found = jobs.diagnose(campaign, output, effect_file or [], _OUT)
     if not found.next_tests:
         _OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
         return

@@ -8,6 +8,7 @@ data cannot tell apart is reported as a set.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +20,10 @@ from updating.adequacy import block_p_value, p_value
 from updating.candidates import candidate_model, instruments_of
 from updating.diagnosis_text import sentences
 from updating.errors import FitError
-from updating.evidence import Campaigned, Evidence, Scatter, gather
+from updating.evidence import Evidence, Scatter
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation
+from updating.gathering import Campaigned, Gathered, gather
 from updating.pairing import require_points
 from updating.ranking import Ranked, rank
 from updating.search import VISIBLE, search
@@ -109,6 +111,7 @@ def diagnose(
     effects: Mapping[str, Effect],
     *,
     scatter: Scatter | None = None,
+    executor: Executor | None = None,
 ) -> Diagnosis:
     """Say which effect of a catalogue the model of a stack lacks.
 
@@ -122,6 +125,8 @@ def diagnose(
         The catalogue.
     scatter : Scatter, optional
         What separates a right model from a right measurement.
+    executor : Executor, optional
+        What takes a part of the work, such as `workers`; by default this process does it all.
 
     Raises
     ------
@@ -136,13 +141,13 @@ def diagnose(
     for _, _, modes in tested:
         require_points(modes)
     instruments = instruments_of(tested[0][2])
-    candidates = candidate_model(stack, instruments, effects, aids())
-    return conclude(gather(candidates, tested, scatter=scatter))
+    candidates = candidate_model(stack, instruments, effects, aids(), executor)
+    return conclude(gather(candidates, tested, scatter=scatter), executor)
 
 
-def conclude(evidence: Evidence) -> Diagnosis:
+def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     """Say which effect is missing from evidence that has been gathered."""
-    found = search(evidence, WORTH)
+    found = search(evidence, WORTH, executor)
     decision = decide(found)
     base, left = found.base, decision.left
     tests = rank_tests(found.evidence, left[:_COMPARED])

@@ -8,7 +8,7 @@ expected to meet better than, such as mesh and dimensions, is a scatter of its o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -16,32 +16,15 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ema.mac import mac
-from ema.modes import ModalModel
-from model import (
-    Effect,
-    Modes,
-    Observation,
-    Observed,
-    Parameter,
-    ReducedSystem,
-    Stack,
-    observe,
-    shared_parameters,
-    solve_modes,
-)
-from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
-from updating.errors import FitError
-from updating.registration import register
+from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
+from updating.candidates import N_MODEL
 
 Vector = NDArray[np.float64]
-Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
 
 SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 """Nuisances that all configurations share; the deviations of G_f and d_f of each follow them."""
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
-_MAC_USED = 0.6
-_TRIALS = 17
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +114,7 @@ class Tested:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """Configurations of a stack beside its reduced model with all effects that are considered.
+    """Configurations of a stack beside its reduced equations with all effects that are considered: what fits need.
 
     Attributes
     ----------
@@ -141,27 +124,21 @@ class Evidence:
         The configurations.
     used : tuple of (n,) int
         For each configuration, the measured modes that the model has.
-    system : ReducedSystem
+    equations : ReducedEquations
         The model with all `effects`.
-    observation : tuple of Observation
-        The measured points of each configuration.
     observed : tuple of Observed
-        The same, tied to `system`.
+        The measured points of each configuration, tied to them.
     effects : mapping of str to Effect
         Those that this stack can have.
-    impossible : mapping of str to str
-        Why the others cannot be.
     scatter : Scatter
         What separates a right model from a right measurement.
     start : (n_nuisance,) float
         Nuisance coordinates from which fits start.
-    resized : mapping of str to ReducedSystem
-        The model without effects with one dimension larger by `candidates.RESIZED`.
+    dimensions : tuple of str
+        Those of the stack that are not known exactly.
     slope : tuple of (n_mode, n_dimension) float
         For each configuration, how much the logarithm of each measured mode's frequency grows with those of the
-        dimensions: of the base model's mode that it resembles most.
-    finer : ReducedSystem, optional
-        The model without effects on a finer mesh.
+        `dimensions`: of the base model's mode that it resembles most.
     mesh : tuple of (n_mode,) float
         For each configuration, how much the logarithm of each measured mode's frequency grows with an ever finer mesh.
     weight : (n,) float, optional
@@ -171,16 +148,13 @@ class Evidence:
     stack: Stack
     tested: tuple[Tested, ...]
     used: tuple[NDArray[np.int64], ...]
-    system: ReducedSystem
-    observation: tuple[Observation, ...]
+    equations: ReducedEquations
     observed: tuple[Observed, ...]
     effects: Mapping[str, Effect]
-    impossible: Mapping[str, str]
     scatter: Scatter
     start: Vector
-    resized: Mapping[str, ReducedSystem]
+    dimensions: tuple[str, ...]
     slope: tuple[Vector, ...]
-    finer: ReducedSystem | None
     mesh: tuple[Vector, ...]
     weight: Vector | None = None
 
@@ -190,7 +164,7 @@ class Evidence:
         n = len(self.tested)
         return (
             *SHARED,
-            *self.resized,
+            *self.dimensions,
             *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
             *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
         )
@@ -200,21 +174,17 @@ class Evidence:
         """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f."""
         s, n = self.scatter, len(self.tested)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
-        size = [getattr(s, name) for name in self.resized]
+        size = [getattr(s, name) for name in self.dimensions]
         return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *each])
 
     @property
     def n_common(self) -> int:
         """Number of nuisance coordinates before the deviations of the configurations."""
-        return len(SHARED) + len(self.resized)
+        return len(SHARED) + len(self.dimensions)
 
     def parameters(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters of some effects, each once."""
         return tuple(shared_parameters(self.effects[name] for name in names).values())
-
-    def with_system(self, system: ReducedSystem) -> Evidence:
-        """Return the evidence beside the same model with another basis."""
-        return replace(self, system=system, observed=tuple(observe(system, o) for o in self.observation))
 
     def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
         """Return the values of `SHARED` in a configuration, in their order, at nuisance coordinates."""
@@ -226,110 +196,12 @@ class Evidence:
         return dict(zip(SHARED, (ratio * at).tolist(), strict=True))
 
 
-def gather(
-    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: Scatter | None = None
-) -> Evidence:
-    """Put measured configurations beside a model and find the measured modes that it has.
-
-    Parameters
-    ----------
-    candidates : CandidateModel
-        The model.
-    tested : sequence of (str, float, ModalModel)
-        Name, pressure in Pa and identified modes of each configuration.
-    scatter : Scatter, optional
-        What separates a right model from a right measurement.
-
-    Raises
-    ------
-    FitError
-        No configuration is given, or no measured mode resembles one of the model.
-    PairingError
-        Measured points do not lie on the stack.
-    """
-    if not tested:
-        message = "nothing to compare: no configuration was identified"
-        raise FitError(message)
-    base = candidates.stack
-    observation = tuple(
-        register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
-    )
-    evidence = Evidence(
-        stack=base,
-        tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
-        used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
-        system=candidates.system,
-        observation=observation,
-        observed=tuple(observe(candidates.system, o) for o in observation),
-        effects=candidates.effects,
-        impossible=candidates.impossible,
-        scatter=scatter or Scatter(),
-        start=np.zeros(0),
-        resized=candidates.resized,
-        slope=(),
-        finer=candidates.finer,
-        mesh=(),
-    )
-    started = _started(evidence)
-    G_f = started.theta(started.start, 0)["G_f"]
-    shift = [base_shifts(started, c, G_f) for c in range(len(tested))]
-    return replace(started, slope=tuple(slope for slope, _ in shift), mesh=tuple(mesh for _, mesh in shift))
-
-
-def base_shifts(evidence: Evidence, configuration: int, G_f: float) -> tuple[Vector, Vector]:
-    """Return `Evidence.slope` and `Evidence.mesh` of a configuration: of the base model's modes at `G_f`."""
-    own = evidence.tested[configuration]
-    base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, ())
-    column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
-
-    def growth(system: ReducedSystem) -> Vector:
-        """Return the logarithms of frequencies of another base model over those of this."""
-        other = solve_modes(
-            system,
-            G_f=G_f,
-            d_f=D_F_START,
-            n_mode=N_MODEL,
-            observation=evidence.observation[configuration],
-            parameters={"pressure": own.pressure},
-            by=(),
-        ).elastic()
-        _, same = pair(base.shape, base.frequency, other)
-        return np.asarray(np.log(other.frequency[same] / base.frequency)[column])
-
-    slopes = [growth(system) / np.log1p(RESIZED) for system in evidence.resized.values()]
-    finer = np.zeros(column.size) if evidence.finer is None else growth(evidence.finer)
-    return np.column_stack(slopes), EXTRAPOLATED * finer
-
-
-def _started(evidence: Evidence) -> Evidence:
-    """Scan G_f for the value that explains most modes, and keep the measured modes that the model has there."""
-    best: tuple[float, float, tuple[NDArray[np.int64], ...]] | None = None
-    for G_f in np.geomspace(*G_F_RANGE, _TRIALS):
-        cost, used = 0.0, []
-        for c, tested in enumerate(evidence.tested):
-            modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START}, ())
-            row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
-            alike = mac(tested.modes.shape, modes.shape)[row, column]
-            far = np.log(tested.modes.frequency[row] / modes.frequency[column])
-            cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
-            used.append(row[alike >= _MAC_USED])
-        if best is None or cost < best[0]:
-            best = (cost, float(G_f), tuple(used))
-    if best is None or not sum(u.size for u in best[2]):
-        message = "no measured mode resembles one of the model; check points, directions and signs"
-        raise FitError(message)
-    start = np.zeros(len(evidence.nuisances))
-    start[0] = np.log(best[1] / evidence.stack.contact.G_f)
-    start[1] = np.log(D_F_START / evidence.stack.contact.d_f) if evidence.stack.contact.d_f > 0 else 0.0
-    return replace(evidence, used=best[2], start=start)
-
-
 def solved(evidence: Evidence, configuration: int, theta: Mapping[str, float], by: Sequence[str]) -> Modes:
     """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`."""
     own = evidence.tested[configuration]
     moved = {"pressure": own.pressure, **own.known, **theta}
     return solve_modes(
-        evidence.system.acting(moved),
+        evidence.equations.acting(moved),
         G_f=theta["G_f"],
         d_f=theta["d_f"],
         n_mode=N_MODEL,

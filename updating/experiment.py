@@ -13,8 +13,9 @@ from model.effect_parts import every_lamina, mean_over, square
 from model.mesh import FIELDS
 from model.system import Assembly, Monomial, Term
 from updating.coordinates import scaled
-from updating.evidence import Evidence, Tested, base_shifts, solved
+from updating.evidence import Evidence, Tested, solved
 from updating.explanation import Explanation
+from updating.gathering import Gathered, base_shifts
 from updating.residual import residual
 
 Vector = NDArray[np.float64]
@@ -184,7 +185,7 @@ class _Expected:
     shape_std: Vector
 
 
-def rank_tests(evidence: Evidence, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
+def rank_tests(evidence: Gathered, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
     """Rank further tests by the smallest distance that they leave between explanations, the best first.
 
     For explanations A and B the data of the further test are predicted with A, and B is fitted to them and to the data
@@ -215,7 +216,7 @@ def _pressure(evidence: Evidence, experiment: Experiment) -> float:
     return experiment.pressure_ratio * max(tested)
 
 
-def _distance(evidence: Evidence, experiment: Experiment, a: Explanation, b: Explanation) -> float:
+def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Explanation) -> float:
     """Return the distance of b from the data that a predicts for the test, with what is known already."""
     alone = replace(
         evidence,

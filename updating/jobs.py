@@ -194,7 +194,10 @@ def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Pat
 
 
 def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:
-    """Identify a campaign, diagnose its model, and write diagnosis.json."""
+    """Identify a campaign, diagnose its model, and write diagnosis.json.
+
+    What an earlier run left is read back.
+    """
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a diagnosis")
     stack, known = read_stack(stack_file), catalogue(effect_files)
@@ -207,15 +210,19 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
         )
         raise FitError(message)
     assigned = assignments(campaign, output)
+    tests = tuple(in_parallel(identified, assigned, "identify", console))
     tested = [
         (found.configuration.name, state.contact.pressure, found.modal_model)
-        for state, found in zip(states, in_parallel(identified, assigned, "identify", console), strict=True)
+        for state, found in zip(states, tests, strict=True)
     ]
-    with console.status("diagnose"):
-        diagnosis = diagnose_stack(replace(stack, height=states[0].height), tested, known)
-    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files)
-    write_result(output / "diagnosis.json", diagnosis, inputs=inputs, options={})
-    return diagnosis
+
+    def make() -> Diagnosis:
+        with workers(2) as executor, console.status("diagnose"):
+            return diagnose_stack(replace(stack, height=states[0].height), tested, known, executor=executor)
+
+    modal = (found.folder / "modal_model.json" for found in tests)
+    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *modal)
+    return kept(output / "diagnosis.json", Diagnosis, make, inputs=inputs, options={})
 
 
 def report(folder: Path) -> Path:

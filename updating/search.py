@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,11 @@ from updating.candidates import N_MODEL
 from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation, explain
+from updating.gathering import Gathered
 from updating.residual import residual
-from updating.scan import scan, settled
+from updating.scan import Place, scan, settled
 from updating.screening import Screened, pair_steps, screen
+from updating.workers import distribute
 
 Vector = NDArray[np.float64]
 Start = tuple[Sequence[str], Vector, Vector]  # effects, nuisances, coordinates of the effects' parameters
@@ -36,6 +39,7 @@ N_AFAR, N_AFAR_STEPS = 6, 20
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
 _REFIT = 8  # evaluations after the basis has grown
+_MESSAGES = 8  # in which fits are sent to other processes: each holds the equations, some 40 MB
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +48,7 @@ class Search:
 
     Attributes
     ----------
-    evidence : Evidence
+    evidence : Gathered
         With the basis of the last fits.
     base : Explanation
         The base model.
@@ -54,7 +58,7 @@ class Search:
         All effects of the catalogue beside the base model.
     """
 
-    evidence: Evidence
+    evidence: Gathered
     base: Explanation
     singles: tuple[Explanation, ...]
     pairs: tuple[Explanation, ...]
@@ -66,47 +70,49 @@ class Search:
         return (self.base, *self.singles, *self.pairs)
 
 
-def search(evidence: Evidence, worth: float) -> Search:
+def search(evidence: Gathered, worth: float, executor: Executor | None = None) -> Search:
     """Fit the base model and the effects and pairs that could explain what it leaves.
 
     Pairs are tried where the best single effect leaves more than chance does, or where a second one promises much.
 
     Parameters
     ----------
-    evidence : Evidence
+    evidence : Gathered
         Measurement and model.
     worth : float
         Fall of the misfit below which an effect is not worth a fit.
+    executor : Executor, optional
+        Where fits that do not need each other run; in this process by default.
     """
     base = explain(evidence)
     evidence = _weighed(evidence, base)
     base = explain(evidence, nuisance=base.nuisance)
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
-    singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising])
-    evidence, singles = _exact(evidence, singles)
+    singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
+    evidence, singles = _exact(evidence, singles, executor)
     astray = base.misfit > _ASTRAY * base.residual.value.size
     if astray and p_value(min(singles, key=lambda x: x.misfit, default=base)) < P_CONTENT:
-        afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE])
-        evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]))
+        afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE], executor)
+        evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
     best = min(singles, key=lambda x: x.misfit, default=base)
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
         base = explain(evidence, nuisance=base.nuisance)
-        singles = _again(evidence, singles, len(singles))
-    pairs = []
+        singles = _again(evidence, singles, executor, len(singles))
+    pairs: list[Explanation] = []
     best = min(singles, key=lambda x: x.misfit, default=base)
     if base.misfit - best.misfit > worth:
         beside = screen(evidence, best)
         # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
         if p_value(best) < P_CONTENT or max((s.gain for s in beside), default=0.0) > _PROMISING:
-            pairs = _fitted(evidence, _pair_starts(evidence, base, screened, singles, beside), _REFIT)
-            evidence, pairs = _exact(evidence, pairs)
-            singles = _again(evidence, singles)
+            starts = _pair_starts(evidence, base, screened, singles, beside)
+            evidence, pairs = _exact(evidence, _fitted(evidence, starts, executor, _REFIT), executor)
+            singles = _again(evidence, singles, executor)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
 
 
-def _weighed(evidence: Evidence, base: Explanation, best: Explanation | None = None) -> Evidence:
+def _weighed(evidence: Gathered, base: Explanation, best: Explanation | None = None) -> Gathered:
     """Return evidence that counts less where an effect changes much, and its form decides, see `Scatter.form`.
 
     What it changes is what the base model leaves, or more where nuisances hide it: the difference that the best effect
@@ -143,25 +149,40 @@ def _pair_starts(
     return list(starts.values())
 
 
-def _from_afar(evidence: Evidence, screened: Sequence[Screened]) -> list[Explanation]:
+def _from_afar(
+    evidence: Gathered, screened: Sequence[Screened], executor: Executor | None
+) -> list[Explanation]:
     """Fit the effects that come nearest over their whole ranges, from there."""
-    seen = [scan(evidence, s.effect, np.setdiff1d(np.arange(len(s.parameter)), s.strength)) for s in screened]
+    alone = evidence.alone
+    seen = distribute(partial(_scanned, alone), screened, executor, _MESSAGES)
+    nearest = sorted(seen, key=lambda found: found.cost)[:N_AFAR]
+    near = distribute(partial(settled, alone), nearest, executor, _MESSAGES)
     starts: list[Start] = []
-    for place in sorted(seen, key=lambda found: found.cost)[:N_AFAR]:
-        near = settled(evidence, place)
+    for place in near:
         nuisance = evidence.start.copy()
-        nuisance[0] = np.log(near.G_f / evidence.stack.contact.G_f)
-        starts.append(([near.effect], nuisance, near.coordinate))
-    return _fitted(evidence, starts, N_AFAR_STEPS)
+        nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
+        starts.append(([place.effect], nuisance, place.coordinate))
+    return _fitted(evidence, starts, executor, N_AFAR_STEPS)
 
 
-def _fitted(evidence: Evidence, starts: Sequence[Start], most: int = 12) -> list[Explanation]:
+def _scanned(evidence: Evidence, own: Screened) -> Place:
+    return scan(evidence, own.effect, np.setdiff1d(np.arange(len(own.parameter)), own.strength))
+
+
+def _fitted(
+    evidence: Gathered, starts: Sequence[Start], executor: Executor | None, most: int = 12
+) -> list[Explanation]:
     """Fit explanations from where they start; one that starts where the model has no modes is left out."""
-    found = []
-    for names, nuisance, coordinate in starts:
-        with contextlib.suppress(SolveError):
-            found.append(explain(evidence, names, nuisance=nuisance, coordinate=coordinate, most=most))
-    return found
+    found = distribute(partial(_explained, evidence.alone, most), starts, executor, _MESSAGES)
+    return [own for own in found if own is not None]
+
+
+def _explained(evidence: Evidence, most: int, start: Start) -> Explanation | None:
+    names, nuisance, coordinate = start
+    try:
+        return explain(evidence, names, nuisance=nuisance, coordinate=coordinate, most=most)
+    except SolveError:
+        return None
 
 
 def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
@@ -173,7 +194,9 @@ def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
     return list(best.values())
 
 
-def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence, list[Explanation]]:
+def _exact(
+    evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None
+) -> tuple[Gathered, list[Explanation]]:
     """Take the modes at the best explanations into the basis and fit these again; return all, the best first."""
     ordered = sorted(fitted, key=lambda x: x.misfit)
     pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
@@ -187,13 +210,15 @@ def _exact(evidence: Evidence, fitted: Sequence[Explanation]) -> tuple[Evidence,
         for own in near
     ]
     richer = evidence.with_system(enriched(evidence.system, places, N_MODEL))
-    return richer, _again(richer, ordered, len(near))
+    return richer, _again(richer, ordered, executor, len(near))
 
 
-def _again(evidence: Evidence, fitted: Sequence[Explanation], least: int = N_EXACT) -> list[Explanation]:
+def _again(
+    evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None, least: int = N_EXACT
+) -> list[Explanation]:
     """Fit the best again, with another basis or other weights, and those that are close to them; the best first."""
     ordered = sorted(fitted, key=lambda x: x.misfit)
     close = sum(x.misfit < ordered[0].misfit + _CLOSE for x in ordered)
     first, rest = ordered[: max(least, close)], ordered[max(least, close) :]
-    again = _fitted(evidence, [(x.effects, x.nuisance, x.coordinate) for x in first], _REFIT)
+    again = _fitted(evidence, [(x.effects, x.nuisance, x.coordinate) for x in first], executor, _REFIT)
     return sorted([*again, *rest], key=lambda x: x.misfit)

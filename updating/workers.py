@@ -10,7 +10,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Thread
@@ -25,7 +24,7 @@ from updating.errors import WorkerError
 
 T = TypeVar("T")
 R = TypeVar("R")
-_MESSAGES = 32  # in which the items of `distribute` are sent at most, or few more
+_MESSAGES = 32  # in which the items of `distribute` are sent at most
 
 
 def workers(n_task: int, cluster: str | None = None) -> AbstractContextManager[Executor]:
@@ -82,35 +81,46 @@ def in_parallel(
         yield from track(executor.map(task, items), text, len(items), console=console, transient=True)
 
 
-def distribute(task: Callable[[T], R], items: Iterable[T], executor: Executor | None) -> Iterator[R]:
+def distribute(
+    task: Callable[[T], R], items: Iterable[T], executor: Executor | None, messages: int = _MESSAGES
+) -> Iterator[R]:
     """Do a task with every item, here or on an executor, and return the results in order.
 
     Parameters
     ----------
     task : callable
-        Of one item. It is sent once for several items and may hold whatever another process cannot import, such as
-        models with their effects.
+        Of one item. It is sent once for several items. It may hold, and return, whatever another process cannot
+        import, such as models with their effects.
     items : iterable
         What to do it with.
     executor : Executor or None
         Where; None is in this process.
+    messages : int
+        In how many the items are sent at most; each holds the task, so fewer are better for a large one.
     """
     if executor is None:
         return map(task, items)
     listed = list(items)
-    n = 1 + len(listed) // _MESSAGES
-    parts = [listed[i : i + n] for i in range(0, len(listed), n)]
-    return chain.from_iterable(executor.map(_Sent(cloudpickle.dumps(task)), parts))
+    n = min(messages, len(listed))
+    parts = [listed[i::n] for i in range(n)]  # neighbours, often alike in cost, go to different processes
+    sent = executor.map(_Sent(cloudpickle.dumps(task)), parts)  # begins at once
+    return _in_order(sent, len(listed))
+
+
+def _in_order(parts: Iterable[bytes], n_item: int) -> Iterator[Any]:
+    """Yield the results in the order of the items, of which each part has every n-th, once they are asked for."""
+    found = [cloudpickle.loads(part) for part in parts]
+    yield from (found[i % len(found)][i // len(found)] for i in range(n_item))
 
 
 @dataclass(frozen=True)
 class _Sent:
-    """A task as bytes, which a process reads once, for several items."""
+    """A task as bytes, which a process reads once, for several items; it returns their results as bytes."""
 
     content: bytes
 
-    def __call__(self, items: list[Any]) -> list[Any]:
-        return list(map(_read(self.content), items))
+    def __call__(self, items: list[Any]) -> bytes:
+        return cloudpickle.dumps(list(map(_read(self.content), items)))
 
 
 @lru_cache(maxsize=1)

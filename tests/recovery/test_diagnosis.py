@@ -9,7 +9,7 @@ import pytest
 import model
 from updating.blind import blind_test, candidates_of, played
 from updating.diagnosis import conclude
-from updating.evidence import gather
+from updating.gathering import gather
 from updating.residual import residual
 from updating.virtual_measurement import ModalNoise, play_modes
 

@@ -1,0 +1,35 @@
+"""A diagnosis as its user runs it: made once, read back while nothing that it came from has changed."""
+
+from rich.console import Console
+
+import model
+from updating import jobs
+from updating.diagnosis import diagnose
+
+CONSIDERED = ("clamp_mass", "pressure_exponent")
+
+
+def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_campaign, tmp_path, monkeypatch):
+    whole, made = model.catalogue(), []
+    campaign, console = write_small_campaign(tmp_path, 2), Console(quiet=True)
+
+    def counted(*given, executor):
+        made.append(diagnose(*given, executor=executor))
+        return made[-1]
+
+    monkeypatch.setattr(jobs, "catalogue", lambda _: {name: whole[name] for name in CONSIDERED})
+    monkeypatch.setattr(jobs, "diagnose_stack", counted)
+    first, second = (jobs.diagnose(campaign, tmp_path / "out", [], console) for _ in range(2))
+    assert len(made) == 1
+    assert second.sentences == first.sentences == made[0].sentences
+    assert second.ranking == first.ranking
+
+    def here(*given, executor):
+        made.append(diagnose(*given))
+        return made[-1]
+
+    monkeypatch.setattr(jobs, "diagnose_stack", here)
+    campaign.write_text(campaign.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    jobs.diagnose(campaign, tmp_path / "out", [], console)
+    assert len(made) == 2
+    assert made[1].ranking == made[0].ranking  # wherever it was made

@@ -1,0 +1,162 @@
+"""Measured configurations put beside the reduced model with all effects: from modes and a model to evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.mac import mac
+from ema.modes import ModalModel
+from model import Observation, ReducedSystem, observe, solve_modes
+from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
+from updating.errors import FitError
+from updating.evidence import D_F_START, Evidence, Scatter, Tested, pair, solved
+from updating.registration import register
+
+Vector = NDArray[np.float64]
+Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
+
+_MAC_USED = 0.6
+_TRIALS = 17
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gathered(Evidence):
+    """Evidence with what it was gathered from, so that its basis can grow and further tests can be played.
+
+    Attributes
+    ----------
+    system : ReducedSystem
+        The model with all `effects`; `equations` are its.
+    observation : tuple of Observation
+        The measured points of each configuration.
+    impossible : mapping of str to str
+        Why effects of the catalogue that are not among `effects` cannot be.
+    resized : mapping of str to ReducedSystem
+        The model without effects with one dimension larger by `candidates.RESIZED`.
+    finer : ReducedSystem, optional
+        The model without effects on a finer mesh.
+    """
+
+    system: ReducedSystem
+    observation: tuple[Observation, ...]
+    impossible: Mapping[str, str]
+    resized: Mapping[str, ReducedSystem]
+    finer: ReducedSystem | None
+
+    @property
+    def alone(self) -> Evidence:
+        """The evidence alone: all that a fit needs, and small enough for another process."""
+        return Evidence(**{field.name: getattr(self, field.name) for field in fields(Evidence)})
+
+    def with_system(self, system: ReducedSystem) -> Gathered:
+        """Return the evidence beside the same model with another basis."""
+        return replace(
+            self,
+            system=system,
+            equations=system.equations,
+            observed=tuple(observe(system, o) for o in self.observation),
+        )
+
+
+def gather(
+    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: Scatter | None = None
+) -> Gathered:
+    """Put measured configurations beside a model and find the measured modes that it has.
+
+    Parameters
+    ----------
+    candidates : CandidateModel
+        The model.
+    tested : sequence of (str, float, ModalModel)
+        Name, pressure in Pa and identified modes of each configuration.
+    scatter : Scatter, optional
+        What separates a right model from a right measurement.
+
+    Raises
+    ------
+    FitError
+        No configuration is given, or no measured mode resembles one of the model.
+    PairingError
+        Measured points do not lie on the stack.
+    """
+    if not tested:
+        message = "nothing to compare: no configuration was identified"
+        raise FitError(message)
+    base = candidates.stack
+    observation = tuple(
+        register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
+    )
+    gathered = Gathered(
+        stack=base,
+        tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
+        used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
+        equations=candidates.system.equations,
+        system=candidates.system,
+        observation=observation,
+        observed=tuple(observe(candidates.system, o) for o in observation),
+        effects=candidates.effects,
+        impossible=candidates.impossible,
+        scatter=scatter or Scatter(),
+        start=np.zeros(0),
+        dimensions=tuple(candidates.resized),
+        resized=candidates.resized,
+        slope=(),
+        finer=candidates.finer,
+        mesh=(),
+    )
+    started = _started(gathered)
+    G_f = started.theta(started.start, 0)["G_f"]
+    shift = [base_shifts(started, c, G_f) for c in range(len(tested))]
+    return replace(started, slope=tuple(slope for slope, _ in shift), mesh=tuple(mesh for _, mesh in shift))
+
+
+def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vector, Vector]:
+    """Return `Evidence.slope` and `Evidence.mesh` of a configuration: of the base model's modes at `G_f`."""
+    own = evidence.tested[configuration]
+    base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, ())
+    column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
+
+    def growth(system: ReducedSystem) -> Vector:
+        """Return the logarithms of frequencies of another base model over those of this."""
+        other = solve_modes(
+            system,
+            G_f=G_f,
+            d_f=D_F_START,
+            n_mode=N_MODEL,
+            observation=evidence.observation[configuration],
+            parameters={"pressure": own.pressure},
+            by=(),
+        ).elastic()
+        _, same = pair(base.shape, base.frequency, other)
+        return np.asarray(np.log(other.frequency[same] / base.frequency)[column])
+
+    slopes = [growth(system) / np.log1p(RESIZED) for system in evidence.resized.values()]
+    finer = np.zeros(column.size) if evidence.finer is None else growth(evidence.finer)
+    return np.column_stack(slopes), EXTRAPOLATED * finer
+
+
+def _started(evidence: Gathered) -> Gathered:
+    """Scan G_f for the value that explains most modes, and keep the measured modes that the model has there."""
+    best: tuple[float, float, tuple[NDArray[np.int64], ...]] | None = None
+    for G_f in np.geomspace(*G_F_RANGE, _TRIALS):
+        cost, used = 0.0, []
+        for c, tested in enumerate(evidence.tested):
+            modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START}, ())
+            row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
+            alike = mac(tested.modes.shape, modes.shape)[row, column]
+            far = np.log(tested.modes.frequency[row] / modes.frequency[column])
+            cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
+            used.append(row[alike >= _MAC_USED])
+        if best is None or cost < best[0]:
+            best = (cost, float(G_f), tuple(used))
+    if best is None or not sum(u.size for u in best[2]):
+        message = "no measured mode resembles one of the model; check points, directions and signs"
+        raise FitError(message)
+    start = np.zeros(len(evidence.nuisances))
+    start[0] = np.log(best[1] / evidence.stack.contact.G_f)
+    start[1] = np.log(D_F_START / evidence.stack.contact.d_f) if evidence.stack.contact.d_f > 0 else 0.0
+    return replace(evidence, used=best[2], start=start)
