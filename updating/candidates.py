@@ -28,6 +28,8 @@ G_F_RANGE = (300.0, 6000.0)
 N_SNAPSHOT = 4
 N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
+N_SOLVED = 26
+"""Modes that are solved for: an effect can bring others below the last of those, which are still to be found."""
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3
 """Relative change of a dimension from which its influence is taken."""

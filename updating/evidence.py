@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ema.mac import mac
 from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
-from updating.candidates import N_MODEL
+from updating.candidates import N_SOLVED
 
 Vector = NDArray[np.float64]
 
@@ -196,7 +196,13 @@ class Evidence:
         return dict(zip(SHARED, (ratio * at).tolist(), strict=True))
 
 
-def solved(evidence: Evidence, configuration: int, theta: Mapping[str, float], by: Sequence[str]) -> Modes:
+def solved(
+    evidence: Evidence,
+    configuration: int,
+    theta: Mapping[str, float],
+    by: Sequence[str],
+    n_mode: int = N_SOLVED,
+) -> Modes:
     """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`."""
     own = evidence.tested[configuration]
     moved = {"pressure": own.pressure, **own.known, **theta}
@@ -204,7 +210,7 @@ def solved(evidence: Evidence, configuration: int, theta: Mapping[str, float], b
         evidence.equations.acting(moved),
         G_f=theta["G_f"],
         d_f=theta["d_f"],
-        n_mode=N_MODEL,
+        n_mode=n_mode,
         observation=evidence.observed[configuration],
         parameters={k: v for k, v in moved.items() if k not in ("G_f", "d_f")},
         by=tuple(by),

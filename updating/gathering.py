@@ -117,7 +117,7 @@ def gather(
 def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vector, Vector]:
     """Return `Evidence.slope` and `Evidence.mesh` of a configuration: of the base model's modes at `G_f`."""
     own = evidence.tested[configuration]
-    base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, ())
+    base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
     column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
 
     def growth(system: ReducedSystem) -> Vector:
@@ -145,7 +145,7 @@ def _started(evidence: Gathered) -> Gathered:
     for G_f in np.geomspace(*G_F_RANGE, _TRIALS):
         cost, used = 0.0, []
         for c, tested in enumerate(evidence.tested):
-            modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START}, ())
+            modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START}, (), N_MODEL)
             row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
             alike = mac(tested.modes.shape, modes.shape)[row, column]
             far = np.log(tested.modes.frequency[row] / modes.frequency[column])

@@ -52,7 +52,7 @@ class Ranked:
 def rank(found: Search) -> tuple[Ranked, ...]:
     """Rank explanations by posterior probability: none, one or two effects have 1/2, 2/5 and 1/10 beforehand."""
     n, base, every = len(found.evidence.effects), found.base, found.explanations
-    weight = (np.log(0.5), np.log(0.4 / n), np.log(0.1 / (n * (n - 1) / 2.0)))
+    weight = np.log([0.5, 0.4 / max(n, 1), 0.1 / max(n * (n - 1) // 2, 1)])
     score = np.array([weight[len(x.effects)] + x.log_evidence for x in every])
     probability = np.exp(score - score.max())
     probability /= probability.sum()

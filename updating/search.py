@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model import SolveError, enriched
 from updating.adequacy import P_CONTENT, p_value
-from updating.candidates import N_MODEL
+from updating.candidates import N_SOLVED
 from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation, explain
@@ -209,7 +209,7 @@ def _exact(
         }
         for own in near
     ]
-    richer = evidence.with_system(enriched(evidence.system, places, N_MODEL))
+    richer = evidence.with_system(enriched(evidence.system, places, N_SOLVED))
     return richer, _again(richer, ordered, executor, len(near))
 
 

@@ -92,3 +92,12 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
     plain = residual(replace(evidence, mesh=tuple(0.0 * m for m in evidence.mesh)), truth).log_frequency
     assert np.linalg.norm(corrected) < 0.5 * np.linalg.norm(plain)
     assert np.abs(corrected).max() < 1e-4 < np.abs(plain).max()
+
+
+def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_named():
+    """Strong enough, clamps that pitch add modes that the sensors miss; the last measured mode is then the 22nd."""
+    (effect,) = model.find_effects(["clamp_pitch_inertia"], model.catalogue())
+    candidates = candidates_of(SPECIFICATION, {effect.name: effect})
+    found = diagnosed(candidates, (effect,), {"clamp_pitch": 0.0051}, 51031)
+    assert found.verdict == "identified"
+    assert found.set == (("clamp_pitch_inertia",),)
