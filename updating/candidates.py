@@ -28,7 +28,7 @@ G_F_RANGE = (300.0, 6000.0)
 N_SNAPSHOT = 4
 N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
-N_SOLVED = 26
+N_SOLVED = 24
 """Modes that are solved for: an effect can bring others below the last of those, which are still to be found."""
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3

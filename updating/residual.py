@@ -34,6 +34,8 @@ class Residual:
         Configuration and number of the mode, of each value.
     log_frequency : (n_frequency,) float
         Logarithms of measured over modelled frequencies.
+    partner : (n_frequency,) int
+        The model's elastic modes that they are of.
     """
 
     value: Vector
@@ -41,6 +43,7 @@ class Residual:
     kind: NDArray[np.str_]
     label: tuple[str, ...]
     log_frequency: Vector
+    partner: NDArray[np.int64]
 
 
 def residual(
@@ -66,7 +69,7 @@ def residual(
     effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
     n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
     n_common, s = evidence.n_common, evidence.scatter
-    value, rows, kinds, labels, logarithm = [], [], [], [], []
+    value, rows, kinds, labels, logarithm, partner = [], [], [], [], [], []
     for c, tested in enumerate(evidence.tested):
         theta = evidence.theta(nuisance, c)
         by = (*theta, *effect)
@@ -75,6 +78,7 @@ def residual(
         per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
         used, measured = evidence.used[c], tested.modes
         _, column = pair(measured.shape[:, used], measured.frequency[used], modes)
+        partner.append(column)
 
         def spread(gradient: Vector, c: int = c, per: Vector = per, place: list[int] = place) -> Vector:
             """Return derivatives by the coordinates from those by the model's parameters."""
@@ -127,6 +131,7 @@ def residual(
         kind=np.array(kinds),
         label=tuple(labels),
         log_frequency=np.concatenate(logarithm),
+        partner=np.concatenate(partner),
     )
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError, enriched
+from model.z_basis import N_RIGID
 from updating.adequacy import P_CONTENT, p_value
-from updating.candidates import N_SOLVED
+from updating.candidates import N_MODEL
 from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation, explain
@@ -209,7 +210,8 @@ def _exact(
         }
         for own in near
     ]
-    richer = evidence.with_system(enriched(evidence.system, places, N_SOLVED))
+    last = max((int(x.residual.partner.max()) for x in near), default=0)  # elastic mode that has a partner
+    richer = evidence.with_system(enriched(evidence.system, places, max(N_MODEL, N_RIGID + last + 1)))
     return richer, _again(richer, ordered, executor, len(near))
 
 
