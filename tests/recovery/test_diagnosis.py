@@ -95,7 +95,7 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
 
 
 def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_named():
-    """Strong enough, clamps that pitch add modes that the sensors miss; the last measured mode is then the 22nd, rigid ones included."""
+    """Strong enough, clamps that pitch add modes that the sensors miss; the last measured one is then the 22nd."""
     (effect,) = model.find_effects(["clamp_pitch_inertia"], model.catalogue())
     candidates = candidates_of(SPECIFICATION, {effect.name: effect})
     found = diagnosed(candidates, (effect,), {"clamp_pitch": 0.0051}, 51031)
