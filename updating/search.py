@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -37,6 +38,7 @@ VISIBLE = 3.0
 _PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
 _ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
 N_AFAR, N_AFAR_STEPS = 6, 20
+_ALONG = 6  # places along a sampled parameter
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
 _REFIT = 8  # evaluations after the basis has grown
@@ -96,6 +98,11 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     if astray and p_value(min(singles, key=lambda x: x.misfit, default=base)) < P_CONTENT:
         afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE], executor)
         evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
+        best = min(singles, key=lambda x: x.misfit, default=base)
+        if p_value(best) < P_CONTENT and any(p.sampled for p in best.parameter):
+            evidence = _everywhere(evidence, best)
+            afar = _from_afar(evidence, [s for s in screened if s.effect in best.effects], executor)
+            evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
     best = min(singles, key=lambda x: x.misfit, default=base)
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
@@ -166,6 +173,27 @@ def _from_afar(
     return _fitted(evidence, starts, executor, N_AFAR_STEPS)
 
 
+def _everywhere(evidence: Gathered, own: Explanation) -> Gathered:
+    """Take the modes along the sampled parameters of an effect into the basis, its strength being what was found.
+
+    Where a strong effect acts elsewhere than it was found, a basis that lacks its modes there hides the place.
+    """
+    state = _state(evidence, own)
+    along = {p.name: np.linspace(p.lower, p.upper, _ALONG) for p in own.parameter if p.sampled}
+    places = [
+        {**state, **dict(zip(along, map(float, where), strict=True))}
+        for where in itertools.product(*along.values())
+    ]
+    return evidence.with_system(enriched(evidence.system, places, N_MODEL))
+
+
+def _state(evidence: Gathered, own: Explanation) -> dict[str, float]:
+    """Return the model's parameters at an explanation, at a pressure amid those that were tested."""
+    pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
+    effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own.parameter, own.coordinate, strict=True)}
+    return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **effect}
+
+
 def _scanned(evidence: Evidence, own: Screened) -> Place:
     return scan(evidence, own.effect, np.setdiff1d(np.arange(len(own.parameter)), own.strength))
 
@@ -200,16 +228,8 @@ def _exact(
 ) -> tuple[Gathered, list[Explanation]]:
     """Take the modes at the best explanations into the basis and fit these again; return all, the best first."""
     ordered = sorted(fitted, key=lambda x: x.misfit)
-    pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
     near = [x for x in ordered[:N_EXACT] if x.misfit < _NEAR * ordered[0].misfit]
-    places = [
-        {
-            **evidence.theta(own.nuisance, 0),
-            "pressure": pressure,
-            **{p.name: scaled(p, float(x))[0] for p, x in zip(own.parameter, own.coordinate, strict=True)},
-        }
-        for own in near
-    ]
+    places = [_state(evidence, own) for own in near]
     last = max((int(x.residual.partner.max()) for x in near), default=0)  # elastic mode that has a partner
     richer = evidence.with_system(enriched(evidence.system, places, max(N_MODEL, N_RIGID + last + 1)))
     return richer, _again(richer, ordered, executor, len(near))
