@@ -99,7 +99,7 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
         afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE], executor)
         evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
         best = min(singles, key=lambda x: x.misfit, default=base)
-        if p_value(best) < P_CONTENT and any(p.sampled for p in best.parameter):
+        if p_value(best) < P_CONTENT and _is_beyond(best):
             evidence = _everywhere(evidence, best)
             afar = _from_afar(evidence, [s for s in screened if s.effect in best.effects], executor)
             evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
@@ -171,6 +171,16 @@ def _from_afar(
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(([place.effect], nuisance, place.coordinate))
     return _fitted(evidence, starts, executor, N_AFAR_STEPS)
+
+
+def _is_beyond(own: Explanation) -> bool:
+    """Tell whether an effect with a sampled parameter is stronger than nominal, for which the model was made."""
+    stronger = [
+        abs(value - p.neutral) > abs(p.nominal - p.neutral)
+        for p, value in zip(own.parameter, own.value, strict=True)
+        if not p.sampled
+    ]
+    return any(p.sampled for p in own.parameter) and any(stronger)
 
 
 def _everywhere(evidence: Gathered, own: Explanation) -> Gathered:
