@@ -9,7 +9,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from updating import blind_jobs
-from updating.blind import Case
+from updating.blind import Case, run
 from updating.blind_figures import figures
 from updating.blind_jobs import figures_table, planned, run_blind
 from updating.cli import app
@@ -27,6 +27,15 @@ def test_blind_cases(capsys):
         console.print(figures_table(cases))
     alarms = figures(cases)[0]
     assert alarms.interval[0] <= 0.05, "more false alarms than 5 %, beyond what chance explains"
+
+
+@pytest.mark.blind
+@pytest.mark.parametrize("seed", [50030, 51031, 51065, 51066])
+def test_a_strong_effect_that_once_was_unlike_anything_is_named(seed):
+    """Two lay beyond the modes that were solved for, two where the reduced basis had not been made for."""
+    found = run(SPECIFICATION, seed, "single")
+    assert found.verdict == "identified"
+    assert found.candidates == (found.truth,)
 
 
 def case(seed, kind):
