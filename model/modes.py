@@ -11,8 +11,9 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.arrays import readonly
-from model.eigen import inverse_iterated, orthogonal_answers
+from model.eigen import inverse_iterated
 from model.errors import SolveError
+from model.mode_derivatives import Derivatives, mode_derivatives, own_derivatives
 from model.observation import Observation, Observed, observe
 from model.reduced_equations import ReducedEquations
 from model.system import OMEGA
@@ -20,7 +21,6 @@ from model.z_basis import shear_shift
 
 _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
-_SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
 _TWIN = 1e-6  # relative gap of eigenvalues below which one mode's derivatives are taken beside all others
 _LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
@@ -164,15 +164,15 @@ def solve_modes(
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     observed = observe(system, observation)
     names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
-    rigid = _mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid))
+    rigid = mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid))
     if OMEGA not in theta:
-        elastic = _mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
+        elastic = mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
     elif any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
-        elastic = _Derivatives.joined(
+        elastic = Derivatives.joined(
             [_at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in range(n_rigid, n_mode)]
         )
     else:  # only damping follows frequency: the undamped modes are the same for all
-        elastic = _mode_derivatives(
+        elastic = mode_derivatives(
             system,
             theta,
             (*names, OMEGA),
@@ -181,7 +181,7 @@ def solve_modes(
             range(n_rigid, n_mode),
             np.sqrt(eigenvalues[n_rigid:n_mode]),
         ).without_omega()
-    found = _Derivatives.joined([rigid, elastic])
+    found = Derivatives.joined([rigid, elastic])
     omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, found.eigenvalue))
     safe = np.where(omega > 0.0, omega, np.inf)
     d_omega = found.d_eigenvalue / (2.0 * safe[:, None])
@@ -205,107 +205,6 @@ def solve_modes(
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Derivatives:
-    """Eigenvalues, vectors and phi' C phi of some modes, with derivatives by each parameter as the last axis.
-
-    With c = V' C V, mode r obeys s**2 (1 - S) + s c_rr + lambda_r = 0 to second order of the damping, where its
-    `coupling` S is the sum of c_rs**2 / (lambda_s - lambda_r) over the other modes.
-    """
-
-    eigenvalue: NDArray[np.float64]
-    coordinate: NDArray[np.float64]
-    modal_damping: NDArray[np.float64]
-    coupling: NDArray[np.float64]
-    d_eigenvalue: NDArray[np.float64]
-    d_coordinate: NDArray[np.float64]
-    d_modal_damping: NDArray[np.float64]
-
-    def without_omega(self) -> _Derivatives:
-        """Return the derivatives along the modes' own frequency, which was the last parameter.
-
-        The eigenvalue obeys lambda = L(theta, omega) with omega = sqrt(lambda), so by a parameter
-        d lambda = L_theta / (1 - L_omega / (2 omega)), and likewise for all that follows from it.
-        """
-        omega = np.sqrt(self.eigenvalue)[:, None]
-        d_eigenvalue = self.d_eigenvalue[:, :-1] / (1.0 - self.d_eigenvalue[:, -1:] / (2.0 * omega))
-        d_omega = d_eigenvalue / (2.0 * omega)
-        return dataclasses.replace(
-            self,
-            d_eigenvalue=d_eigenvalue,
-            d_coordinate=self.d_coordinate[:, :, :-1] + self.d_coordinate[:, :, -1:] * d_omega,
-            d_modal_damping=self.d_modal_damping[:, :-1] + self.d_modal_damping[:, -1:] * d_omega,
-        )
-
-    @classmethod
-    def joined(cls, parts: list[_Derivatives]) -> _Derivatives:
-        axis = {"coordinate": 1, "d_coordinate": 1}
-        return cls(
-            **{
-                field.name: np.concatenate(
-                    [getattr(part, field.name) for part in parts], axis=axis.get(field.name, 0)
-                )
-                for field in dataclasses.fields(cls)
-            }
-        )
-
-
-def _mode_derivatives(
-    system: ReducedEquations,
-    theta: Mapping[str, float],
-    names: tuple[str, ...],
-    eigenvalues: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    which: range,
-    omega: NDArray[np.float64] | None = None,
-) -> _Derivatives:
-    """Return modes and their derivatives (Fox and Kapoor 1968); each matrix is projected once for all parameters.
-
-    With `omega`, (n_mode,) rad/s, factors are taken at each mode's own.
-    """
-    row, column = np.array(which, dtype=np.intp), np.arange(len(which))
-    chosen, lam = vectors[:, row], eigenvalues[row]
-    gap = lam - eigenvalues[:, None]
-    scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
-    apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
-    slopes = {
-        target: {name: np.zeros((eigenvalues.size, lam.size)) for name in names} for target in ("M", "C", "K")
-    }
-    projected: dict[int, NDArray[np.float64]] = {}
-    damped = np.zeros((eigenvalues.size, lam.size))  # V' C of the chosen modes
-    for term in system.terms:
-        used = term.factor.names(theta)
-        here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
-        shares = {n: np.array([term.factor.derivative(t, n) for t in here]) for n in names if n in used}
-        shares = {name: share for name, share in shares.items() if share.any()}
-        factor = np.array([term.factor(t) for t in here])
-        if shares or (term.target == "C" and factor.any()):
-            if id(term.matrix) not in projected:
-                projected[id(term.matrix)] = vectors.T @ (term.matrix @ chosen)
-            modal = projected[id(term.matrix)]
-            for name, share in shares.items():
-                slopes[term.target][name] += share * modal
-            if term.target == "C":
-                damped += factor * modal
-    d_eigenvalue, d_modal = np.zeros((2, lam.size, len(names)))
-    mixing = np.zeros((eigenvalues.size, lam.size, len(names)))
-    for j, name in enumerate(names):
-        coupling = slopes["K"][name] - slopes["M"][name] * lam
-        mixing[:, :, j] = coupling / apart
-        mixing[row, column, j] = -0.5 * slopes["M"][name][row, column]
-        d_eigenvalue[:, j] = coupling[row, column]
-        d_modal[:, j] = 2.0 * np.sum(mixing[:, :, j] * damped, axis=0) + slopes["C"][name][row, column]
-    return _Derivatives(
-        eigenvalue=lam,
-        coordinate=chosen,
-        modal_damping=damped[row, column],
-        coupling=-np.sum(damped**2 / apart, axis=0),
-        d_eigenvalue=d_eigenvalue,
-        d_coordinate=(vectors @ mixing.reshape(eigenvalues.size, -1)).reshape(mixing.shape),
-        d_modal_damping=d_modal,
-    )
-
-
 def _at_own_frequency(
     system: ReducedEquations,
     theta: Mapping[str, float],
@@ -313,7 +212,7 @@ def _at_own_frequency(
     eigenvalues: NDArray[np.float64],
     vectors: NDArray[np.float64],
     mode: int,
-) -> _Derivatives:
+) -> Derivatives:
     """Solve for one mode with the matrices at its own frequency, the mode being followed by its shape.
 
     The shape is improved by inverse iteration at the frequency of its nonlinear Rayleigh quotient, which converges
@@ -341,57 +240,10 @@ def _at_own_frequency(
     if np.count_nonzero(np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]) > 1:
         values, basis = la.eigh(stiffness, mass)  # only beside all modes are twins told from it
         index = int(np.argmax(np.abs(basis.T @ (mass @ shape))))
-        own = _mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
+        own = mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
     else:
-        own = _own_derivatives(system, here, (*names, OMEGA), shape, mass, stiffness)
+        own = own_derivatives(system, here, (*names, OMEGA), shape, mass, stiffness)
     return own.without_omega()
-
-
-def _own_derivatives(
-    system: ReducedEquations,
-    theta: Mapping[str, float],
-    names: tuple[str, ...],
-    shape: NDArray[np.float64],
-    mass: NDArray[np.float64],
-    stiffness: NDArray[np.float64],
-) -> _Derivatives:
-    """Return one mode and its derivatives without the other modes: one factorisation takes their place (Nelson 1976).
-
-    Parameters
-    ----------
-    system, theta, names
-        As elsewhere; the mode's own frequency is among `theta`.
-    shape : (n,)
-        The mode, of unit modal mass.
-    mass, stiffness : (n, n)
-        The matrices at `theta`.
-    """
-    eigenvalue = theta[OMEGA] ** 2
-    slopes = {target: np.zeros((shape.size, len(names))) for target in ("M", "C", "K")}
-    damped = np.zeros(shape.size)
-    for term in system.terms:
-        used = term.factor.names(theta)
-        shares = {j: term.factor.derivative(theta, name) for j, name in enumerate(names) if name in used}
-        factor = term.factor(theta) if term.target == "C" else 0.0
-        if factor or any(shares.values()):
-            image = term.matrix @ shape
-            damped += factor * image
-            for j, share in shares.items():
-                slopes[term.target][:, j] += share * image
-    unbalanced = slopes["K"] - eigenvalue * slopes["M"]
-    answer = orthogonal_answers(
-        stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped])
-    )
-    d_shape = answer[:, :-1] - 0.5 * np.outer(shape, shape @ slopes["M"])
-    return _Derivatives(
-        eigenvalue=np.array([eigenvalue]),
-        coordinate=shape[:, None],
-        modal_damping=np.array([shape @ damped]),
-        coupling=np.array([answer[:, -1] @ damped]),
-        d_eigenvalue=(shape @ unbalanced)[None],
-        d_coordinate=d_shape[:, None],
-        d_modal_damping=(2.0 * damped @ d_shape + shape @ slopes["C"])[None],
-    )
 
 
 def _rayleigh(

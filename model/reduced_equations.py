@@ -6,7 +6,7 @@ They are small beside what they were reduced from, so they can be sent to anothe
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,9 +67,7 @@ class ReducedEquations:
                 n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()
             }
             terms = tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
-            self._acting[free] = ReducedEquations(
-                stack=self.stack, terms=terms, theta=self.theta, ranges=self.ranges
-            )
+            self._acting[free] = replace(self.equations, terms=terms)
         return self._acting[free]
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:

@@ -33,7 +33,6 @@ N_SOLVED = 24
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3
 """Relative change of a dimension from which its influence is taken."""
-_FINE = "mesh"  # name of the stack with a finer one, beside those of the dimensions
 _FINER = 1.5  # elements along each side of the finer mesh over those of the model's
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
@@ -101,8 +100,9 @@ def candidate_model(
             possible[name] = effect
         except EffectError as error:
             impossible[name] = str(error)
-    # begins at once where there is an executor; one task, for a second process would slow this one down
-    plain = distribute(_all_plain, [_variants(base)], executor)
+    # begins at once where there is an executor; in one message, for a second process would slow this one down
+    resized = _resized(base)
+    plain = distribute(_plain, [*resized.values(), *_finer(base)], executor, messages=1)
     system = reduce(
         base.with_effects(*possible.values(), *aids),
         G_f_range=G_F_RANGE,
@@ -112,34 +112,34 @@ def candidate_model(
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
     system = enriched(system, [at for effect in sampled for at in effect.combinations(_inside)], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
-    (reduced,) = plain
+    reduced = list(plain)
     return CandidateModel(
         stack=base,
         system=system,
         effects=possible,
         impossible=impossible,
-        finer=reduced.pop(_FINE, None),
-        resized=reduced,
+        resized=dict(zip(resized, reduced, strict=False)),
+        finer=reduced[len(resized)] if len(reduced) > len(resized) else None,
     )
 
 
-def _variants(base: Stack) -> dict[str, Stack]:
-    """Return a stack with one dimension larger by `RESIZED`, by the dimension's name, and with a finer mesh."""
-    regular = base.outline is None
-    resized: dict[str, Stack] = {
-        name: replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)})
-        for name in (DIMENSIONS if regular else ("height",))
-    }
+def _resized(base: Stack) -> dict[str, Stack]:
+    """Return a stack with one dimension larger by `RESIZED`, by the name of each that may change."""
+    names = DIMENSIONS if base.outline is None else ("height",)
+    return {name: replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)}) for name in names}
+
+
+def _finer(base: Stack) -> tuple[Stack, ...]:
+    """Return a stack with a finer mesh; none where an outline decides the mesh."""
+    if base.outline is not None:
+        return ()
     mesh = replace(base.mesh, n_x=round(_FINER * base.mesh.n_x), n_y=round(_FINER * base.mesh.n_y))
-    return {**resized, **({_FINE: replace(base, mesh=mesh)} if regular else {})}
+    return (replace(base, mesh=mesh),)
 
 
-def _all_plain(stacks: Mapping[str, Stack]) -> dict[str, ReducedSystem]:
-    """Reduce stacks without effects."""
-    return {
-        name: reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT, n_mode=N_MODEL)
-        for name, stack in stacks.items()
-    }
+def _plain(stack: Stack) -> ReducedSystem:
+    """Reduce a stack without effects."""
+    return reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT, n_mode=N_MODEL)
 
 
 def instruments_of(modes: ModalModel) -> Instruments:

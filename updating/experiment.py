@@ -13,7 +13,6 @@ from model.effect_parts import every_lamina, mean_over, square
 from model.mesh import FIELDS
 from model.system import Assembly, Monomial, Term
 from updating.candidates import N_MODEL
-from updating.coordinates import scaled
 from updating.evidence import Evidence, Tested, solved
 from updating.explanation import Explanation
 from updating.gathering import Gathered, base_shifts
@@ -232,10 +231,9 @@ def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Exp
         observation=evidence.observation[:1],
         observed=evidence.observed[:1],
     )
-    effect = {p.name: scaled(p, float(z))[0] for p, z in zip(a.parameter, a.coordinate, strict=True)}
     common = evidence.n_common
     theta = alone.theta(a.nuisance[:common], 0)
-    modes = solved(alone, 0, {**theta, **effect}, (), N_MODEL)
+    modes = solved(alone, 0, {**theta, **a.effect_values}, (), N_MODEL)
     top = max(float(t.modes.frequency.max()) for t in evidence.tested)
     seen = np.flatnonzero(modes.frequency < 1.05 * top)
     shape = modes.shape[:, seen]

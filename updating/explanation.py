@@ -65,6 +65,16 @@ class Explanation:
     log_evidence: float
     residual: Residual
 
+    @property
+    def effect_values(self) -> dict[str, float]:
+        """The estimates by the parameters' names."""
+        return dict(zip((p.name for p in self.parameter), self.value.tolist(), strict=True))
+
+
+def best_of(fitted: Sequence[Explanation], otherwise: Explanation) -> Explanation:
+    """Return the explanation of least misfit, or another one where there is none."""
+    return min(fitted, key=lambda own: own.misfit, default=otherwise)
+
 
 def explain(
     evidence: Evidence,

@@ -15,9 +15,8 @@ from model import SolveError, enriched
 from model.z_basis import N_RIGID
 from updating.adequacy import P_CONTENT, p_value
 from updating.candidates import N_MODEL
-from updating.coordinates import scaled
 from updating.evidence import Evidence
-from updating.explanation import Explanation, explain
+from updating.explanation import Explanation, best_of, explain
 from updating.gathering import Gathered
 from updating.residual import residual
 from updating.scan import Place, scan, settled
@@ -95,21 +94,20 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
     evidence, singles = _exact(evidence, singles, executor)
     astray = base.misfit > _ASTRAY * base.residual.value.size
-    if astray and p_value(min(singles, key=lambda x: x.misfit, default=base)) < P_CONTENT:
-        afar = _from_afar(evidence, [s for s in screened if s.reach >= VISIBLE], executor)
-        evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
-        best = min(singles, key=lambda x: x.misfit, default=base)
+    if astray and p_value(best_of(singles, base)) < P_CONTENT:
+        visible = [s for s in screened if s.reach >= VISIBLE]
+        evidence, singles = _from_afar(evidence, visible, singles, executor)
+        best = best_of(singles, base)
         if p_value(best) < P_CONTENT and _is_beyond(best):
-            evidence = _everywhere(evidence, best)
-            afar = _from_afar(evidence, [s for s in screened if s.effect in best.effects], executor)
-            evidence, singles = _exact(evidence, _best_of_each([*afar, *singles]), executor)
-    best = min(singles, key=lambda x: x.misfit, default=base)
+            same = [s for s in screened if s.effect in best.effects]
+            evidence, singles = _from_afar(_everywhere(evidence, best), same, singles, executor)
+    best = best_of(singles, base)
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
         base = explain(evidence, nuisance=base.nuisance)
         singles = _again(evidence, singles, executor, len(singles))
     pairs: list[Explanation] = []
-    best = min(singles, key=lambda x: x.misfit, default=base)
+    best = best_of(singles, base)
     if base.misfit - best.misfit > worth:
         beside = screen(evidence, best)
         # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
@@ -158,9 +156,12 @@ def _pair_starts(
 
 
 def _from_afar(
-    evidence: Gathered, screened: Sequence[Screened], executor: Executor | None
-) -> list[Explanation]:
-    """Fit the effects that come nearest over their whole ranges, from there."""
+    evidence: Gathered,
+    screened: Sequence[Screened],
+    singles: Sequence[Explanation],
+    executor: Executor | None,
+) -> tuple[Gathered, list[Explanation]]:
+    """Fit the effects that come nearest over their whole ranges, from there, beside those that are fitted already."""
     alone = evidence.alone
     seen = distribute(partial(_scanned, alone), screened, executor, _MESSAGES)
     nearest = sorted(seen, key=lambda found: found.cost)[:N_AFAR]
@@ -170,7 +171,8 @@ def _from_afar(
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(([place.effect], nuisance, place.coordinate))
-    return _fitted(evidence, starts, executor, N_AFAR_STEPS)
+    afar = _fitted(evidence, starts, executor, N_AFAR_STEPS)
+    return _exact(evidence, _best_of_each([*afar, *singles]), executor)
 
 
 def _is_beyond(own: Explanation) -> bool:
@@ -200,8 +202,7 @@ def _everywhere(evidence: Gathered, own: Explanation) -> Gathered:
 def _state(evidence: Gathered, own: Explanation) -> dict[str, float]:
     """Return the model's parameters at an explanation, at a pressure amid those that were tested."""
     pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
-    effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own.parameter, own.coordinate, strict=True)}
-    return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **effect}
+    return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **own.effect_values}
 
 
 def _scanned(evidence: Evidence, own: Screened) -> Place:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from updating.adequacy import p_value
-from updating.explanation import Z90, Explanation
+from updating.explanation import Z90, Explanation, best_of
 from updating.search import Search
 
 Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]
@@ -42,8 +42,7 @@ class Decision:
 def decide(found: Search) -> Decision:
     """Give the verdict on what a search found."""
     base = found.base
-    single = min(found.singles, key=lambda x: x.misfit, default=base)
-    pair = min(found.pairs, key=lambda x: x.misfit, default=base)
+    single, pair = best_of(found.singles, base), best_of(found.pairs, base)
     needed = base.misfit - single.misfit > GAIN_SINGLE
     second = single.misfit - pair.misfit > _least_of_second(found, single)
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
