@@ -2,31 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+import scipy.linalg as la
 from scipy.stats import chi2
 
 from updating.explanation import Explanation
+from updating.residual import BLOCKS
 
-P_CONTENT = 0.05
-"""One effect that fits worse than this asks for a second."""
+P_ADEQUATE = 0.05
+"""A model that fits worse than this is not adequate: one effect asks for a second, and what stays so is unlike
+anything."""
+_FREE = 1e-6  # share of a block's data below which the fit has met all of them
 
 
-def block_p_value(explanation: Explanation, kinds: Sequence[str], n_free: int) -> float:
-    """Return the probability of a misfit as large in some kinds of data, with `n_free` parameters fitted to them."""
-    inside = np.isin(explanation.residual.kind, kinds)
-    misfit = float(np.sum(explanation.residual.value[inside] ** 2))
-    return float(chi2.sf(misfit, max(int(inside.sum()) - n_free, 1)))
+def block_p_value(explanation: Explanation, kind: str) -> float:
+    """Return the probability of a misfit as large in one kind of data if the explanation were complete.
+
+    What the fit leaves of data with unit covariance has the covariance I - H, where H projects on the columns of the
+    Jacobian. The squared misfit of a block is thus a sum of chi-squares weighted by the eigenvalues of its part of
+    I - H, which is matched in mean and variance (Satterthwaite 1946; Box 1954).
+
+    Parameters
+    ----------
+    explanation : Explanation
+        Fitted.
+    kind : str
+        One of `residual.BLOCKS`.
+    """
+    found = explanation.residual
+    inside = found.kind == kind
+    length = np.linalg.norm(found.jacobian, axis=0)
+    fitted = la.orth(found.jacobian[:, length > 0.0] / length[length > 0.0])[inside]
+    gram = fitted.T @ fitted
+    mean = inside.sum() - float(np.trace(gram))
+    half_variance = mean - float(np.trace(gram)) + float(np.sum(gram**2))
+    if mean <= _FREE * max(int(inside.sum()), 1):
+        return 1.0
+    misfit = float(np.sum(found.value[inside] ** 2))
+    return float(chi2.sf(misfit * mean / half_variance, mean**2 / half_variance))
 
 
 def p_value(explanation: Explanation) -> float:
     """Return the probability of a misfit as large if the explanation were complete.
 
-    Twice the smaller of that of frequencies, damping ratios and priors, and that of shapes, which are many and would
-    hide what the few others say.
+    The smallest of the blocks' probabilities times their number (Bonferroni): frequencies are few and what they say
+    would be lost among the many shape components.
     """
-    modal = block_p_value(
-        explanation, ["frequency", "damping", "prior"], explanation.residual.jacobian.shape[1]
-    )
-    return min(1.0, 2.0 * min(modal, block_p_value(explanation, ["shape"], 0)))
+    return min(1.0, len(BLOCKS) * min(block_p_value(explanation, kind) for kind in BLOCKS))

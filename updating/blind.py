@@ -80,7 +80,8 @@ class Case:
         name them.
     rival : float
         Root of what the misfit of the best other single effect exceeds that of the truth by: below 3 it is aliased,
-        or one of a pair does not show. Infinite where there is none.
+        or one of a pair does not show. For an effect that was withheld, of the best of all that was fitted without
+        it. Infinite where there is none.
     most_visible, bic : tuple of str
         What two baselines say: the effect that can change the data most, whatever they are; and stepwise
         choice by the Bayesian information criterion.
@@ -193,7 +194,8 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     decision = decide(found)
     whole = replace(found.evidence, effects=candidates.effects)
     true = _true(whole, found, truth, values)
-    others = [x.misfit - true.misfit for x in found.singles if x.effects != truth]
+    rivals = found.explanations if kind == "withheld" else found.singles
+    others = [x.misfit - true.misfit for x in rivals if x.effects != truth]
     named = decision.left[0] if decision.left else found.base
     unseen_evidence = gather(candidates, [unseen]).with_system(found.evidence.system)
     misfits, errors = zip(*(_predicted(unseen_evidence, x) for x in (found.base, named, true)), strict=True)

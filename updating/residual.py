@@ -15,6 +15,8 @@ from updating.evidence import SHARED, Evidence, Identified, pair, solved
 
 Vector = NDArray[np.float64]
 
+BLOCKS = ("frequency", "damping", "shape", "prior")
+"""Kinds of data."""
 _NEIGHBOUR = 0.05
 
 
@@ -29,7 +31,7 @@ class Residual:
     jacobian : (n, n_coordinate) float
         Its derivatives by the coordinates: nuisances, then effect parameters over their range.
     kind : (n,) str
-        "frequency", "damping", "shape" or "prior".
+        One of `BLOCKS`.
     label : tuple of str
         Configuration and number of the mode, of each value.
     log_frequency : (n_frequency,) float

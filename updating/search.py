@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from model import SolveError, enriched
 from model.z_basis import N_RIGID
-from updating.adequacy import P_CONTENT, p_value
+from updating.adequacy import P_ADEQUATE, p_value
 from updating.candidates import N_MODEL
 from updating.evidence import Evidence
 from updating.explanation import Explanation, best_of, explain
@@ -93,14 +93,28 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
     evidence, singles = _exact(evidence, singles, executor)
+    found = _with_pairs(evidence, base, singles, screened, worth, executor)
     astray = base.misfit > _ASTRAY * base.residual.value.size
-    if astray and p_value(best_of(singles, base)) < P_CONTENT:
+    if astray and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
         visible = [s for s in screened if s.reach >= VISIBLE]
         evidence, singles = _from_afar(evidence, visible, singles, executor)
         best = best_of(singles, base)
-        if p_value(best) < P_CONTENT and _is_beyond(best):
+        if p_value(best) < P_ADEQUATE and _is_beyond(best):
             same = [s for s in screened if s.effect in best.effects]
             evidence, singles = _from_afar(_everywhere(evidence, best), same, singles, executor)
+        found = _with_pairs(evidence, base, singles, screened, worth, executor)
+    return found
+
+
+def _with_pairs(
+    evidence: Gathered,
+    base: Explanation,
+    singles: list[Explanation],
+    screened: tuple[Screened, ...],
+    worth: float,
+    executor: Executor | None,
+) -> Search:
+    """Weigh the data by what the best single effect changes, fit anew, and fit pairs where they are called for."""
     best = best_of(singles, base)
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
@@ -111,9 +125,12 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     if base.misfit - best.misfit > worth:
         beside = screen(evidence, best)
         # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
-        if p_value(best) < P_CONTENT or max((s.gain for s in beside), default=0.0) > _PROMISING:
+        if p_value(best) < P_ADEQUATE or max((s.gain for s in beside), default=0.0) > _PROMISING:
             starts = _pair_starts(evidence, base, screened, singles, beside)
             evidence, pairs = _exact(evidence, _fitted(evidence, starts, executor, _REFIT), executor)
+            if pairs and not set(best.effects) & set(pairs[0].effects):
+                members = _fitted(evidence, _members(evidence, pairs[0]), executor)
+                singles = _best_of_each([*singles, *members])
             singles = _again(evidence, singles, executor)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
 
@@ -142,17 +159,28 @@ def _pair_starts(
     beside: Sequence[Screened],
 ) -> list[Start]:
     """Return pairs worth a fit, and from where; `beside` is what was screened beside the best single effect."""
-    starts: dict[frozenset[str], Start] = {}
-    visible = [s for s in screened if s.reach >= VISIBLE]
-    for _, (a, b), coordinate in pair_steps(base, visible)[:N_PAIR]:
-        starts[frozenset((a, b))] = ((a, b), base.nuisance, np.concatenate(coordinate))
+    starts: dict[
+        frozenset[str], Start
+    ] = {}  # where a pair has several, that from the best first effect stands
     for i, first in enumerate(singles[:N_FIRST]):
         every = screen(evidence, first) if i else beside
         for second in sorted(every, key=lambda s: -s.gain)[:N_BESIDE]:
             names = (first.effects[0], second.effect)
             start = np.concatenate([first.coordinate, second.start])
-            starts[frozenset(names)] = (names, first.nuisance, start)
+            starts.setdefault(frozenset(names), (names, first.nuisance, start))
+    visible = [s for s in screened if s.reach >= VISIBLE]
+    for _, names, coordinate in pair_steps(base, visible)[:N_PAIR]:
+        starts.setdefault(frozenset(names), (names, base.nuisance, np.concatenate(coordinate)))
     return list(starts.values())
+
+
+def _members(evidence: Evidence, own: Explanation) -> list[Start]:
+    """Return each effect of an explanation alone, from where it stands there: a pair may find what a step missed."""
+    coordinate = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
+    return [
+        ((name,), own.nuisance, np.array([coordinate[p.name] for p in evidence.parameters((name,))]))
+        for name in own.effects
+    ]
 
 
 def _from_afar(

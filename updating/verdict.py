@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from updating.adequacy import p_value
+from updating.adequacy import P_ADEQUATE, p_value
 from updating.explanation import Z90, Explanation, best_of
 from updating.search import Search
 
@@ -19,8 +19,6 @@ few of 100 complete models."""
 GAIN_SECOND = 16.0
 """The same for a second effect beside the first, and more where a strong first one is adequate: what its form may be
 off by changes the data, too, and is no effect of its own."""
-P_ADEQUATE = 0.02
-"""A model that fits worse than this is not adequate."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

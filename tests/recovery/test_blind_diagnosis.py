@@ -38,6 +38,14 @@ def test_a_strong_effect_that_once_was_unlike_anything_is_named(seed):
     assert found.candidates == (found.truth,)
 
 
+@pytest.mark.blind
+def test_a_pair_is_sought_from_the_better_of_its_effects():
+    """A weld seam beside a strong clamp inertia: from the best weld seam alone, the inertia's station is lost."""
+    found = run(SPECIFICATION, 60030, "pair")
+    assert found.verdict == "identified"
+    assert found.candidates == (found.truth,)
+
+
 def case(seed, kind):
     return Case(
         seed=seed, kind=kind, truth=("rod_spring",), values={"k": 1.5}, verdict="one of",

@@ -1,0 +1,39 @@
+"""How likely a misfit is, per block of data."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from updating.adequacy import block_p_value, p_value
+
+KIND = np.array(["frequency"] * 8 + ["damping"] * 6 + ["shape"] * 30 + ["prior"] * 4)
+RNG = np.random.default_rng(3)
+JACOBIAN = np.column_stack([RNG.normal(size=(KIND.size, 5)), np.zeros(KIND.size)])
+
+
+def fitted(data, jacobian=JACOBIAN):
+    """Return what a linear fit leaves of data."""
+    left = data - jacobian @ np.linalg.lstsq(jacobian, data, rcond=None)[0]
+    return SimpleNamespace(residual=SimpleNamespace(value=left, jacobian=jacobian, kind=KIND))
+
+
+@pytest.mark.parametrize("kind", ["frequency", "damping", "shape", "prior"])
+def test_probabilities_are_uniform_where_nothing_is_missing(kind):
+    found = [block_p_value(fitted(RNG.normal(size=KIND.size)), kind) for _ in range(400)]
+    assert kstest(found, "uniform").pvalue > 0.01
+
+
+def test_few_data_that_misfit_are_not_lost_among_many():
+    data = np.where(KIND == "frequency", 3.0, 0.0) * np.array([1.0, -1.0] * (KIND.size // 2))
+    data[KIND == "shape"] = RNG.normal(size=30)
+    own = fitted(data, JACOBIAN[:, :1])
+    assert block_p_value(own, "frequency") < 1e-6
+    assert p_value(own) == pytest.approx(4.0 * block_p_value(own, "frequency"))
+
+
+def test_data_that_are_all_fitted_say_nothing():
+    jacobian = np.zeros((KIND.size, 6))
+    jacobian[KIND == "damping"] = np.eye(6)
+    assert block_p_value(fitted(RNG.normal(size=KIND.size), jacobian), "damping") == 1.0
