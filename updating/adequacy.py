@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as la
 from scipy.stats import chi2
 
 from updating.explanation import Explanation
@@ -31,8 +30,7 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
     """
     found = explanation.residual
     inside = found.kind == kind
-    length = np.linalg.norm(found.jacobian, axis=0)
-    fitted = la.orth(found.jacobian[:, length > 0.0] / length[length > 0.0])[inside]
+    fitted = found.reach[inside]
     gram = fitted.T @ fitted
     mean = inside.sum() - float(np.trace(gram))
     half_variance = mean - float(np.trace(gram)) + float(np.sum(gram**2))

@@ -21,6 +21,7 @@ from updating.candidates import candidate_model, instruments_of
 from updating.diagnosis_text import sentences
 from updating.errors import FitError
 from updating.evidence import Evidence, Scatter
+from updating.exclusion import ruled_out
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation
 from updating.gathering import Campaigned, Gathered, gather
@@ -81,6 +82,8 @@ class Diagnosis:
         The modes that were used.
     signatures : mapping of str to (n,) float
         Relative change of the frequencies of `errors` by the best single effects, each fitted alone.
+    ruled_out : tuple of str
+        Effects whose usual strength these data exclude beside every explanation that is left.
     not_visible : tuple of str
         Effects that these data would not show even at the end of their plausible range.
     impossible : mapping of str to str
@@ -98,6 +101,7 @@ class Diagnosis:
     ranking: tuple[Ranked, ...]
     errors: tuple[ModeError, ...]
     signatures: Mapping[str, tuple[float, ...]]
+    ruled_out: tuple[str, ...]
     not_visible: tuple[str, ...]
     impossible: Mapping[str, str]
     next_tests: tuple[NextTest, ...]
@@ -152,6 +156,8 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     base, left = found.base, decision.left
     tests = rank_tests(found.evidence, left[:_COMPARED])
     ranking = rank(found)
+    beside = left if decision.verdict != "nothing missing" else (base,)
+    excluded = ruled_out(found.evidence, beside[:_COMPARED])
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
     return Diagnosis(
         verdict=decision.verdict,
@@ -164,10 +170,11 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
             x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
             for x in found.singles[:_SHOWN]
         },
+        ruled_out=excluded,
         not_visible=not_visible,
         impossible=evidence.impossible,
         next_tests=tests,
-        sentences=sentences(decision, p_value(base), base, ranking, not_visible, tests),
+        sentences=sentences(decision, p_value(base), base, ranking, excluded, not_visible, tests),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,18 +19,19 @@ def sentences(
     p_value: float,
     base: Explanation,
     ranking: Sequence[Ranked],
+    excluded: Sequence[str],
     not_visible: Sequence[str],
     tests: Sequence[NextTest],
 ) -> tuple[str, ...]:
     """Write the verdict, what supports it, what stays open and what to measure next."""
     verdict, left = decision.verdict, decision.left
     ranked = {x.effects: x for x in ranking}
-    error = ranked[()].frequency_error
+    error = _percent(ranked[()].frequency_error)
     text = []
     if verdict == "nothing missing":
         text.append(
             "Nothing is missing that these data can show: the base model meets frequencies within "
-            f"{error:.2%} in the mean, and no effect of the catalogue improves it beyond chance (p = {p_value:.2g})."
+            f"{error} in the mean, and no effect of the catalogue improves it beyond chance (p = {p_value:.2g})."
         )
     else:
         text.append(_where(base, error))
@@ -38,19 +39,21 @@ def sentences(
         own = ranked[left[0].effects]
         text.append(
             f"{_named(left[0].effects)} explains it: with {_estimates(own)} the mean frequency error falls from "
-            f"{error:.2%} to {own.frequency_error:.2%}, and no other explanation comes within a distance of 3."
+            f"{error} to {_percent(own.frequency_error)}{_predicted(ranked[()], own)}, and no other explanation comes "
+            "within a distance of 3."
         )
+        text += _shares(own, ranked)
     if verdict == "one of":
         own = ranked[left[0].effects]
         text.append(
             f"These data cannot tell apart: {'; '.join(_named(x.effects) for x in left)}. Each brings the mean "
-            f"frequency error from {error:.2%} to about {own.frequency_error:.2%}."
+            f"frequency error from {error} to about {_percent(own.frequency_error)}{_predicted(ranked[()], own)}."
         )
         text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
     if verdict == "unlike anything":
         closest = [x for x in ranking if x.effects][:1]
         tail = (
-            f" The closest, {_named(closest[0].effects)}, leaves {closest[0].frequency_error:.2%}."
+            f" The closest, {_named(closest[0].effects)}, leaves {_percent(closest[0].frequency_error)}."
             if closest
             else ""
         )
@@ -75,6 +78,8 @@ def sentences(
         text.append(
             "None of the further tests that were considered would separate them beyond a distance of 3."
         )
+    if excluded:
+        text.append(f"Ruled out at their usual strength, or more: {', '.join(excluded)}.")
     if not_visible:
         text.append(f"Not visible in these data at any plausible strength: {', '.join(not_visible)}.")
     return tuple(text)
@@ -91,7 +96,31 @@ def _estimates(own: Ranked) -> str:
     )
 
 
-def _where(base: Explanation, error: float) -> str:
+def _percent(share: float) -> str:
+    return f"{100.0 * share:#.2g} %".replace(". %", " %")
+
+
+def _predicted(base: Ranked, own: Ranked) -> str:
+    """Say what the error falls to where each mode is predicted from all others."""
+    if not np.isfinite([base.held_out_error, own.held_out_error]).all():
+        return ""
+    return (
+        f" (from {_percent(base.held_out_error)} to {_percent(own.held_out_error)} for a mode that is predicted from "
+        "all others)"
+    )
+
+
+def _shares(own: Ranked, ranked: Mapping[tuple[str, ...], Ranked]) -> list[str]:
+    """Say how much of what several effects explain each of them explains alone."""
+    fall = ranked[()].misfit - own.misfit
+    alone = {n: (ranked[()].misfit - ranked[(n,)].misfit) / fall for n in own.effects if (n,) in ranked}
+    if len(own.effects) < 2 or not alone:
+        return []
+    shares = [f"{name} {100.0 * share:.0f} %" for name, share in sorted(alone.items(), key=lambda x: -x[1])]
+    return [f"Of the squared misfit that both explain, each alone explains: {', '.join(shares)}."]
+
+
+def _where(base: Explanation, error: str) -> str:
     """Say which data the base model misses most."""
     parts = []
     for kind in ("frequency", "damping"):
@@ -113,4 +142,4 @@ def _where(base: Explanation, error: float) -> str:
         for i in held[:2]
     ]
     tail = f" It fails most at {'; '.join(parts)}." if parts else ""
-    return f"The base model misses the measured frequencies by {error:.2%} in the mean.{tail}"
+    return f"The base model misses the measured frequencies by {error} in the mean.{tail}"

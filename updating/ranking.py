@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from updating.held_out import held_out_error
 from updating.search import Search
 
 
@@ -33,20 +34,26 @@ class Ranked:
         Share of the base model's misfit, beyond what is expected of a complete model, that it explains.
     misfit : float
         Squared length of the whitened residual.
+    distance : float
+        Discrimination distance from the explanation of least misfit: below 3 the data cannot tell the two apart.
     probability : float
         Posterior probability among all that were fitted.
     parameter : tuple of ParameterEstimate
         Its parameters.
     frequency_error : float
         Mean relative frequency error, eq. (2), over the modes used.
+    held_out_error : float
+        The same where each mode is predicted from all others, to first order; NaN where none can be.
     """
 
     effects: tuple[str, ...]
     score: float
     misfit: float
+    distance: float
     probability: float
     parameter: tuple[ParameterEstimate, ...]
     frequency_error: float
+    held_out_error: float
 
 
 def rank(found: Search) -> tuple[Ranked, ...]:
@@ -57,12 +64,14 @@ def rank(found: Search) -> tuple[Ranked, ...]:
     probability = np.exp(score - score.max())
     probability /= probability.sum()
     expected = base.residual.value.size - len(found.evidence.nuisances)
+    least = min(x.misfit for x in every)
     excess = max(base.misfit - min(expected, base.misfit * 0.5), 1e-12)
     ranked = [
         Ranked(
             effects=x.effects,
             score=float(np.clip((base.misfit - x.misfit) / excess, 0.0, 1.0)),
             misfit=x.misfit,
+            distance=float(np.sqrt(x.misfit - least)),
             probability=float(chance),
             parameter=tuple(
                 ParameterEstimate(
@@ -76,6 +85,7 @@ def rank(found: Search) -> tuple[Ranked, ...]:
                 for i, p in enumerate(x.parameter)
             ),
             frequency_error=float(np.mean(np.abs(np.expm1(-x.residual.log_frequency)))),
+            held_out_error=held_out_error(x.residual),
         )
         for x, chance in zip(every, probability, strict=True)
     ]

@@ -34,8 +34,8 @@ class Residual:
         One of `BLOCKS`.
     label : tuple of str
         Configuration and number of the mode, of each value.
-    log_frequency : (n_frequency,) float
-        Logarithms of measured over modelled frequencies.
+    log_frequency, log_frequency_std : (n_frequency,) float
+        Logarithms of measured over modelled frequencies, and what these are divided by in `value`.
     partner : (n_frequency,) int
         The model's elastic modes that they are of.
     """
@@ -45,7 +45,14 @@ class Residual:
     kind: NDArray[np.str_]
     label: tuple[str, ...]
     log_frequency: Vector
+    log_frequency_std: Vector
     partner: NDArray[np.int64]
+
+    @property
+    def reach(self) -> Vector:
+        """Orthonormal columns, (n, n_coordinate) at most, that span what the coordinates can change."""
+        length = np.linalg.norm(self.jacobian, axis=0)
+        return np.asarray(la.orth(self.jacobian[:, length > 0.0] / length[length > 0.0]))
 
 
 def residual(
@@ -71,7 +78,7 @@ def residual(
     effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
     n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
     n_common, s = evidence.n_common, evidence.scatter
-    value, rows, kinds, labels, logarithm, partner = [], [], [], [], [], []
+    value, rows, kinds, labels, logarithm, spreads, partner = [], [], [], [], [], [], []
     for c, tested in enumerate(evidence.tested):
         theta = evidence.theta(nuisance, c)
         by = (*theta, *effect)
@@ -92,12 +99,12 @@ def residual(
             return full
 
         mesh = evidence.mesh[c][used]
-        for kind, modelled, std, own in (
+        for kind, modelled, measured_std, own in (
             ("frequency", modes.pole_frequency, measured.frequency_std, np.hypot(s.frequency, s.mesh * mesh)),
             ("damping", modes.damping, measured.damping_std, s.damping),
         ):
             of_measured, of_model = getattr(measured, kind)[used], modelled[column]
-            sigma = np.hypot(std[used] / of_measured, own)
+            sigma = np.hypot(measured_std[used] / of_measured, own)
             safe = np.maximum(of_model, 1e-12)
             difference = np.log(of_measured / safe)
             gradient = spread(getattr(modes, f"{kind}_gradient")[column]) / safe[:, None]
@@ -105,6 +112,7 @@ def residual(
                 gradient[:, n_shared:n_common] = evidence.slope[c][used]
                 difference -= mesh + evidence.slope[c][used] @ nuisance[n_shared:n_common]
                 logarithm.append(difference)
+                spreads.append(sigma)
             value.append(difference / sigma)
             rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
@@ -115,7 +123,9 @@ def residual(
             rows.append(slope)
             kinds += ["shape"] * difference.size
             labels += [f"{tested.name}, mode {r + 1}"] * difference.size
+    std = np.concatenate(spreads)
     if evidence.weight is not None:
+        std = std / evidence.weight[np.array(kinds) == "frequency"]
         weight = np.split(evidence.weight, np.cumsum([v.size for v in value])[:-1])
         value = [v * w for v, w in zip(value, weight, strict=True)]
         rows = [r * w[:, None] for r, w in zip(rows, weight, strict=True)]
@@ -133,6 +143,7 @@ def residual(
         kind=np.array(kinds),
         label=tuple(labels),
         log_frequency=np.concatenate(logarithm),
+        log_frequency_std=std,
         partner=np.concatenate(partner),
     )
 

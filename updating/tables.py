@@ -272,26 +272,19 @@ def _band(measured: ModalModel) -> str:
 
 
 def diagnosis_table(diagnosis: Diagnosis) -> Table:
-    """Return the explanations that were fitted in full, the most probable first."""
+    """Return the explanations that were fitted in full, the most probable first; the page has their parameters."""
     table = Table(title="Explanations", title_justify="left")
-    for name, justify in (
-        ("effects", "left"),
-        ("probability", "right"),
-        ("misfit", "right"),
-        ("mean f error [%]", "right"),
-        ("parameters (90 % interval)", "left"),
-    ):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    table.add_column("effects", no_wrap=True)
+    for name in ("proba-\nbility", "misfit", "distance", "f error\n[%]", "held out\n[%]"):
+        table.add_column(name, justify="right")
     for own in diagnosis.ranking[:_MOST_EXPLANATIONS]:
         table.add_row(
-            " + ".join(own.effects) or "none",
+            " +\n".join(own.effects) or "none",
             f"{own.probability:.3f}",
             f"{own.misfit:.1f}",
+            f"{own.distance:.1f}",
             f"{100 * own.frequency_error:.3f}",
-            "\n".join(
-                f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}) {'' if p.unit == '1' else p.unit}"
-                for p in own.parameter
-            ),
+            f"{100 * own.held_out_error:.3f}",
         )
     return table
 

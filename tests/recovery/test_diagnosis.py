@@ -45,6 +45,8 @@ def test_nothing_is_missing_where_nothing_is_hidden(candidates):
     assert found.set == ()
     assert found.p_value > 0.01
     assert {"clamp_rods", "temperature"} <= set(found.not_visible)
+    assert {"contact_direction", "pressure_exponent"} <= set(found.ruled_out)
+    assert not set(found.ruled_out) & set(found.not_visible)
     assert found.sentences[0].startswith("Nothing is missing that these data can show")
 
 
@@ -56,6 +58,8 @@ def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue,
     found = diagnosed(candidates, (catalogue[name],), values, 12)
     assert found.verdict == "identified"
     assert found.set == ((name,),)
+    assert name not in found.ruled_out
+    assert {"contact_direction", "pressure_exponent"} - {name} <= set(found.ruled_out)
     best = next(x for x in found.ranking if x.effects == (name,))
     (parameter,) = best.parameter
     assert parameter.lower < values[parameter.name] < parameter.upper

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import kstest
 
 from updating.adequacy import block_p_value, p_value
+from updating.residual import Residual
 
 KIND = np.array(["frequency"] * 8 + ["damping"] * 6 + ["shape"] * 30 + ["prior"] * 4)
 RNG = np.random.default_rng(3)
@@ -16,7 +17,17 @@ JACOBIAN = np.column_stack([RNG.normal(size=(KIND.size, 5)), np.zeros(KIND.size)
 def fitted(data, jacobian=JACOBIAN):
     """Return what a linear fit leaves of data."""
     left = data - jacobian @ np.linalg.lstsq(jacobian, data, rcond=None)[0]
-    return SimpleNamespace(residual=SimpleNamespace(value=left, jacobian=jacobian, kind=KIND))
+    nothing = np.zeros(0)
+    found = Residual(
+        value=left,
+        jacobian=jacobian,
+        kind=KIND,
+        label=("",) * KIND.size,
+        log_frequency=nothing,
+        log_frequency_std=nothing,
+        partner=nothing.astype(int),
+    )
+    return SimpleNamespace(residual=found)
 
 
 @pytest.mark.parametrize("kind", ["frequency", "damping", "shape", "prior"])

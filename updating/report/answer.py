@@ -73,13 +73,18 @@ def explanation_table(results: Results) -> Table:
     ranking = results.diagnosis.ranking[:_SHOWN] if results.diagnosis is not None else ()
     return Table(
         title="Explanations that were tried",
-        header=("effects", "probability", "misfit", "frequency error [%]", "parameters with 90 % interval"),
+        header=(
+            "effects", "probability", "misfit", "distance", "frequency error [%]", "held out [%]",
+            "parameters with 90 % interval",
+        ),
         rows=tuple(
             (
                 " + ".join(own.effects) or "none",
                 f"{own.probability:.3f}",
                 f"{own.misfit:.1f}",
+                f"{own.distance:.1f}",
                 f"{100 * own.frequency_error:.3f}",
+                f"{100 * own.held_out_error:.3f}",
                 "; ".join(
                     f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}){'' if p.unit == '1' else ' ' + p.unit}"
                     for p in own.parameter
@@ -87,8 +92,10 @@ def explanation_table(results: Results) -> Table:
             )
             for own in ranking
         ),
-        note="Misfit: squared differences of frequencies, damping ratios and shapes over their variances.",
-    )
+        note="Misfit: squared differences of frequencies, damping ratios and shapes over their variances. Distance: "
+        "from the explanation of least misfit; below 3 the data cannot tell the two apart. Held out: the frequency "
+        "error where each mode is predicted from all others.",
+    )  # fmt: skip
 
 
 def next_test_table(results: Results) -> Table:
