@@ -18,12 +18,13 @@ from ema.threads import single_threaded
 from model import Effect, Stack
 from updating.adequacy import block_p_value, p_value
 from updating.candidates import candidate_model, instruments_of
+from updating.chance import chance_of_gain
 from updating.diagnosis_text import sentences
 from updating.errors import FitError
 from updating.evidence import Evidence, Scatter
 from updating.exclusion import ruled_out
 from updating.experiment import NextTest, aids, rank_tests
-from updating.explanation import Explanation
+from updating.explanation import Explanation, best_of
 from updating.gathering import Campaigned, Gathered, gather
 from updating.pairing import require_points
 from updating.ranking import Ranked, rank
@@ -76,6 +77,8 @@ class Diagnosis:
         Probability of a misfit as large as the base model's if nothing were missing.
     block_p_value : mapping of str to float
         The same for frequencies, damping ratios and shapes alone.
+    chance : float
+        Probability that the best effect alone explains as much where nothing is missing, by `chance_of_gain`.
     ranking : tuple of Ranked
         All that were fitted in full, the best first; the base model has no effects.
     errors : tuple of ModeError
@@ -98,6 +101,7 @@ class Diagnosis:
     set: tuple[tuple[str, ...], ...]
     p_value: float
     block_p_value: Mapping[str, float]
+    chance: float
     ranking: tuple[Ranked, ...]
     errors: tuple[ModeError, ...]
     signatures: Mapping[str, tuple[float, ...]]
@@ -156,6 +160,7 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     base, left = found.base, decision.left
     tests = rank_tests(found.evidence, left[:_COMPARED])
     ranking = rank(found)
+    chance = chance_of_gain(found.screened, base.misfit - best_of(found.singles, base).misfit)
     beside = left if decision.verdict != "nothing missing" else (base,)
     excluded = ruled_out(found.evidence, beside[:_COMPARED])
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
@@ -164,6 +169,7 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
         set=tuple(x.effects for x in left),
         p_value=p_value(base),
         block_p_value={kind: block_p_value(base, kind) for kind in ("frequency", "damping", "shape")},
+        chance=chance,
         ranking=ranking,
         errors=_errors(found.evidence, base, left),
         signatures={
@@ -174,7 +180,7 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
         not_visible=not_visible,
         impossible=evidence.impossible,
         next_tests=tests,
-        sentences=sentences(decision, p_value(base), base, ranking, excluded, not_visible, tests),
+        sentences=sentences(decision, chance, base, ranking, excluded, not_visible, tests),
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from updating.chance import DRAWS
 from updating.experiment import NextTest
 from updating.explanation import Explanation
 from updating.ranking import Ranked
@@ -16,7 +17,7 @@ _WORTH = 3.0
 
 def sentences(
     decision: Decision,
-    p_value: float,
+    chance: float,
     base: Explanation,
     ranking: Sequence[Ranked],
     excluded: Sequence[str],
@@ -31,10 +32,14 @@ def sentences(
     if verdict == "nothing missing":
         text.append(
             "Nothing is missing that these data can show: the base model meets frequencies within "
-            f"{error} in the mean, and no effect of the catalogue improves it beyond chance (p = {p_value:.2g})."
+            f"{error} in the mean, and no effect of the catalogue improves it beyond chance: the best would explain as "
+            f"much in {_chance(chance)} complete models."
         )
     else:
         text.append(_where(base, error))
+        text.append(
+            f"The best effect alone explains what it would by chance in {_chance(chance)} complete models."
+        )
     if verdict == "identified":
         own = ranked[left[0].effects]
         text.append(
@@ -98,6 +103,12 @@ def _estimates(own: Ranked) -> str:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:#.2g} %".replace(". %", " %")
+
+
+def _chance(probability: float) -> str:
+    if probability < 2.0 / DRAWS:
+        return f"fewer than 1 of {DRAWS // 2}"
+    return f"{100.0 * probability:.0f} of 100" if probability > 0.01 else f"{1e4 * probability:.0f} of 10000"
 
 
 def _predicted(base: Ranked, own: Ranked) -> str:
