@@ -24,6 +24,7 @@ _FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
 _ROBUST = 10.0  # residual beyond which a robust loss counts it less
 _ASTRAY = 30.0  # squared residual of a value, in the mean, from which a search begins with such a loss
+_UNSEEN = 1e-9  # precision of a nuisance, beside that of data and priors
 _FORBIDDEN = 1e6  # residual of a step to where the model has no modes, so that a shorter one is tried
 
 
@@ -154,7 +155,9 @@ def explain(
     hessian = best.jacobian.T @ best.jacobian
     covariance = la.pinvh(hessian)
     std = np.hypot(np.sqrt(np.maximum(np.diag(covariance)[n_own:], 0.0)), evidence.scatter.form * np.abs(z))
-    sign, logdet = np.linalg.slogdet(hessian + 1e-9 * np.eye(len(hessian)))
+    # a normal distribution of a volume of 1, as ranges have: what the data do not show leaves the evidence as it is
+    prior = np.concatenate([np.full(n_own, _UNSEEN), np.full(z.size, 2.0 * np.pi)])
+    logdet = float(np.linalg.slogdet(hessian + np.diag(prior))[1])
     misfit = float(best.value @ best.value)
 
     def ends(step: Vector) -> Vector:
@@ -171,9 +174,7 @@ def explain(
         nuisance=solution[:n_own],
         coordinate=z,
         misfit=misfit,
-        log_evidence=-0.5 * misfit
-        - 0.5 * float(logdet) * float(sign)
-        + 0.5 * len(z) * float(np.log(2 * np.pi)),
+        log_evidence=0.5 * (z.size * float(np.log(2.0 * np.pi)) - logdet - misfit),
         residual=best,
     )
 

@@ -9,6 +9,7 @@ import pytest
 import model
 from updating.blind import blind_test, candidates_of, played
 from updating.diagnosis import conclude
+from updating.explanation import explain
 from updating.gathering import gather
 from updating.residual import residual
 from updating.virtual_measurement import ModalNoise, play_modes
@@ -105,3 +106,17 @@ def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_nam
     found = diagnosed(candidates, (effect,), {"clamp_pitch": 0.0051}, 51031)
     assert found.verdict == "identified"
     assert found.set == (("clamp_pitch_inertia",),)
+
+
+def test_an_effect_that_does_nothing_is_no_evidence(candidates, catalogue):
+    test = blind_test(SPECIFICATION, 12, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
+    evidence = gather(candidates, played(test)[:2])
+    one = explain(evidence, ("contact_direction",))
+    two = explain(
+        evidence,
+        ("contact_direction", "clamp_rods"),
+        nuisance=one.nuisance,
+        coordinate=np.append(one.coordinate, 0.0),
+    )
+    assert two.misfit == pytest.approx(one.misfit, abs=0.1)
+    assert two.log_evidence == pytest.approx(one.log_evidence, abs=0.1)
