@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from updating.adequacy import p_value
 from updating.chance import DRAWS
 from updating.experiment import NextTest
 from updating.explanation import Explanation
@@ -33,12 +34,12 @@ def sentences(
         text.append(
             "Nothing is missing that these data can show: the base model meets frequencies within "
             f"{error} in the mean, and no effect of the catalogue improves it beyond chance: the best would explain as "
-            f"much in {_chance(chance)} complete models."
+            f"much where nothing is missing in {_chance(chance)} cases."
         )
     else:
         text.append(_where(base, error))
         text.append(
-            f"The best effect alone explains what it would by chance in {_chance(chance)} complete models."
+            f"Where nothing is missing, the best effect alone explains as much in {_chance(chance)} cases."
         )
     if verdict == "identified":
         own = ranked[left[0].effects]
@@ -47,13 +48,14 @@ def sentences(
             f"{error} to {_percent(own.frequency_error)}{_predicted(ranked[()], own)}, and no other explanation comes "
             "within a distance of 3."
         )
-        text += _shares(own, ranked)
+        text += [*_shares(own, ranked), _left_over(left[0])]
     if verdict == "one of":
         own = ranked[left[0].effects]
         text.append(
             f"These data cannot tell apart: {'; '.join(_named(x.effects) for x in left)}. Each brings the mean "
             f"frequency error from {error} to about {_percent(own.frequency_error)}{_predicted(ranked[()], own)}."
         )
+        text.append(_left_over(left[0]))
         text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
     if verdict == "unlike anything":
         closest = [x for x in ranking if x.effects][:1]
@@ -109,6 +111,11 @@ def _chance(probability: float) -> str:
     if probability < 2.0 / DRAWS:
         return f"fewer than 1 of {DRAWS // 2}"
     return f"{100.0 * probability:.0f} of 100" if probability > 0.01 else f"{1e4 * probability:.0f} of 10000"
+
+
+def _left_over(own: Explanation) -> str:
+    """Say how likely what an explanation leaves is: the only hint at an effect that no catalogue has."""
+    return f"Where nothing else is missing, as much as it leaves is left in {_chance(p_value(own))} cases."
 
 
 def _predicted(base: Ranked, own: Ranked) -> str:
