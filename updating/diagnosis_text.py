@@ -44,16 +44,15 @@ def sentences(
     if verdict == "identified":
         own = ranked[left[0].effects]
         text.append(
-            f"{_named(left[0].effects)} explains it: with {_estimates(own)} the mean frequency error falls from "
-            f"{error} to {_percent(own.frequency_error)}{_predicted(ranked[()], own)}, and no other explanation comes "
-            "within a distance of 3."
+            f"{_named(left[0].effects)} explains it: with {_estimates(own)} {_change(ranked[()], own)}, and no other "
+            "explanation comes within a distance of 3."
         )
         text += [*_shares(own, ranked), _left_over(left[0])]
     if verdict == "one of":
         own = ranked[left[0].effects]
         text.append(
-            f"These data cannot tell apart: {'; '.join(_named(x.effects) for x in left)}. Each brings the mean "
-            f"frequency error from {error} to about {_percent(own.frequency_error)}{_predicted(ranked[()], own)}."
+            f"These data cannot tell apart: {'; '.join(_named(x.effects) for x in left)}. With the first "
+            f"{_change(ranked[()], own)}; with the others, nearly the same."
         )
         text.append(_left_over(left[0]))
         text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
@@ -118,14 +117,16 @@ def _left_over(own: Explanation) -> str:
     return f"Where nothing else is missing, as much as it leaves is left in {_chance(p_value(own))} cases."
 
 
-def _predicted(base: Ranked, own: Ranked) -> str:
-    """Say what the error falls to where each mode is predicted from all others."""
+def _change(base: Ranked, own: Ranked) -> str:
+    """Say what the frequency error falls to, also where each mode is predicted from all others."""
+    before, after = _percent(base.frequency_error), _percent(own.frequency_error)
+    if own.frequency_error >= base.frequency_error:
+        return f"the mean frequency error stays small ({before} before, {after} with it): other data show the effect"
+    text = f"the mean frequency error falls from {before} to {after}"
     if not np.isfinite([base.held_out_error, own.held_out_error]).all():
-        return ""
-    return (
-        f" (from {_percent(base.held_out_error)} to {_percent(own.held_out_error)} for a mode that is predicted from "
-        "all others)"
-    )
+        return text
+    before, after = _percent(base.held_out_error), _percent(own.held_out_error)
+    return f"{text} (from {before} to {after} for a mode that is predicted from all others)"
 
 
 def _shares(own: Ranked, ranked: Mapping[tuple[str, ...], Ranked]) -> list[str]:
