@@ -30,7 +30,7 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
     """
     found = explanation.residual
     inside = found.kind == kind
-    fitted = found.reach[inside]
+    fitted = found.span[inside]
     gram = fitted.T @ fitted
     mean = inside.sum() - float(np.trace(gram))
     half_variance = mean - float(np.trace(gram)) + float(np.sum(gram**2))

@@ -26,14 +26,14 @@ def held_out_error(found: Residual) -> float:
     float
         NaN where no mode can be predicted from the others.
     """
-    reach, label = found.reach, np.array(found.label)
+    span, label = found.span, np.array(found.label)
     errors = []
     for i, std in zip(np.flatnonzero(found.kind == "frequency"), found.log_frequency_std, strict=True):
         rows = np.flatnonzero(label == label[i])
-        own = reach[rows]
-        others = np.eye(reach.shape[1]) - own.T @ own
+        own = span[rows]
+        others = np.eye(span.shape[1]) - own.T @ own
         if np.linalg.eigvalsh(others)[0] < _UNKNOWN:
             continue
-        left = found.value[i] + reach[i] @ np.linalg.solve(others, own.T @ found.value[rows])
+        left = found.value[i] + span[i] @ np.linalg.solve(others, own.T @ found.value[rows])
         errors.append(abs(np.expm1(-left * std)))
     return float(np.mean(errors)) if errors else float("nan")

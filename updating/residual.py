@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
@@ -48,8 +49,8 @@ class Residual:
     log_frequency_std: Vector
     partner: NDArray[np.int64]
 
-    @property
-    def reach(self) -> Vector:
+    @cached_property
+    def span(self) -> Vector:
         """Orthonormal columns, (n, n_coordinate) at most, that span what the coordinates can change."""
         length = np.linalg.norm(self.jacobian, axis=0)
         return np.asarray(la.orth(self.jacobian[:, length > 0.0] / length[length > 0.0]))

@@ -159,14 +159,13 @@ def _pair_starts(
     beside: Sequence[Screened],
 ) -> list[Start]:
     """Return pairs worth a fit, and from where; `beside` is what was screened beside the best single effect."""
-    starts: dict[
-        frozenset[str], Start
-    ] = {}  # where a pair has several, that from the best first effect stands
+    starts: dict[frozenset[str], Start] = {}
     for i, first in enumerate(singles[:N_FIRST]):
         every = screen(evidence, first) if i else beside
         for second in sorted(every, key=lambda s: -s.gain)[:N_BESIDE]:
             names = (first.effects[0], second.effect)
             start = np.concatenate([first.coordinate, second.start])
+            # where a pair has several starts, that from the best first effect stands
             starts.setdefault(frozenset(names), (names, first.nuisance, start))
     visible = [s for s in screened if s.reach >= VISIBLE]
     for _, names, coordinate in pair_steps(base, visible)[:N_PAIR]:

@@ -14,8 +14,8 @@ Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]
 SEPARATE = 3.0
 """Discrimination distance below which two explanations are an ambiguity."""
 GAIN_SINGLE = 16.0
-"""Fall of the squared misfit that a missing effect must bring; the best of the whole catalogue reaches it by chance in
-few of 100 complete models."""
+"""Fall of the squared misfit that a missing effect must bring; to first order the best of the whole catalogue brings
+it by chance in 1 to 2 of 1000 complete models (`chance.chance_of_gain`)."""
 GAIN_SECOND = 16.0
 """The same for a second effect beside the first, and more where a strong first one is adequate: what its form may be
 off by changes the data, too, and is no effect of its own."""

@@ -10,8 +10,7 @@ from updating.adequacy import block_p_value, p_value
 from updating.residual import Residual
 
 KIND = np.array(["frequency"] * 8 + ["damping"] * 6 + ["shape"] * 30 + ["prior"] * 4)
-RNG = np.random.default_rng(3)
-JACOBIAN = np.column_stack([RNG.normal(size=(KIND.size, 5)), np.zeros(KIND.size)])
+JACOBIAN = np.column_stack([np.random.default_rng(3).normal(size=(KIND.size, 5)), np.zeros(KIND.size)])
 
 
 def fitted(data, jacobian=JACOBIAN):
@@ -32,13 +31,14 @@ def fitted(data, jacobian=JACOBIAN):
 
 @pytest.mark.parametrize("kind", ["frequency", "damping", "shape", "prior"])
 def test_probabilities_are_uniform_where_nothing_is_missing(kind):
-    found = [block_p_value(fitted(RNG.normal(size=KIND.size)), kind) for _ in range(400)]
+    rng = np.random.default_rng(4)
+    found = [block_p_value(fitted(rng.normal(size=KIND.size)), kind) for _ in range(400)]
     assert kstest(found, "uniform").pvalue > 0.01
 
 
 def test_few_data_that_misfit_are_not_lost_among_many():
     data = np.where(KIND == "frequency", 3.0, 0.0) * np.array([1.0, -1.0] * (KIND.size // 2))
-    data[KIND == "shape"] = RNG.normal(size=30)
+    data[KIND == "shape"] = np.random.default_rng(5).normal(size=30)
     own = fitted(data, JACOBIAN[:, :1])
     assert block_p_value(own, "frequency") < 1e-6
     assert p_value(own) == pytest.approx(4.0 * block_p_value(own, "frequency"))
@@ -47,4 +47,4 @@ def test_few_data_that_misfit_are_not_lost_among_many():
 def test_data_that_are_all_fitted_say_nothing():
     jacobian = np.zeros((KIND.size, 6))
     jacobian[KIND == "damping"] = np.eye(6)
-    assert block_p_value(fitted(RNG.normal(size=KIND.size), jacobian), "damping") == 1.0
+    assert block_p_value(fitted(np.random.default_rng(6).normal(size=KIND.size), jacobian), "damping") == 1.0
