@@ -95,6 +95,15 @@ def every_lamina(stack: Stack) -> sp.csr_array:
     return sp.eye_array(stack.n_lamina, format="csr") / stack.n_lamina
 
 
+def mean_lamina(stack: Stack) -> sp.csr_array:
+    """Return the matrix over the laminas that takes the square of their mean.
+
+    What is stiff over the height moves as the laminas do in the mean; a part of it on each would move with that one
+    alone, and where it is heavy bring motions over the height that no such body has.
+    """
+    return sp.csr_array(np.full((stack.n_lamina, stack.n_lamina), 1.0 / stack.n_lamina**2))
+
+
 def tie(stack: Stack) -> sp.csr_array:
     """Return the matrix over the laminas of a spring from the bottom to the top of the stack.
 
@@ -122,16 +131,19 @@ def mean_over(
     return sp.csr_matrix(weights @ assembly.plan.point_rows(field, points, slope))
 
 
-def turn_of(assembly: Assembly, centre: tuple[float, float], size: tuple[float, float]) -> sp.csr_matrix:
-    """Return the row that takes the slope dw/dx of the plane that lies closest to w over a rectangle of the plan.
+def turn_of(
+    assembly: Assembly, centre: tuple[float, float], size: tuple[float, float], axis: Literal["x", "y"]
+) -> sp.csr_matrix:
+    """Return the row that takes the slope along an axis of the plane that lies closest to w over a rectangle.
 
-    A stiff bar on the rectangle turns by it; on one without length it is dw/dx there. The mean of dw/dx is the
+    A stiff bar on the rectangle turns by it; on one without length it is the slope there. The mean slope is the
     difference of w along two edges alone, and converges three times more slowly with the mesh.
     """
     points, weights = footprint_points(centre, size, assembly.plan)
-    arm = points[:, 0] - weights @ points[:, 0]
+    along = points[:, "xy".index(axis)]
+    arm = along - weights @ along
     if np.ptp(arm) == 0.0:
-        return mean_over(assembly, "w", centre, size, "x")
+        return mean_over(assembly, "w", centre, size, axis)
     return sp.csr_matrix((weights * arm / (weights @ arm**2)) @ assembly.plan.point_rows("w", points))
 
 
@@ -144,8 +156,8 @@ def shear_spring(
 ) -> tuple[Kron, ...]:
     """Return a spring of stiffness 1 against shear at a rectangle of the plan.
 
-    Its elongations are slip times u (v along y) plus turned times dw/dx (dw/dy), both in the mean over the
-    rectangle: without the turning of the laminas a stack that turns as a whole would stretch it.
+    Its elongations are slip times the mean of u (v along y) over the rectangle plus turned times its turn about y
+    (x): without the turning of the laminas a stack that turns as a whole would stretch it.
 
     Parameters
     ----------
@@ -160,7 +172,7 @@ def shear_spring(
     """
     slip, turned = (sp.csr_array(matrix) for matrix in over_z)
     field: Field = "u" if axis == "x" else "v"
-    along, slope = mean_over(assembly, field, centre, size), mean_over(assembly, "w", centre, size, axis)
+    along, slope = mean_over(assembly, field, centre, size), turn_of(assembly, centre, size, axis)
     return (
         square(field, along, slip.T @ slip),
         Kron(row=field, column="w", z=slip.T @ turned, planar=(along.T @ slope).tocsr()),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -37,7 +36,6 @@ VISIBLE = 3.0
 _PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
 _ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
 N_AFAR, N_AFAR_STEPS = 6, 20
-_ALONG = 6  # places along a sampled parameter
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
 _REFIT = 8  # evaluations after the basis has grown
@@ -98,10 +96,6 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     if astray and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
         visible = [s for s in screened if s.reach >= VISIBLE]
         evidence, singles = _from_afar(evidence, visible, singles, executor)
-        best = best_of(singles, base)
-        if p_value(best) < P_ADEQUATE and _is_beyond(best):
-            same = [s for s in screened if s.effect in best.effects]
-            evidence, singles = _from_afar(_everywhere(evidence, best), same, singles, executor)
         found = _with_pairs(evidence, base, singles, screened, worth, executor)
     return found
 
@@ -200,30 +194,6 @@ def _from_afar(
         starts.append(([place.effect], nuisance, place.coordinate))
     afar = _fitted(evidence, starts, executor, N_AFAR_STEPS)
     return _exact(evidence, _best_of_each([*afar, *singles]), executor)
-
-
-def _is_beyond(own: Explanation) -> bool:
-    """Tell whether an effect with a sampled parameter is stronger than nominal, for which the model was made."""
-    stronger = [
-        abs(value - p.neutral) > abs(p.nominal - p.neutral)
-        for p, value in zip(own.parameter, own.value, strict=True)
-        if not p.sampled
-    ]
-    return any(p.sampled for p in own.parameter) and any(stronger)
-
-
-def _everywhere(evidence: Gathered, own: Explanation) -> Gathered:
-    """Take the modes along the sampled parameters of an effect into the basis, its strength being what was found.
-
-    Where a strong effect acts elsewhere than it was found, a basis that lacks its modes there hides the place.
-    """
-    state = _state(evidence, own)
-    along = {p.name: np.linspace(p.lower, p.upper, _ALONG) for p in own.parameter if p.sampled}
-    places = [
-        {**state, **dict(zip(along, map(float, where), strict=True))}
-        for where in itertools.product(*along.values())
-    ]
-    return evidence.with_system(enriched(evidence.system, places, N_MODEL))
 
 
 def _state(evidence: Gathered, own: Explanation) -> dict[str, float]:

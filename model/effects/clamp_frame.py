@@ -6,7 +6,7 @@ sideways.
 Enters: stiffness against the way, along x and y, by which the top runs ahead of the bottom at the footprint of
     each clamp, by the mean shear strain over the height, turning of the laminas included; affine.
 Range: 0 to 2e7 N/m a clamp: 12 E I / l**3 for two to four rods of 10 to 16 mm over 64 to 100 mm.
-Does: raises B1 by 9 % and B2 by 10 % at low torque and by 5 and 6 % at twice the pressure; T1 and T2, whose
+Does: raises B1 by 8 % and B2 by 9 % at low torque and by 5 % at twice the pressure; T1 and T2, whose
     shear at the clamps cancels across the width, by less than 1 %. (Demo stack, nominal strength.)
 Mistaken for: contact_offset, which does not depend on pressure either; a higher G_f.
 """

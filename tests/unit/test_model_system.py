@@ -196,6 +196,6 @@ def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for(
 
 def test_a_clamp_on_a_point_turns_with_the_slope_there_as_one_on_little_does():
     assembly = model.assemble(STACK)
-    point, little = (turn_of(assembly, (0.05, 0.0), (length, 0.0)).toarray() for length in (0.0, 1e-4))
+    point, little = (turn_of(assembly, (0.05, 0.0), (length, 0.0), "x").toarray() for length in (0.0, 1e-4))
     assert np.abs(point).max() > 0.0
     np.testing.assert_allclose(point, little, atol=1e-3 * np.abs(point).max())
