@@ -17,6 +17,7 @@ from updating.candidates import CandidateModel, candidate_model, instruments_of
 from updating.coordinates import coordinate_of
 from updating.diagnosis import WORTH
 from updating.evidence import Evidence
+from updating.exclusion import ruled_out
 from updating.experiment import aids
 from updating.explanation import Explanation, explain
 from updating.gathering import Campaigned, gather
@@ -71,6 +72,8 @@ class Case:
         Of the diagnosis.
     candidates : tuple of tuple of str
         What it left, the best first.
+    ruled_out : tuple of str
+        What it says that these data exclude at its usual strength, or more.
     not_visible : tuple of str
         What it says that these data do not show.
     covered : tuple of bool
@@ -99,6 +102,7 @@ class Case:
     values: dict[str, float]
     verdict: str
     candidates: tuple[tuple[str, ...], ...]
+    ruled_out: tuple[str, ...]
     not_visible: tuple[str, ...]
     covered: tuple[bool, ...]
     distance: float
@@ -206,6 +210,7 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         values=values,
         verdict=decision.verdict,
         candidates=tuple(tuple(sorted(x.effects)) for x in decision.left),
+        ruled_out=ruled_out(found, decision),
         not_visible=tuple(s.effect for s in found.screened if s.reach < VISIBLE),
         covered=_covered(found, truth, values),
         distance=float(np.sqrt(max(found.base.misfit - true.misfit, 0.0))),

@@ -9,6 +9,7 @@ from scipy.stats import binomtest
 
 from model import catalogue
 from updating.blind import DETECTABLE, WRONG_FORM, Case
+from updating.coordinates import coordinate_of
 from updating.verdict import SEPARATE
 
 _NOTABLE = (
@@ -38,7 +39,8 @@ class Figure:
 
 def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
     """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
-    families = {name: effect.family for name, effect in catalogue().items()}
+    effects = catalogue()
+    families = {name: effect.family for name, effect in effects.items()}
     null = [c for c in cases if c.kind == "null"]
     single = [c for c in cases if c.kind == "single"]
     seen = [c for c in single if c.distance >= DETECTABLE]
@@ -60,9 +62,20 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
     def top(c: Case) -> bool:
         return bool(c.candidates) and c.candidates[0] == c.truth
 
+    def usual(c: Case) -> list[str]:
+        """Return the planted effects that `ruled_out` judges, if they are as strong as usual or more."""
+        return [
+            name
+            for name in c.truth
+            for p in effects[name].parameters
+            if len(effects[name].parameters) == 1
+            and abs(coordinate_of(p, c.values[p.name])) >= abs(coordinate_of(p, p.nominal))
+        ]
+
     def share(name: str, target: str, hits: Sequence[bool]) -> Figure:
         return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
 
+    judged = [c for c in cases if c.kind != "withheld" and usual(c)]
     plain = [c for c in seen if c.rival >= SEPARATE]
     fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
     return (
@@ -88,6 +101,11 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
             "undetectable singles not wrongly named",
             "95 %",
             [c.verdict in ("nothing missing", "unlike anything") or within(c) for c in unseen],
+        ),
+        share(
+            "a planted effect, as strong as usual, ruled out",
+            "reported",
+            [bool(set(usual(c)) & set(c.ruled_out)) for c in judged],
         ),
         share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
         share(

@@ -73,6 +73,8 @@ class Diagnosis:
         "nothing missing", "identified", "one of" or "unlike anything".
     set : tuple of tuple of str
         The explanations that the data cannot tell apart; one where identified, none where nothing is missing.
+    in_doubt : tuple of str
+        A second effect beside the one that is named: it leaves less, but the form of the first may account for that.
     p_value : float
         Probability of a misfit as large as the base model's if nothing were missing.
     block_p_value : mapping of str to float
@@ -99,6 +101,7 @@ class Diagnosis:
 
     verdict: Verdict
     set: tuple[tuple[str, ...], ...]
+    in_doubt: tuple[str, ...]
     p_value: float
     block_p_value: Mapping[str, float]
     chance: float
@@ -161,12 +164,12 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     tests = rank_tests(found.evidence, left[:_COMPARED])
     ranking = rank(found)
     chance = chance_of_gain(found.screened, base.misfit - best_of(found.singles, base).misfit)
-    beside = left if decision.verdict != "nothing missing" else (base,)
-    excluded = ruled_out(found.evidence, beside[:_COMPARED])
+    excluded = ruled_out(found, decision)
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
     return Diagnosis(
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
+        in_doubt=decision.doubt.effects if decision.doubt else (),
         p_value=p_value(base),
         block_p_value={kind: block_p_value(base, kind) for kind in ("frequency", "damping", "shape")},
         chance=chance,

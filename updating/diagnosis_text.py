@@ -11,7 +11,7 @@ from updating.chance import DRAWS
 from updating.experiment import NextTest
 from updating.explanation import Explanation
 from updating.ranking import Ranked
-from updating.verdict import Decision
+from updating.verdict import Decision, Doubt
 
 _WORTH = 3.0
 
@@ -45,7 +45,7 @@ def sentences(
         own = ranked[left[0].effects]
         text.append(
             f"{_named(left[0].effects)} explains it: with {_estimates(own)} {_change(ranked[()], own)}, and no other "
-            "explanation comes within a distance of 3."
+            f"{'effect' if len(left[0].effects) == 1 else 'pair'} comes within a distance of 3."
         )
         text += [*_shares(own, ranked), _left_over(left[0])]
     if verdict == "one of":
@@ -56,6 +56,8 @@ def sentences(
         )
         text.append(_left_over(left[0]))
         text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
+    if decision.doubt is not None:
+        text.append(_doubtful(decision.doubt, left[0]))
     if verdict == "unlike anything":
         closest = [x for x in ranking if x.effects][:1]
         tail = (
@@ -115,6 +117,16 @@ def _chance(probability: float) -> str:
 def _left_over(own: Explanation) -> str:
     """Say how likely what an explanation leaves is: the only hint at an effect that no catalogue has."""
     return f"Where nothing else is missing, as much as it leaves is left in {_chance(p_value(own))} cases."
+
+
+def _doubtful(doubt: Doubt, named: Explanation) -> str:
+    """Say why a second effect that leaves less is not named."""
+    second = _named(doubt.effects)
+    return (
+        f"{second} beside it would lower the squared misfit by {doubt.gain:.0f} more. What the form of "
+        f"{_named(named.effects)} may be off by accounts for up to {doubt.least:.0f}, so {second} may be there "
+        "and is not named."
+    )
 
 
 def _change(base: Ranked, own: Ranked) -> str:

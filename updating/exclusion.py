@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from updating.coordinates import coordinate_of
-from updating.evidence import Evidence
-from updating.explanation import Explanation
 from updating.screening import Screened, screen
+from updating.search import Search
+from updating.verdict import Decision
 
 SURE = 5.0
 """Distance beyond which an effect of usual strength is excluded: more than 3, for it is to first order."""
 
 
-def ruled_out(evidence: Evidence, beside: Sequence[Explanation]) -> tuple[str, ...]:
-    """Return the effects whose nominal strength is excluded beside every one of some explanations.
+def ruled_out(found: Search, decision: Decision) -> tuple[str, ...]:
+    """Return the effects whose nominal strength is excluded beside every explanation that a decision leaves.
 
     Effects of several parameters are not judged: there is no usual place or shape at which to exclude them.
     """
-    excluded = [{s.effect for s in screen(evidence, x) if _is_excluded(s)} for x in beside]
+    left = (found.base,) if decision.verdict == "nothing missing" else decision.left
+    excluded = [{s.effect for s in screen(found.evidence, x) if _is_excluded(s)} for x in left]
     return tuple(sorted(set.intersection(*excluded))) if excluded else ()
 
 

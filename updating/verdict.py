@@ -22,6 +22,25 @@ off by changes the data, too, and is no effect of its own."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Doubt:
+    """A second effect that may be there, or stand in for what the form of the first is off by.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Its name.
+    gain : float
+        Fall of the squared misfit that it brings.
+    least : float
+        Fall that it would have to bring to be named.
+    """
+
+    effects: tuple[str, ...]
+    gain: float
+    least: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Decision:
     """A verdict with the explanations that it leaves.
 
@@ -31,10 +50,13 @@ class Decision:
         One of four.
     left : tuple of Explanation
         What the data cannot tell apart, the best first; none where nothing is missing or nothing is like it.
+    doubt : Doubt, optional
+        Where one effect is named, a second one that would leave less, but not by enough to be named itself.
     """
 
     verdict: Verdict
     left: tuple[Explanation, ...]
+    doubt: Doubt | None = None
 
 
 def decide(found: Search) -> Decision:
@@ -42,7 +64,8 @@ def decide(found: Search) -> Decision:
     base = found.base
     single, pair = best_of(found.singles, base), best_of(found.pairs, base)
     needed = base.misfit - single.misfit > GAIN_SINGLE
-    second = single.misfit - pair.misfit > _least_of_second(found, single)
+    gain, least = single.misfit - pair.misfit, _least_of_second(found, single)
+    second = gain > least
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
@@ -53,7 +76,13 @@ def decide(found: Search) -> Decision:
     if p_value(best) < P_ADEQUATE:
         return Decision(verdict="unlike anything", left=())
     left = tuple(sorted((x for x in among if x.misfit - best.misfit < SEPARATE**2), key=lambda x: x.misfit))
-    return Decision(verdict="identified" if len(left) == 1 else "one of", left=left)
+    beside = tuple(name for name in pair.effects if name not in single.effects)
+    doubtful = not second and gain > GAIN_SECOND and len(beside) == 1
+    return Decision(
+        verdict="identified" if len(left) == 1 else "one of",
+        left=left,
+        doubt=Doubt(effects=beside, gain=gain, least=least) if doubtful else None,
+    )
 
 
 def _least_of_second(found: Search, single: Explanation) -> float:

@@ -46,13 +46,24 @@ def test_a_pair_is_sought_from_the_better_of_its_effects():
     assert found.candidates == (found.truth,)
 
 
-def case(seed, kind):
+def case(seed, kind, stiffness=1.5e8, ruled_out=()):
     return Case(
-        seed=seed, kind=kind, truth=("rod_spring",), values={"k": 1.5}, verdict="one of",
-        candidates=(("rod_spring",), ("stinger", "weld")), not_visible=(), covered=(True,), distance=6.0,
-        rival=float("inf"), most_visible=("stinger",), bic=(), held_out=(9.0, 1.2, 1.0),
-        held_out_frequency=(0.01, 0.002, 0.001),
+        seed=seed, kind=kind, truth=("clamp_rods",), values={"rod_stiffness": stiffness}, verdict="one of",
+        candidates=(("clamp_rods",), ("stinger_mass", "weld_seam")), ruled_out=ruled_out, not_visible=(),
+        covered=(True,), distance=6.0, rival=float("inf"), most_visible=("stinger_mass",), bic=(),
+        held_out=(9.0, 1.2, 1.0), held_out_frequency=(0.01, 0.002, 0.001),
     )  # fmt: skip
+
+
+def test_a_planted_effect_is_ruled_out_wrongly_only_at_its_usual_strength():
+    """What is ruled out is the nominal strength, 1e8 N/m, or more; a weaker effect may be there."""
+    right, weak, wrong = (
+        case(1, "single"),
+        case(2, "single", stiffness=2e7, ruled_out=("clamp_rods",)),
+        case(3, "single", ruled_out=("clamp_rods", "weld_seam")),
+    )
+    (figure,) = (f for f in figures((right, weak, wrong)) if "ruled out" in f.name)
+    assert (figure.hits, figure.total) == (1, 2)
 
 
 def test_cases_go_on_after_the_last_whole_line(tmp_path, monkeypatch):

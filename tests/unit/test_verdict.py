@@ -1,0 +1,52 @@
+"""When a second effect is named, and when it is only said to be possible."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from updating import verdict
+from updating.diagnosis_text import _doubtful
+from updating.verdict import decide
+
+
+def explanation(misfit, *effects):
+    return SimpleNamespace(misfit=misfit, effects=effects)
+
+
+def found(first, second, form):
+    """A strong first effect with a misfit of `first` alone and of `second` beside another."""
+    return SimpleNamespace(
+        base=explanation(10000.0),
+        singles=(explanation(first, "clamp_inertia"),),
+        pairs=(explanation(second, "stinger_mass", "clamp_inertia"),),
+        evidence=SimpleNamespace(scatter=SimpleNamespace(form=form)),
+    )
+
+
+@pytest.fixture(autouse=True)
+def every_fit_is_adequate(monkeypatch):
+    monkeypatch.setattr(verdict, "p_value", lambda own: 1.0)
+
+
+def test_a_second_effect_that_brings_enough_is_named():
+    decision = decide(found(100.0, 80.0, form=0.0))
+    assert decision.left[0].effects == ("stinger_mass", "clamp_inertia")
+    assert decision.doubt is None
+
+
+def test_a_second_effect_within_what_the_first_may_be_off_by_is_in_doubt():
+    """1 % of sqrt(9900) standard deviations, 1.645 times, is 1.64; its square comes to 16."""
+    decision = decide(found(100.0, 83.0, form=0.01))
+    assert decision.verdict == "identified"
+    assert decision.left[0].effects == ("clamp_inertia",)
+    assert decision.doubt.effects == ("stinger_mass",)
+    assert decision.doubt.gain == 17.0
+    assert decision.doubt.least == pytest.approx(16.0 + (1.645 * 0.01) ** 2 * 9900.0, rel=1e-3)
+    assert _doubtful(decision.doubt, decision.left[0]) == (
+        "stinger_mass beside it would lower the squared misfit by 17 more. What the form of clamp_inertia may be off "
+        "by accounts for up to 19, so stinger_mass may be there and is not named."
+    )
+
+
+def test_what_chance_brings_is_not_in_doubt():
+    assert decide(found(100.0, 85.0, form=0.01)).doubt is None
