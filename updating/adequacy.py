@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
+from updating import mixing
 from updating.explanation import Explanation
 from updating.residual import BLOCKS
 
@@ -43,7 +44,9 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
 def p_value(explanation: Explanation) -> float:
     """Return the probability of a misfit as large if the explanation were complete.
 
-    The smallest of the blocks' probabilities times their number (Bonferroni): frequencies are few and what they say
-    would be lost among the many shape components.
+    The smallest of the probabilities of each kind of data, and of how the shapes lean towards other modes, times their
+    number (Bonferroni): what few frequencies say would be lost among the many shape components.
     """
-    return min(1.0, len(BLOCKS) * min(block_p_value(explanation, kind) for kind in BLOCKS))
+    each = [block_p_value(explanation, kind) for kind in BLOCKS]
+    each.append(mixing.p_value(explanation.residual.mixing))
+    return min(1.0, len(each) * min(each))

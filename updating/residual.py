@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from model import Modes, Parameter
 from updating.coordinates import scaled
-from updating.evidence import SHARED, Evidence, Identified, pair, solved
+from updating.evidence import SHARED, Evidence, pair, solved
+from updating.mixing import Mixing
 
 Vector = NDArray[np.float64]
 
@@ -39,6 +40,8 @@ class Residual:
         Logarithms of measured over modelled frequencies, and what these are divided by in `value`.
     partner : (n_frequency,) int
         The model's elastic modes that they are of.
+    mixing : tuple of Mixing
+        The shapes of each configuration.
     """
 
     value: Vector
@@ -48,6 +51,7 @@ class Residual:
     log_frequency: Vector
     log_frequency_std: Vector
     partner: NDArray[np.int64]
+    mixing: tuple[Mixing, ...]
 
     @cached_property
     def span(self) -> Vector:
@@ -79,7 +83,7 @@ def residual(
     effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
     n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
     n_common, s = evidence.n_common, evidence.scatter
-    value, rows, kinds, labels, logarithm, spreads, partner = [], [], [], [], [], [], []
+    value, rows, kinds, labels, logarithm, spreads, partner, mixed = [], [], [], [], [], [], [], []
     for c, tested in enumerate(evidence.tested):
         theta = evidence.theta(nuisance, c)
         by = (*theta, *effect)
@@ -118,12 +122,24 @@ def residual(
             rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
-        for r, m in zip(used, column, strict=True):
-            difference, slope = _shape_difference(measured, int(r), modes, int(m), spread, s.shape)
-            value.append(difference)
-            rows.append(slope)
-            kinds += ["shape"] * difference.size
-            labels += [f"{tested.name}, mode {r + 1}"] * difference.size
+        u, v = _unit_shapes(measured.shape[:, used], modes.shape[:, column])
+        form = np.zeros(used.size)
+        for i, (r, m) in enumerate(zip(used, column, strict=True)):
+            sigma = np.hypot(
+                measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r]), s.shape / np.sqrt(len(u))
+            )
+            kept = _apart(modes, int(m))
+            slope = spread(modes.shape_gradient[:, m]) / np.linalg.norm(modes.shape[:, m])
+            if evidence.weight is not None:
+                counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
+                form[i] = np.linalg.norm(sigma * np.sqrt(np.maximum(counted**-2 - 1.0, 0.0)))
+            value.append(kept(u[:, i] - v[:, i]) / sigma)
+            rows.append(-kept(slope) / sigma[:, None])
+            kinds += ["shape"] * len(u)
+            labels += [f"{tested.name}, mode {r + 1}"] * len(u)
+        mixed.append(
+            Mixing(measured=u, modelled=v, frequency=modes.frequency[column], form=form, small=s.mixing)
+        )
     std = np.concatenate(spreads)
     if evidence.weight is not None:
         std = std / evidence.weight[np.array(kinds) == "frequency"]
@@ -146,33 +162,22 @@ def residual(
         log_frequency=np.concatenate(logarithm),
         log_frequency_std=std,
         partner=np.concatenate(partner),
+        mixing=tuple(mixed),
     )
 
 
-def _shape_difference(
-    measured: Identified, r: int, modes: Modes, m: int, spread: Callable[[Vector], Vector], scatter: float
-) -> tuple[Vector, Vector]:
-    """Return the whitened difference of a measured and a modelled shape, both of unit length, and its derivatives.
+def _unit_shapes(measured: NDArray[np.complex128], modelled: Vector) -> tuple[Vector, Vector]:
+    """Return measured shapes, turned real, and modelled ones at unit length and of one sign, (n_dof, n_mode) each."""
+    turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
+    u, v = turned / np.linalg.norm(measured, axis=0), modelled / np.linalg.norm(modelled, axis=0)
+    return u * np.where(np.sum(u * v, axis=0) < 0.0, -1.0, 1.0), v
 
-    What lies along the shape itself (its scale) and along model modes within 5 % in frequency is taken out: how close
-    modes mix is not to be predicted.
+
+def _apart(modes: Modes, m: int) -> Callable[[Vector], Vector]:
+    """Return what takes out of a shape difference what lies along the shape itself and along modes near to it.
+
+    The one is its scale; how modes within 5 % in frequency mix is not to be predicted.
     """
-    shape = measured.shape[:, r]
-    turned = np.exp(-0.5j * np.angle(np.sum(shape**2)))
-    length = float(np.linalg.norm(shape))
-    u = np.real(shape * turned) / length
-    psi = modes.shape[:, m]
-    norm = float(np.linalg.norm(psi))
-    v = psi / norm
-    if u @ v < 0.0:
-        u = -u
     near = np.abs(np.log(modes.frequency / modes.frequency[m])) < _NEIGHBOUR
-    out = la.orth(np.column_stack([v, modes.shape[:, near] / np.linalg.norm(modes.shape[:, near], axis=0)]))
-    sigma = np.hypot(measured.shape_std[:, r] / length, scatter / np.sqrt(u.size))
-
-    def kept(x: Vector) -> Vector:
-        return np.asarray(x - out @ (out.T @ x))
-
-    difference = kept(u - v) / sigma
-    slope = -kept(spread(modes.shape_gradient[:, m]) / norm) / sigma[:, None]
-    return difference, slope
+    out = la.orth(modes.shape[:, near] / np.linalg.norm(modes.shape[:, near], axis=0))
+    return lambda x: np.asarray(x - out @ (out.T @ x))

@@ -21,6 +21,7 @@ def residual(jacobian, data):
         log_frequency=left[::4] * STD,
         log_frequency_std=STD,
         partner=np.arange(4),
+        mixing=(),
     )
 
 
