@@ -41,7 +41,7 @@ class Scatter:
         Of every shape component, relative to the shape's root mean square: places and calibration of sensors.
     mixing : float
         Of small masses between two modes, over a modal mass: identified shapes of the campaigns in data/hidden_effect
-        lean towards other modes by 5e-4 w_r**2 / (w_s**2 - w_r**2), for 44 sensors of 0.2 g on a stack of 25 kg.
+        lean towards other modes by that times w_r**2 / (w_s**2 - w_r**2), for 44 sensors of 0.2 g on a stack of 25 kg.
     stiffness, loss : float
         Of G_f and d_f between configurations: reassembly and torque.
     young, density, normal_modulus, length, width, height : float

@@ -3,11 +3,13 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import ema
 import model
 from updating import diagnose
+from updating.evidence import Scatter
 
 DATA = Path(__file__).parents[2] / "data/hidden_effect"
 BENCH = {"stinger_mass"}  # every played test has a force cell of 5 g, which the stack files do not tell
@@ -30,3 +32,42 @@ def test_the_hidden_effect_is_named(name, capsys):
         assert set(truth["effects"]) <= set(found.set[0]) <= set(truth["effects"]) | BENCH
     else:
         assert found.verdict == "nothing missing"
+
+
+def masses_between_modes(modes, truth):
+    """What small masses would make true shapes lean as identified ones do, (n_pair, 2): value, standard deviation.
+
+    See `updating.mixing`: of unit modal mass, from coefficients along the other identified modes.
+    """
+    row = {node: i for i, node in enumerate(truth["node"])}
+    frequency = np.array(truth["tested_frequency"])
+    mode = [int(np.argmin(abs(frequency - f))) for f in modes.frequency]
+    shape = np.array(truth["shape"])[[row[int(n)] for n in modes.node]][:, mode]
+    shape, square = shape / np.linalg.norm(shape, axis=0), frequency[mode] ** 2
+    scale = np.sum(shape * modes.shape, axis=0)
+    coefficient = np.linalg.lstsq(shape, np.real(modes.shape / scale), rcond=None)[0]
+    noise = np.sqrt(np.mean((modes.shape_std / abs(scale)) ** 2, axis=0))
+    std = np.sqrt(np.diag(np.linalg.inv(shape.T @ shape)))[:, None] * noise
+    s, r = np.nonzero(~np.eye(len(mode), dtype=bool))
+    near = square[r] / (square[s] - square[r])
+    return np.column_stack([coefficient[s, r] / near, std[s, r] / abs(near)])
+
+
+@pytest.mark.blind
+def test_identified_shapes_lean_towards_others_as_much_as_is_assumed(capsys):
+    """Sensors of 0.2 g on 44 points, and on a stack of 25 kg."""
+    found = []
+    for name in "abcdefgh":
+        truth = json.loads((DATA / name / "truth.json").read_text(encoding="utf-8"))["result"]
+        for own, true in zip(
+            ema.identify(ema.read_campaign(DATA / name / "campaign.toml")), truth["modes"], strict=True
+        ):
+            found.append(masses_between_modes(own.modal_model, true))
+    value, std = np.vstack(found).T
+    known = std < 2e-4
+    size = float(np.sqrt(np.mean(value[known] ** 2)))
+    with capsys.disabled():
+        print(
+            f"\nmass between two modes, over a modal mass: {size:.2g} rms over {np.count_nonzero(known)} pairs"
+        )
+    assert 0.6 < size / Scatter().mixing < 1.5
