@@ -12,7 +12,8 @@ from ema.mac import mac
 STACK = model.read_stack(Path(__file__).parents[2] / "data" / "demo_stack" / "stack.toml")
 MESHES = ((16, 4), (24, 6))
 N_MODE = 14
-SAME = 0.03  # of what an effect changes
+SAME = 0.03  # of what an effect changes in a mode
+LITTLE = 0.003  # of what it changes most: a mode that it hardly moves is a difference of large changes
 NOTHING = 1e-4
 ALIKE = 0.8
 ONCE_OFF = ("clamp_bars", "weld_seam")  # by 33 and 17 %, as long as they held single points of the plan
@@ -60,8 +61,13 @@ def change(effect, mesh):
 )
 def test_an_effect_changes_modes_as_much_on_a_finer_mesh(name):
     effect = model.catalogue()[name]
+    try:
+        effect.terms(model.assemble(dataclasses.replace(STACK, mesh=model.Mesh(n_x=2, n_y=1))))
+    except model.EffectError as error:
+        pytest.skip(str(error))
     (frequency, damping, alike), (frequency_there, damping_there, _) = (change(effect, m) for m in MESHES)
     kept = alike > ALIKE
     assert np.count_nonzero(kept) >= 4
-    np.testing.assert_allclose(frequency[kept], frequency_there[kept], rtol=SAME, atol=NOTHING)
+    little = max(NOTHING, LITTLE * np.abs(frequency_there[kept]).max())
+    np.testing.assert_allclose(frequency[kept], frequency_there[kept], rtol=SAME, atol=little)
     np.testing.assert_allclose(damping[kept], damping_there[kept], rtol=SAME, atol=0.1 * NOTHING)
