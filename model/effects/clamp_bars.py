@@ -34,8 +34,9 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return bars of 1 N m2 on both faces at each clamp."""
     stack = assembly.stack
     lengths = {clamp.x: clamp.footprint[0] for clamp in clamps_of(assembly, "clamp_bars")}
+    both = 2.0 * mean_lamina(stack)
     krons = tuple(
-        Kron(row="w", column="w", z=2.0 * mean_lamina(stack), planar=_bar(assembly, x, length))
+        Kron(row="w", column="w", z=both, planar=_bar(assembly, x, length))
         for x, length in sorted(lengths.items())
     )
     return (Term(name="clamp_bars", target="K", factor=Formula(_rigidity), krons=krons),)

@@ -30,12 +30,12 @@ _SHARE = 0.1  # of the length that a clamp covers; over much less, upper modes r
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the inertia of a unit J at each fixed place."""
     stack, found = assembly.stack, []
+    z = mean_lamina(stack)
     half, size = stack.length / 2.0, (_SHARE * stack.length, stack.width)
     for i, station in enumerate(_GRID):
         inward = station * (half - size[0] / 2.0)  # the strip stays on the plan
         krons = tuple(
-            square("w", mean_over(assembly, "w", (x, 0.0), size, "y"), mean_lamina(stack))
-            for x in (-inward, inward)
+            square("w", mean_over(assembly, "w", (x, 0.0), size, "y"), z) for x in (-inward, inward)
         )
 
         def factor(t: Theta, i: int = i) -> Any:

@@ -35,7 +35,7 @@ def test_a_second_effect_that_brings_enough_is_named():
 
 
 def test_a_second_effect_within_what_the_first_may_be_off_by_is_in_doubt():
-    """1 % of sqrt(9900) standard deviations, 1.645 times, is 1.64; its square comes to 16."""
+    """1 % of sqrt(9900) standard deviations, 1.645 times, is 1.64; its square, 2.7, comes on top of 16."""
     decision = decide(found(100.0, 83.0, form=0.01))
     assert decision.verdict == "identified"
     assert decision.left[0].effects == ("clamp_inertia",)
