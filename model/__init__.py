@@ -3,7 +3,7 @@
 from model.assemble import assemble
 from model.catalogue import catalogue, find_effects, read_effect
 from model.effect import Effect, Parameter, shared_parameters
-from model.enrichment import enriched
+from model.enrichment import enriched, with_attachment_modes
 from model.errors import EffectError, ModelError, SolveError, StackError
 from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
@@ -61,4 +61,5 @@ __all__ = [
     "shared_parameters",
     "solve_modes",
     "truncated",
+    "with_attachment_modes",
 ]

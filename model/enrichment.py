@@ -3,6 +3,8 @@
 First-order answers carry a reduction some way from its snapshots; a strong effect leads further. Where a fit arrives is
 known only then. The modes of all equations there, iterated from those of the basis and taken into it, make it right at
 that place, and the error around it of second order in the distance (Rayleigh and Ritz).
+
+An effect that may act at any of many places is met by their attachment modes, which hold for all its strengths.
 """
 
 from __future__ import annotations
@@ -11,20 +13,24 @@ import contextlib
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
+from model.effect import Effect
 from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.modes import reduced_eigenpairs
 from model.projection import Projection
 from model.reduced_equations import ReducedTerm
-from model.reduction import ReducedSystem, acting
+from model.reduction import ReducedSystem, acting, shifted_factor
 from model.solver import solver_over_plan
 from model.system import Term
 from model.z_basis import N_RIGID, shear_shift
 
 _TOLERANCE = 1e-4  # relative, of eigenvalues
 _MIN_STEPS = 3  # for modes that the reduced equations lack
+_DEPTH = 2  # answers to forces, and to the inertia of these: what modes far above the measured ones add is small then
+_RANK = 1e-8  # singular values below this share of the largest are rounding
 
 
 def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mode: int) -> ReducedSystem:
@@ -39,19 +45,91 @@ def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mo
     n_mode : int
         Modes of each sample, the six rigid-body modes included.
     """
-    assembly = system.assembly
-    mass = assembly.krons("M", assembly.theta)
-
-    def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return assembly.apply(mass, x)
-
-    known = [(system.basis, product(system.basis))]
+    known = _Known(system)
     for sample in samples:
         with contextlib.suppress(SolveError):
-            known.append(
-                orthonormalize(_iterated(system, {**system.theta, **sample}, n_mode), product, known)
-            )
-    return _extended(system, np.hstack([vectors for vectors, _ in known[1:]])) if known[1:] else system
+            known.add(_iterated(system, {**system.theta, **sample}, n_mode))
+    return known.extended()
+
+
+def with_attachment_modes(
+    system: ReducedSystem, effects: Iterable[Effect], samples: Iterable[Mapping[str, float]], n_mode: int
+) -> ReducedSystem:
+    """Return the reduced system with what the places of effects answer to any force there in its basis.
+
+    However strong a part is that acts at few places, the modes with it are answers to forces at these (Craig and
+    Chang, AIAA J. 14, 1976); their inertia's answers in turn make a Krylov space, which holds for all frequencies.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The reduced stack, with these effects.
+    effects : iterable of Effect
+        Those that act at few places.
+    samples : iterable of mapping of str to float
+        Parameters that differ from the nominal ones, at which places answer.
+    n_mode : int
+        Modes, the six rigid-body modes included, on which the effects' forces are looked at.
+
+    Raises
+    ------
+    SolveError
+        The stiffness is negative at a sample.
+    """
+    own = frozenset(p.name for effect in effects for p in effect.parameters)
+    assembly, known = system.assembly, _Known(system)
+    acting_there = [term.krons for term in assembly.terms if term.factor.names(system.theta) & own]
+    for sample in samples if acting_there else ():
+        theta = {**system.theta, **sample}
+        modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, N_RIGID:n_mode]
+        forces = np.hstack([_range(assembly.apply(krons, modes)) for krons in acting_there])
+        factor = shifted_factor(system, theta)
+        for _ in range(_DEPTH):
+            answers = factor.solve(forces)
+            known.add(answers)
+            forces = known.mass(answers)
+    return known.extended()
+
+
+class _Known:
+    """A basis that grows, orthonormal in the mass."""
+
+    def __init__(self, system: ReducedSystem) -> None:
+        self._system = system
+        self._krons = system.assembly.krons("M", system.assembly.theta)
+        self._blocks = [(system.basis, self.mass(system.basis))]
+
+    def mass(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the nominal mass times vectors."""
+        return self._system.assembly.apply(self._krons, vectors)
+
+    def add(self, vectors: NDArray[np.float64]) -> None:
+        """Add what vectors have beside the basis."""
+        self._blocks.append(orthonormalize(vectors, self.mass, self._blocks))
+
+    def extended(self) -> ReducedSystem:
+        """Return the system with all of it; only the new rows and columns of the terms are computed."""
+        if len(self._blocks) == 1:
+            return self._system
+        system, fresh = self._system, np.hstack([vectors for vectors, _ in self._blocks[1:]])
+        basis, n = np.hstack([system.basis, fresh]), system.size
+        project = Projection(system.assembly, basis, fresh)
+
+        def grown(term: ReducedTerm, full: Term) -> NDArray[np.float64]:
+            matrix = np.zeros((basis.shape[1], basis.shape[1]))
+            matrix[:n, :n] = term.matrix
+            matrix[:, n:] = project(full.krons)
+            matrix[n:] = matrix[:, n:].T
+            matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
+            return matrix
+
+        return system.rebased(basis, grown)
+
+
+def _range(forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an orthonormal basis of the columns."""
+    vectors, values, _ = la.svd(forces, full_matrices=False)
+    return np.asarray(vectors[:, values > _RANK * values[0]])
 
 
 def _iterated(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> NDArray[np.float64]:
@@ -62,19 +140,3 @@ def _iterated(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) ->
     shift = shear_shift(system.stack, theta)
     _, found = solver.modes(theta, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
     return found[:, N_RIGID:n_mode]
-
-
-def _extended(system: ReducedSystem, fresh: NDArray[np.float64]) -> ReducedSystem:
-    """Return the system with further basis vectors; only their rows and columns of the terms are computed."""
-    basis, n = np.hstack([system.basis, fresh]), system.size
-    project = Projection(system.assembly, basis, fresh)
-
-    def grown(term: ReducedTerm, full: Term) -> NDArray[np.float64]:
-        matrix = np.zeros((basis.shape[1], basis.shape[1]))
-        matrix[:n, :n] = term.matrix
-        matrix[:, n:] = project(full.krons)
-        matrix[n:] = matrix[:, n:].T
-        matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
-        return matrix
-
-    return system.rebased(basis, grown)

@@ -13,13 +13,12 @@ from model import (
     Effect,
     EffectError,
     Instruments,
-    Parameter,
     ReducedSystem,
     Stack,
     assemble,
-    enriched,
     reduce,
     truncated,
+    with_attachment_modes,
 )
 from updating.workers import distribute
 
@@ -37,8 +36,9 @@ _FINER = 1.5  # elements along each side of the finer mesh over those of the mod
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
 """What the whole error of a mesh is of what the finer one takes away (Richardson 1911)."""
-_PLACES = 11
-_TRUNCATED = 0.06  # amplitude of a direction that modes need no more: errors of frequency are below 1e-4
+_ATTACHED = np.geomspace(*G_F_RANGE, 5)[1::2]  # contact stiffnesses at which places answer
+_PLACES = 21
+_TRUNCATED = 0.05  # amplitude of a direction that modes need no more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,7 +110,7 @@ def candidate_model(
         n_mode=N_MODEL,
     )
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
-    system = enriched(system, [at for effect in sampled for at in effect.combinations(_inside)], N_MODEL)
+    system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
     reduced = list(plain)
     return CandidateModel(
@@ -148,14 +148,6 @@ def instruments_of(modes: ModalModel) -> Instruments:
     x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
     sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
-
-
-def _inside(parameter: Parameter) -> tuple[float, ...]:
-    """Return values of a parameter for which the model is made: several where it is sampled, else a typical one."""
-    if not parameter.sampled:
-        return (parameter.nominal,)
-    span = parameter.upper - parameter.lower
-    return tuple(parameter.lower + share * span for share in (1 / 6, 1 / 2, 5 / 6))
 
 
 def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:

@@ -21,7 +21,7 @@ from updating.candidates import candidate_model, instruments_of
 from updating.chance import chance_of_gain
 from updating.diagnosis_text import sentences
 from updating.errors import FitError
-from updating.evidence import Evidence, Scatter
+from updating.evidence import Evidence, Scatter, Tested
 from updating.exclusion import ruled_out
 from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation, best_of
@@ -91,6 +91,8 @@ class Diagnosis:
         Effects whose usual strength these data exclude beside every explanation that is left.
     not_visible : tuple of str
         Effects that these data would not show even at the end of their plausible range.
+    lacking : tuple of str
+        Measured modes that the model lacks amid those that it has.
     impossible : mapping of str to str
         Effects that this stack cannot have, and why.
     next_tests : tuple of NextTest
@@ -110,6 +112,7 @@ class Diagnosis:
     signatures: Mapping[str, tuple[float, ...]]
     ruled_out: tuple[str, ...]
     not_visible: tuple[str, ...]
+    lacking: tuple[str, ...]
     impossible: Mapping[str, str]
     next_tests: tuple[NextTest, ...]
     sentences: tuple[str, ...]
@@ -166,6 +169,7 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     chance = chance_of_gain(found.screened, base.misfit - best_of(found.singles, base).misfit)
     excluded = ruled_out(found, decision)
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
+    lacking = tuple(_labelled(found.evidence.tested[c], r) for c, r in found.evidence.lacking)
     return Diagnosis(
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
@@ -181,10 +185,16 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
         },
         ruled_out=excluded,
         not_visible=not_visible,
+        lacking=lacking,
         impossible=evidence.impossible,
         next_tests=tests,
-        sentences=sentences(decision, chance, base, ranking, excluded, not_visible, tests),
+        sentences=sentences(decision, chance, base, ranking, excluded, not_visible, lacking, tests),
     )
+
+
+def _labelled(own: Tested, r: int) -> str:
+    """Return what a measured mode is called."""
+    return f"{own.name}, mode {r + 1} at {own.modes.frequency[r]:.1f} Hz"
 
 
 def _errors(evidence: Evidence, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:

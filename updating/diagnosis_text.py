@@ -23,6 +23,7 @@ def sentences(
     ranking: Sequence[Ranked],
     excluded: Sequence[str],
     not_visible: Sequence[str],
+    lacking: Sequence[str],
     tests: Sequence[NextTest],
 ) -> tuple[str, ...]:
     """Write the verdict, what supports it, what stays open and what to measure next."""
@@ -41,6 +42,8 @@ def sentences(
         text.append(
             f"Where nothing is missing, the best effect alone explains as much in {_chance(chance)} cases."
         )
+    if lacking:
+        text.append(f"The model has no mode like {', '.join(lacking)}: what follows is of the others.")
     if verdict == "identified":
         own = ranked[left[0].effects]
         text.append(
@@ -65,9 +68,10 @@ def sentences(
             if closest
             else ""
         )
+        goal = "these modes" if lacking else "within the measurement's scatter"
         text.append(
-            "This is unlike anything in the catalogue: no effect and no pair of effects brings the model within the "
-            f"measurement's scatter.{tail}"
+            "This is unlike anything in the catalogue: no effect and no pair of effects brings the model "
+            f"{goal}.{tail}"
         )
     for x in left:
         bound = [p.name for p, hit in zip(x.parameter, x.at_bound, strict=True) if hit]

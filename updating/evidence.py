@@ -26,6 +26,9 @@ SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
+MAC_USED = 0.6
+"""MAC from which a measured mode counts as one that the model has."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Scatter:
@@ -161,6 +164,15 @@ class Evidence:
     slope: tuple[Vector, ...]
     mesh: tuple[Vector, ...]
     weight: Vector | None = None
+
+    @property
+    def lacking(self) -> tuple[tuple[int, int], ...]:
+        """Configuration and number, from 0, of measured modes that the model lacks amid those that it has."""
+        return tuple(
+            (c, r)
+            for c, used in enumerate(self.used)
+            for r in np.setdiff1d(np.arange(used.max(initial=0)), used).tolist()
+        )
 
     @property
     def nuisances(self) -> tuple[str, ...]:

@@ -1,8 +1,9 @@
 """Whether measured shapes lean towards other modes by more than small unknowns make them.
 
-What a model lacks turns each mode towards others, c_rs = m_rs w_r**2 / (w_s**2 - w_r**2) for a mass m (Fox and Kapoor,
-AIAA J. 6, 1968), in few directions of the many that a shape has; a sum over all points loses it. Sensors, cables and
-glue do the same to every stack, so mixing counts beside theirs.
+What a model lacks turns each mode towards others, c_rs = m_rs w_r**2 / (w_s**2 - w_r**2) for a mass m and
+k_rs w_r w_s / (w_r**2 - w_s**2) for a stiffness k, over modal ones (Fox and Kapoor, AIAA J. 6, 1968), in few directions
+of the many that a shape has; a sum over all points loses it. Sensors, cables and glue do the same to every stack, and
+so does what the mesh and the reduction leave, so mixing counts beside theirs.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from scipy.stats import chi2
 
 Vector = NDArray[np.float64]
 
+NEIGHBOUR = 0.05
+"""Relative distance of frequencies up to which how modes mix is not to be predicted."""
 _FEWEST = 3  # measured degrees of freedom beyond the modes, from which noise can be told
+_PARTED = 1e-9  # squared length of what parts two shapes, below which sensors tell nothing of their mixing
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,41 +35,44 @@ class Mixing:
         Of the model, Hz.
     form : (n_mode,) float
         Length by which the form of an effect may be off.
-    small : float
-        Standard deviation of m_rs, see `Scatter.mixing`.
+    mass, stiffness : float
+        Standard deviations of m_rs, see `Scatter.mixing`, and of k_rs.
     """
 
     measured: Vector
     modelled: Vector
     frequency: Vector
     form: Vector
-    small: float
+    mass: float
+    stiffness: float
 
     def misfit(self) -> tuple[float, int]:
         """Return the squared misfit of all mixing coefficients together, and their number.
 
         Their covariance is that of the noise, which the part of the shapes tells that no mode has, with that of small
-        masses, which turn both modes of a pair at once, and of the form of an effect.
+        masses and stiffnesses, which turn both modes of a pair at once, and of the form of an effect.
         """
         n_dof, n_mode = self.modelled.shape
         free = n_dof - n_mode
-        if n_mode < 2 or free < _FEWEST:
+        apart = np.abs(np.log(self.frequency[:, None] / self.frequency)) > NEIGHBOUR
+        s, r = np.nonzero(apart)  # of mode s in shape r
+        if not s.size or free < _FEWEST:
             return 0.0, 0
         difference = self.measured - self.modelled
         coefficient = np.linalg.lstsq(self.modelled, difference, rcond=None)[0]
-        noise = np.sum((difference - self.modelled @ coefficient) ** 2, axis=0) / free
-        own = np.linalg.inv(self.modelled.T @ self.modelled)
-        s, r = np.nonzero(~np.eye(n_mode, dtype=bool))  # of mode s in shape r
-        square = self.frequency**2
-        near = square[r] / (square[s] - square[r])
+        rest = difference - self.modelled @ coefficient
+        noise = np.sum(rest**2, axis=0) / (free - 2)  # it is estimated: the mean of F over that of chi-square
+        own = np.linalg.inv(self.modelled.T @ self.modelled + _PARTED * np.eye(n_mode))
+        omega = self.frequency
+        away = omega[s] ** 2 - omega[r] ** 2
+        by_mass, by_stiffness = self.mass * omega[r] ** 2 / away, -self.stiffness * omega[r] * omega[s] / away
         same_shape = r[:, None] == r
         same_pair = (s[:, None] == s) & same_shape | (s[:, None] == r) & (r[:, None] == s)
         covariance = np.where(same_shape, noise[r] * own[np.ix_(s, s)], 0.0)
-        covariance += np.where(same_pair, self.small**2 * np.outer(near, near), 0.0)
+        covariance += same_pair * (np.outer(by_mass, by_mass) + np.outer(by_stiffness, by_stiffness))
         covariance += np.diag(self.form[r] ** 2)
         c = coefficient[s, r]
-        # the noise is estimated: the mean of F
-        return float(c @ np.linalg.solve(covariance, c)) * (free - 2) / free, c.size
+        return float(c @ np.linalg.solve(covariance, c)), c.size
 
 
 def p_value(configurations: Sequence[Mixing]) -> float:

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from model import Modes, Parameter
 from updating.coordinates import scaled
 from updating.evidence import SHARED, Evidence, pair, solved
-from updating.mixing import Mixing
+from updating.mixing import NEIGHBOUR, Mixing
 
 Vector = NDArray[np.float64]
 
 BLOCKS = ("frequency", "damping", "shape", "prior")
 """Kinds of data."""
-_NEIGHBOUR = 0.05
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -138,7 +137,14 @@ def residual(
             kinds += ["shape"] * len(u)
             labels += [f"{tested.name}, mode {r + 1}"] * len(u)
         mixed.append(
-            Mixing(measured=u, modelled=v, frequency=modes.frequency[column], form=form, small=s.mixing)
+            Mixing(
+                measured=u,
+                modelled=v,
+                frequency=modes.frequency[column],
+                form=form,
+                mass=s.mixing,
+                stiffness=2.0 * s.frequency,
+            )
         )
     std = np.concatenate(spreads)
     if evidence.weight is not None:
@@ -178,6 +184,6 @@ def _apart(modes: Modes, m: int) -> Callable[[Vector], Vector]:
 
     The one is its scale; how modes within 5 % in frequency mix is not to be predicted.
     """
-    near = np.abs(np.log(modes.frequency / modes.frequency[m])) < _NEIGHBOUR
+    near = np.abs(np.log(modes.frequency / modes.frequency[m])) < NEIGHBOUR
     out = la.orth(modes.shape[:, near] / np.linalg.norm(modes.shape[:, near], axis=0))
     return lambda x: np.asarray(x - out @ (out.T @ x))

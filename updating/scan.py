@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +16,15 @@ from ema.mac import mac
 from model import Parameter, SolveError
 from updating.candidates import G_F_RANGE
 from updating.coordinates import bounds_of, scaled
-from updating.evidence import D_F_START, Evidence, pair, solved
+from updating.evidence import D_F_START, MAC_USED, Evidence, pair, solved
+from updating.workers import distribute
 
 Vector = NDArray[np.float64]
 
+N_NEAREST = 6
+"""Effects that are followed from where the look finds them."""
+MESSAGES = 8
+"""In which work is sent to other processes: each holds the equations, some 40 MB."""
 _SHARES = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the way from neutral to an end of the range
 _PLACES = 11
 _STIFFNESS = 3
@@ -25,6 +32,7 @@ _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
 _SETTLE = 0.15  # of a range, by which a place of the scan is varied
 _GENERATIONS, _POPULATION = 12, 12  # of a search over several parameters, the population for each of them
 _MOST, _CLOSE = 60, 1e-3  # evaluations, and change of the cost that ends them
+_VALLEYS, _APART = 4, 0.1  # places of an effect that are returned, and how far apart in units of its ranges
 _FAR = 0.05  # a relative difference of frequency that counts as no resemblance
 
 
@@ -51,32 +59,59 @@ class Place:
     coordinate: Vector
 
 
-def scan(evidence: Evidence, name: str, shaping: NDArray[np.intp]) -> Place:
-    """Look over the range of an effect for the place of least cost.
+def nearest(evidence: Evidence, executor: Executor | None = None) -> tuple[Place, ...]:
+    """Return where the effects come nearest that come near, each with up to four places that are apart; the best first.
+
+    All modes of the configuration with most of them are looked at, those too that the base model lacks.
 
     Parameters
     ----------
     evidence : Evidence
-        Measurement and model. The configuration with most modes is looked at.
-    name : str
-        The effect.
-    shaping : (n,) int
-        Its parameters that have no strength of their own.
+        Measurement and model.
+    executor : Executor, optional
+        What takes a part of the work.
     """
+    seen = distribute(partial(_scan, evidence), evidence.effects, executor, MESSAGES)
+    best = sorted(seen, key=lambda found: found.cost)[:N_NEAREST]
+    places = distribute(partial(_settled, evidence), best, executor, MESSAGES)
+    return tuple(sorted(itertools.chain.from_iterable(places), key=lambda found: found.cost))
+
+
+def with_modes_of(evidence: Evidence, places: Sequence[Place]) -> tuple[NDArray[np.int64], ...]:
+    """Return the measured modes of each configuration that the model has at one of some places, or had before.
+
+    It is the place at which it has most.
+    """
+    most = evidence.used
+    for place in places:
+        effect = _values(evidence, place.effect, place.coordinate)
+        used = []
+        for c, own in enumerate(evidence.tested):
+            theta = {"G_f": place.G_f, "d_f": D_F_START, **effect}
+            modes = solved(evidence, c, theta, ())
+            row, column = pair(own.modes.shape, own.modes.frequency, modes)
+            alike = mac(own.modes.shape, modes.shape)[row, column]
+            used.append(np.union1d(evidence.used[c], row[alike >= MAC_USED]))
+        if sum(u.size for u in used) > sum(u.size for u in most):
+            most = tuple(used)
+    return most
+
+
+def _scan(evidence: Evidence, name: str) -> Place:
+    """Look over the range of an effect for the place of least cost."""
     grid = itertools.product(
-        np.geomspace(2.0 * G_F_RANGE[0], G_F_RANGE[1] / 2.0, _STIFFNESS),
-        _grid(evidence.parameters([name]), shaping),
+        np.geomspace(2.0 * G_F_RANGE[0], G_F_RANGE[1] / 2.0, _STIFFNESS), _grid(evidence.parameters([name]))
     )
     return min(
         (_place(evidence, name, float(G_f), where) for G_f, where in grid), key=lambda found: found.cost
     )
 
 
-def settled(evidence: Evidence, start: Place) -> Place:
-    """Go from a place of `scan`, which is coarse, to one of less cost (Nelder and Mead 1965).
+def _settled(evidence: Evidence, start: Place) -> tuple[Place, ...]:
+    """Go from a place of the scan, which is coarse, to one of less cost (Nelder and Mead 1965).
 
-    Where an effect has several parameters the valley is narrow and crooked, and a population looks for it over the
-    whole range first (Storn and Price 1997).
+    Where an effect has several parameters the valleys are narrow and crooked, and a population looks for them over the
+    whole range first (Storn and Price 1997). The cost is that of one configuration, so others of them may fit better.
     """
     low, high = bounds_of(evidence.parameters([start.effect]))
     seen = [start]
@@ -107,17 +142,28 @@ def settled(evidence: Evidence, start: Place) -> Place:
         bounds=[tuple(np.log(G_F_RANGE)), *zip(low, high, strict=True)],
         options={"initial_simplex": corners, "maxfev": _MOST, "fatol": _CLOSE, "xatol": _CLOSE},
     )
-    return min(seen, key=lambda found: found.cost)
+    valleys: list[Place] = []
+    for place in sorted(seen, key=lambda found: found.cost):
+        if len(valleys) < _VALLEYS and all(
+            np.max(np.abs(place.coordinate - other.coordinate) / (high - low)) > _APART for other in valleys
+        ):
+            valleys.append(place)
+    return tuple(valleys)
+
+
+def _values(evidence: Evidence, name: str, where: Vector) -> dict[str, float]:
+    """Return an effect's parameters at coordinates."""
+    own = evidence.parameters([name])
+    return {p.name: scaled(p, float(x))[0] for p, x in zip(own, where, strict=True)}
 
 
 def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
     """Return the cost at coordinates of an effect, with the G_f near the given one that makes it small."""
-    c = int(np.argmax([used.size for used in evidence.used]))
-    own, used = evidence.parameters([name]), evidence.used[c]
-    shape, frequency = evidence.tested[c].modes.shape[:, used], evidence.tested[c].modes.frequency[used]
-    effect = {p.name: scaled(p, float(x))[0] for p, x in zip(own, where, strict=True)}
+    c = int(np.argmax([own.modes.frequency.size for own in evidence.tested]))
+    shape, frequency = evidence.tested[c].modes.shape, evidence.tested[c].modes.frequency
+    theta = {"G_f": G_f, "d_f": D_F_START, **_values(evidence, name, where)}
     try:
-        modes = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START, **effect}, ("G_f",))
+        modes = solved(evidence, c, theta, ("G_f",))
     except SolveError:  # so strong that the contact turns negative
         return Place(effect=name, cost=np.inf, G_f=G_f, coordinate=where)
     row, column = pair(shape, frequency, modes)
@@ -130,11 +176,11 @@ def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
     return Place(effect=name, cost=cost, G_f=float(G_f * np.exp(ratio)), coordinate=where)
 
 
-def _grid(own: tuple[Parameter, ...], shaping: NDArray[np.intp]) -> Iterator[Vector]:
+def _grid(own: tuple[Parameter, ...]) -> Iterator[Vector]:
     low, high = bounds_of(own)
     axes = []
-    for i in range(len(own)):
-        if i in shaping:
+    for i, p in enumerate(own):
+        if p.sampled:
             axes.append(np.linspace(low[i], high[i], _PLACES))
         else:
             axes.append(np.array([s * end for end in (low[i], high[i]) if end for s in _SHARES]))

@@ -18,7 +18,7 @@ from updating.evidence import Evidence
 from updating.explanation import Explanation, best_of, explain
 from updating.gathering import Gathered
 from updating.residual import residual
-from updating.scan import Place, scan, settled
+from updating.scan import MESSAGES, Place, nearest, with_modes_of
 from updating.screening import Screened, pair_steps, screen
 from updating.workers import distribute
 
@@ -35,11 +35,10 @@ VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
 _PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
 _ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
-N_AFAR, N_AFAR_STEPS = 6, 20
+N_AFAR_STEPS = 20
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
 _REFIT = 8  # evaluations after the basis has grown
-_MESSAGES = 8  # in which fits are sent to other processes: each holds the equations, some 40 MB
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,6 +83,10 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     executor : Executor, optional
         Where fits that do not need each other run; in this process by default.
     """
+    places: tuple[Place, ...] = ()
+    if evidence.lacking:  # an effect may bring these modes, and the base model meets the others all too well
+        places = nearest(evidence.alone, executor)
+        evidence = replace(evidence, used=with_modes_of(evidence, places))
     base = explain(evidence)
     evidence = _weighed(evidence, base)
     base = explain(evidence, nuisance=base.nuisance)
@@ -94,8 +97,8 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     found = _with_pairs(evidence, base, singles, screened, worth, executor)
     astray = base.misfit > _ASTRAY * base.residual.value.size
     if astray and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
-        visible = [s for s in screened if s.reach >= VISIBLE]
-        evidence, singles = _from_afar(evidence, visible, singles, executor)
+        places = places or nearest(evidence.alone, executor)
+        evidence, singles = _from_afar(evidence, places, singles, executor)
         found = _with_pairs(evidence, base, singles, screened, worth, executor)
     return found
 
@@ -122,7 +125,7 @@ def _with_pairs(
         if p_value(best) < P_ADEQUATE or max((s.gain for s in beside), default=0.0) > _PROMISING:
             starts = _pair_starts(evidence, base, screened, singles, beside)
             evidence, pairs = _exact(evidence, _fitted(evidence, starts, executor, _REFIT), executor)
-            if pairs and not set(best.effects) & set(pairs[0].effects):
+            if pairs:
                 members = _fitted(evidence, _members(evidence, pairs[0]), executor)
                 singles = _best_of_each([*singles, *members])
             singles = _again(evidence, singles, executor)
@@ -177,18 +180,11 @@ def _members(evidence: Evidence, own: Explanation) -> list[Start]:
 
 
 def _from_afar(
-    evidence: Gathered,
-    screened: Sequence[Screened],
-    singles: Sequence[Explanation],
-    executor: Executor | None,
+    evidence: Gathered, places: Sequence[Place], singles: Sequence[Explanation], executor: Executor | None
 ) -> tuple[Gathered, list[Explanation]]:
-    """Fit the effects that come nearest over their whole ranges, from there, beside those that are fitted already."""
-    alone = evidence.alone
-    seen = distribute(partial(_scanned, alone), screened, executor, _MESSAGES)
-    nearest = sorted(seen, key=lambda found: found.cost)[:N_AFAR]
-    near = distribute(partial(settled, alone), nearest, executor, _MESSAGES)
+    """Fit effects from where they come nearest over their whole ranges, beside those that are fitted already."""
     starts: list[Start] = []
-    for place in near:
+    for place in places:
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(([place.effect], nuisance, place.coordinate))
@@ -202,15 +198,11 @@ def _state(evidence: Gathered, own: Explanation) -> dict[str, float]:
     return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **own.effect_values}
 
 
-def _scanned(evidence: Evidence, own: Screened) -> Place:
-    return scan(evidence, own.effect, np.setdiff1d(np.arange(len(own.parameter)), own.strength))
-
-
 def _fitted(
     evidence: Gathered, starts: Sequence[Start], executor: Executor | None, most: int = 12
 ) -> list[Explanation]:
     """Fit explanations from where they start; one that starts where the model has no modes is left out."""
-    found = distribute(partial(_explained, evidence.alone, most), starts, executor, _MESSAGES)
+    found = distribute(partial(_explained, evidence.alone, most), starts, executor, MESSAGES)
     return [own for own in found if own is not None]
 
 

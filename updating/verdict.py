@@ -69,9 +69,8 @@ def decide(found: Search) -> Decision:
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
-        return Decision(
-            verdict="nothing missing" if p_value(base) > P_ADEQUATE else "unlike anything", left=()
-        )
+        complete = p_value(base) > P_ADEQUATE and not found.evidence.lacking
+        return Decision(verdict="nothing missing" if complete else "unlike anything", left=())
     best, among = (pair, found.pairs) if second else (single, found.singles)
     if p_value(best) < P_ADEQUATE:
         return Decision(verdict="unlike anything", left=())
