@@ -243,7 +243,7 @@ def joint_fit(
     hold_out: Mapping[str, Collection[int]] | None = None,
     damping: bool = True,
     scatter: Scatter | None = None,
-    n_start: int = 4,
+    n_start: int | None = None,
     first: Mapping[str, float] | JointFit | None = None,
     intervals: Method = "normal",
     seed: int = 0,
@@ -274,9 +274,10 @@ def joint_fit(
         Whether damping ratios take part; without, d_f is no parameter.
     scatter : Scatter, optional
         Standard deviation beyond the identification's; the default of `Scatter`.
-    n_start : int
+    n_start : int, optional
         Descents: from the effects' nominal values, from near their neutral ones, and from points of a Sobol
-        sequence. Each begins with the best G_f of a scan. Without effects there is one.
+        sequence. Each begins with the best G_f of a scan. Without effects there is one; by default 4 with one effect
+        parameter and 8 with more, for where an effect acts has several valleys.
     first : mapping of str to float, or JointFit, optional
         Where the first descent begins: values of effects' parameters in place of the nominal ones, or what another
         fit has found, G_f included, with effects that it lacked at their neutral values.
@@ -307,7 +308,8 @@ def joint_fit(
         damping=damping and any(np.any(np.isfinite(p.target.damping)) for p in prepared),
         scatter=scatter or Scatter(),
     )
-    n = n_start if problem.of_effects else 1
+    usual = 4 if len(problem.of_effects) == 1 else 8
+    n = (n_start or usual) if problem.of_effects else 1
     near = {(p.name, p.group): p.value for p in first.parameter} if isinstance(first, JointFit) else {}
     given = {} if first is None or isinstance(first, JointFit) else first
     found = list(distribute(partial(descend, problem), starts(problem, n, given, near), executor))

@@ -202,7 +202,7 @@ def _fit(
         scope=options.scope,
         bounds=options.bounds,
         priors=options.priors,
-        n_start=n_start or (4 if first is None else 1),
+        n_start=n_start or (None if first is None else 1),
     )
 
 

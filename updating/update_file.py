@@ -84,7 +84,7 @@ class UpdateFile(Section):
     effects: tuple[str, ...] = ()
     damping: bool = True
     threshold: Annotated[float, Field(ge=0, le=1)] = 0.8
-    starts: Annotated[int, Field(ge=1)] = 4
+    starts: Annotated[int, Field(ge=1)] | None = None
     seed: Annotated[int, Field(ge=0)] = 0
     intervals: Method = "normal"
     campaign: Annotated[tuple[CampaignSection, ...], Field(min_length=1)]

@@ -2,10 +2,12 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from updating import verdict
 from updating.diagnosis_text import _doubtful
+from updating.evidence import Evidence
 from updating.verdict import decide
 
 
@@ -19,7 +21,7 @@ def found(first, second, form):
         base=explanation(10000.0),
         singles=(explanation(first, "clamp_inertia"),),
         pairs=(explanation(second, "stinger_mass", "clamp_inertia"),),
-        evidence=SimpleNamespace(scatter=SimpleNamespace(form=form)),
+        evidence=SimpleNamespace(scatter=SimpleNamespace(form=form), lacking=()),
     )
 
 
@@ -50,3 +52,16 @@ def test_a_second_effect_within_what_the_first_may_be_off_by_is_in_doubt():
 
 def test_what_chance_brings_is_not_in_doubt():
     assert decide(found(100.0, 85.0, form=0.01)).doubt is None
+
+
+@pytest.mark.parametrize(("lacking", "expected"), [((), "nothing missing"), (((0, 2),), "unlike anything")])
+def test_a_model_that_lacks_a_measured_mode_is_not_complete(lacking, expected):
+    nothing = found(9999.0, 9998.0, form=0.0)
+    nothing.evidence.lacking = lacking
+    assert decide(nothing).verdict == expected
+
+
+def test_a_mode_counts_as_lacking_amid_those_that_the_model_has():
+    """Above the last one that it has, the model may just not reach."""
+    own = SimpleNamespace(used=(np.array([0, 1, 3]), np.array([0, 1]), np.array([], dtype=int)))
+    assert Evidence.lacking.fget(own) == ((0, 2),)

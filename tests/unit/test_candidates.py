@@ -1,0 +1,37 @@
+"""The reduced model that explanations are computed with: as good where an effect is strong as where it is weak."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model import Mesh, catalogue, enriched, read_stack
+from model.effect_parts import known_or_usual_instruments
+from model.modes import reduced_eigenpairs
+from model.z_basis import N_RIGID
+from updating.candidates import N_MODEL, candidate_model
+
+STACK = dataclasses.replace(
+    read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=40, mesh=Mesh(n_x=8, n_y=2)
+)
+N_MEASURED = 10
+
+
+@pytest.fixture(scope="module")
+def system():
+    effects = {name: catalogue()[name] for name in ("clamp_inertia", "clamp_mass", "contact_direction")}
+    return candidate_model(STACK, known_or_usual_instruments(STACK), effects).system
+
+
+def squared(system, theta):
+    return reduced_eigenpairs(system, {**system.theta, **theta}, N_MODEL)[0][N_RIGID : N_RIGID + N_MEASURED]
+
+
+@pytest.mark.parametrize("inertia", [0.0005, 0.003, 0.03])
+@pytest.mark.parametrize("station", [0.05, 0.23, 0.62, 0.98])
+@pytest.mark.parametrize("G_f", [700.0, 2500.0])
+def test_a_clamp_is_met_wherever_it_stands_and_however_heavy_it_is(system, inertia, station, G_f):
+    there = {"clamp_roll_inertia": inertia, "clamp_station": station, "G_f": G_f}
+    exact = squared(enriched(system, [there], N_MODEL), there)
+    np.testing.assert_allclose(np.sqrt(squared(system, there) / exact), 1.0, atol=2e-4)
