@@ -26,9 +26,6 @@ SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
-MAC_USED = 0.6
-"""MAC from which a measured mode counts as one that the model has."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Scatter:

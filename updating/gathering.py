@@ -13,12 +13,13 @@ from ema.modes import ModalModel
 from model import Observation, ReducedSystem, observe, solve_modes
 from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
 from updating.errors import FitError
-from updating.evidence import D_F_START, MAC_USED, Evidence, Scatter, Tested, pair, solved
+from updating.evidence import D_F_START, Evidence, Scatter, Tested, pair, solved
 from updating.registration import register
 
 Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
 
+_MAC_USED = 0.6
 _TRIALS = 17
 
 
@@ -149,7 +150,7 @@ def _started(evidence: Gathered) -> Gathered:
             alike = mac(tested.modes.shape, modes.shape)[row, column]
             far = np.log(tested.modes.frequency[row] / modes.frequency[column])
             cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
-            used.append(row[alike >= MAC_USED])
+            used.append(row[alike >= _MAC_USED])
         if best is None or cost < best[0]:
             best = (cost, float(G_f), tuple(used))
     if best is None or not sum(u.size for u in best[2]):

@@ -16,7 +16,7 @@ from ema.mac import mac
 from model import Parameter, SolveError
 from updating.candidates import G_F_RANGE
 from updating.coordinates import bounds_of, scaled
-from updating.evidence import D_F_START, MAC_USED, Evidence, pair, solved
+from updating.evidence import D_F_START, Evidence, pair, solved
 from updating.workers import distribute
 
 Vector = NDArray[np.float64]
@@ -33,6 +33,7 @@ _SETTLE = 0.15  # of a range, by which a place of the scan is varied
 _GENERATIONS, _POPULATION = 12, 12  # of a search over several parameters, the population for each of them
 _MOST, _CLOSE = 60, 1e-3  # evaluations, and change of the cost that ends them
 _VALLEYS, _APART = 4, 0.1  # places of an effect that are returned, and how far apart in units of its ranges
+_LIKE = 0.9  # MAC of a mode that an effect brings: one that is half alike may be another
 _FAR = 0.05  # a relative difference of frequency that counts as no resemblance
 
 
@@ -91,7 +92,7 @@ def with_modes_of(evidence: Evidence, places: Sequence[Place]) -> tuple[NDArray[
             modes = solved(evidence, c, theta, ())
             row, column = pair(own.modes.shape, own.modes.frequency, modes)
             alike = mac(own.modes.shape, modes.shape)[row, column]
-            used.append(np.union1d(evidence.used[c], row[alike >= MAC_USED]))
+            used.append(np.union1d(evidence.used[c], row[alike >= _LIKE]))
         if sum(u.size for u in used) > sum(u.size for u in most):
             most = tuple(used)
     return most
