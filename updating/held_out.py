@@ -6,6 +6,7 @@ import numpy as np
 
 from updating.residual import Residual
 
+_FARTHEST = 1.0  # of the logarithm of a frequency: to first order, more says only that a prediction fails
 _UNKNOWN = 1e-9  # share of a parameter that data without the mode determine, below which they do not
 
 
@@ -35,5 +36,5 @@ def held_out_error(found: Residual) -> float:
         if np.linalg.eigvalsh(others)[0] < _UNKNOWN:
             continue
         left = found.value[i] + span[i] @ np.linalg.solve(others, own.T @ found.value[rows])
-        errors.append(abs(np.expm1(-left * std)))
+        errors.append(abs(np.expm1(np.clip(-left * std, -_FARTHEST, _FARTHEST))))
     return float(np.mean(errors)) if errors else float("nan")

@@ -43,3 +43,10 @@ def test_a_mode_without_which_a_parameter_is_unknown_is_passed_over():
     known = residual(np.hstack([jacobian, own]), data)
     assert np.isfinite(held_out_error(known))
     assert np.isnan(held_out_error(residual(np.eye(16)[:, ::4], data)))
+
+
+def test_a_prediction_that_fails_altogether_has_an_error_all_the_same():
+    """A parameter that the other modes hardly tell, and data that no model is near to."""
+    jacobian = np.full((16, 1), 1e-3)
+    jacobian[0] = 1.0
+    assert 0.5 < held_out_error(residual(jacobian, 1e6 * RNG.normal(size=16))) < 2.0
