@@ -82,7 +82,7 @@ def with_attachment_modes(
     for sample in samples if acting_there else ():
         theta = {**system.theta, **sample}
         modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, N_RIGID:n_mode]
-        forces = np.hstack([_range(assembly.apply(krons, modes)) for krons in acting_there])
+        forces = np.hstack([la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there])
         factor = shifted_factor(system, theta)
         for _ in range(_DEPTH):
             answers = factor.solve(forces)
@@ -124,12 +124,6 @@ class _Known:
             return matrix
 
         return system.rebased(basis, grown)
-
-
-def _range(forces: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return an orthonormal basis of the columns."""
-    vectors, values, _ = la.svd(forces, full_matrices=False)
-    return np.asarray(vectors[:, values > _RANK * values[0]])
 
 
 def _iterated(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> NDArray[np.float64]:

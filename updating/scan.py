@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -81,21 +82,23 @@ def nearest(evidence: Evidence, executor: Executor | None = None) -> tuple[Place
 def with_modes_of(evidence: Evidence, places: Sequence[Place]) -> tuple[NDArray[np.int64], ...]:
     """Return the measured modes of each configuration that the model has at one of some places, or had before.
 
-    It is the place at which it has most.
+    It is the place at which it has most; one where some configuration has no modes at all is passed over.
     """
     most = evidence.used
     for place in places:
-        effect = _values(evidence, place.effect, place.coordinate)
-        used = []
-        for c, own in enumerate(evidence.tested):
-            theta = {"G_f": place.G_f, "d_f": D_F_START, **effect}
-            modes = solved(evidence, c, theta, ())
-            row, column = pair(own.modes.shape, own.modes.frequency, modes)
-            alike = mac(own.modes.shape, modes.shape)[row, column]
-            used.append(np.union1d(evidence.used[c], row[alike >= _LIKE]))
-        if sum(u.size for u in used) > sum(u.size for u in most):
-            most = tuple(used)
+        with contextlib.suppress(SolveError):
+            used = tuple(_used_there(evidence, c, place) for c in range(len(evidence.tested)))
+            most = max(most, used, key=lambda modes: sum(own.size for own in modes))
     return most
+
+
+def _used_there(evidence: Evidence, c: int, place: Place) -> NDArray[np.int64]:
+    """Return the measured modes of a configuration that the model has at a place, or had before."""
+    theta = {"G_f": place.G_f, "d_f": D_F_START, **_values(evidence, place.effect, place.coordinate)}
+    modes, measured = solved(evidence, c, theta, ()), evidence.tested[c].modes
+    row, column = pair(measured.shape, measured.frequency, modes)
+    alike = mac(measured.shape, modes.shape)[row, column]
+    return np.union1d(evidence.used[c], row[alike >= _LIKE])
 
 
 def _scan(evidence: Evidence, name: str) -> Place:

@@ -6,9 +6,9 @@ laminas under it, over a fifth of the length, less towards its ends.
 Enters: mass matrix, with the slope along y of the plane that lies closest to w of all laminas there. Affine
     in J; the station moves the inertia between eleven fixed places, linearly between neighbours.
 Range: bars and bolts of 1 to 2 kg at 40 to 120 mm from the axis, m r**2; J up to 0.03 kg m2 at each station.
-Does: lowers T1 by 17 % and leaves B1 and B2; T2 too at the nominal station, which hardly turns in it, and
-    elsewhere not. In the published data the fit then raises G_f and brings the bending modes up. (Demo
-    stack, nominal strength.)
+Does: lowers T1 by 17 % and leaves B1 and B2, and T2 as well at the nominal station, where it hardly turns.
+    In the published data the fit then raises G_f and brings the bending modes up. (Demo stack, nominal
+    strength.)
 Mistaken for: a shear stiffness across the width that is too high (contact_direction), lost contact at the
     edges.
 """

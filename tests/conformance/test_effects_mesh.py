@@ -17,8 +17,6 @@ LITTLE = 0.003  # of what it changes most: a mode that it hardly moves is a diff
 NOTHING = 1e-4
 ALIKE = 0.8
 ONCE_OFF = ("clamp_bars", "weld_seam")  # by 33 and 17 %, as long as they held single points of the plan
-
-
 HEAVY = {"clamp_roll_inertia": 0.017, "clamp_station": 0.23}
 
 
