@@ -9,6 +9,8 @@ converge.
 from __future__ import annotations
 
 import functools
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -29,6 +31,8 @@ Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
 _QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the rectangle
 _TRIANGLE_ORDER = 10  # exact for products of Argyris's quintic deflections
 _NEAREST = 12  # triangles tried for the place of a point
+_COINCIDE = 0.1  # of an element: edges that are closer are one
+_DIGITS = 6  # of a number of elements, so that rounding does not make a symmetric mesh lopsided
 
 
 def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
@@ -217,14 +221,38 @@ def _nearest_in_triangle(point: NDArray[np.float64], corner: NDArray[np.float64]
     return np.where(within[..., None], point, outside)
 
 
-def rectangle(length: float, width: float, n_x: int, n_y: int) -> Plan:
-    """Mesh a rectangle centred at the origin with `n_x` by `n_y` equal elements."""
+def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[float] = ()) -> Plan:
+    """Mesh a rectangle centred at the origin.
+
+    Parameters
+    ----------
+    length, width : float
+        Along x and y, m.
+    n_x, n_y : int
+        Number of elements along x and y; they are equal where no edges are given.
+    edges : sequence of float
+        Places along x, m, where elements shall end: what acts on a part of an element is met slowly as the mesh grows
+        finer. Those that nearly coincide count once. Between them elements are as near to length / n_x as may be.
+    """
     mesh = skfem.MeshQuad.init_tensor(
-        np.linspace(-length / 2.0, length / 2.0, n_x + 1), np.linspace(-width / 2.0, width / 2.0, n_y + 1)
+        _cuts(length, n_x, edges), np.linspace(-width / 2.0, width / 2.0, n_y + 1)
     )
     membrane = skfem.Basis(mesh, skfem.ElementQuadS2(), intorder=_QUADRATURE_ORDER)
     plate = skfem.Basis(mesh, skfem.ElementQuadBFS(), intorder=_QUADRATURE_ORDER)
     return Plan(membrane=membrane, plate=plate)
+
+
+def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
+    """Return where elements end, from -length / 2 to length / 2."""
+    end, size = length / 2.0, length / n
+    inner = np.unique([edge for edge in edges if abs(edge) < end - _COINCIDE * size])
+    apart = np.flatnonzero(np.diff(inner) > _COINCIDE * size) + 1
+    marks = [-end, *(float(group.mean()) for group in np.split(inner, apart) if group.size), end]
+    parts = [
+        np.linspace(low, high, max(1, round(round((high - low) / size, _DIGITS))) + 1)
+        for low, high in itertools.pairwise(marks)
+    ]
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
 
 
 def triangles(mesh: Triangulation) -> Plan:
@@ -236,7 +264,8 @@ def triangles(mesh: Triangulation) -> Plan:
 
 
 def plan_of(stack: Stack) -> Plan:
-    """Mesh a lamina of the stack as its `mesh` says: by `n_x` elements along the length."""
+    """Mesh a lamina of the stack as its `mesh` says; elements of a rectangle end where clamps do."""
     if stack.outline is None:
-        return rectangle(stack.length, stack.width, stack.mesh.n_x, stack.mesh.n_y)
+        edges = [clamp.x + side * clamp.footprint[0] / 2.0 for clamp in stack.clamps for side in (-1.0, 1.0)]
+        return rectangle(stack.length, stack.width, stack.mesh.n_x, stack.mesh.n_y, edges)
     return triangles(stack.outline.triangulated(stack.length / stack.mesh.n_x))

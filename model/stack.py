@@ -276,7 +276,8 @@ class Instruments:
 class Mesh:
     """Fineness of the mesh of one lamina: number of elements along x and y.
 
-    Triangles of an outline are as large as `n_x` of them along the length; `n_y` does not count for them.
+    Along x elements also end where clamps do, so there may be some more or fewer. Triangles of an outline are as large
+    as `n_x` of them along the length; `n_y` does not count for them.
     """
 
     n_x: int = 24

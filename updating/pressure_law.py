@@ -138,7 +138,7 @@ def _fit(
         hold_out=held,
         damping=False,
         scatter=scatter,
-        n_start=1 if first else 2,
+        n_start=1 if first else None,
         first=first,
         intervals=intervals,
     )
