@@ -32,7 +32,7 @@ def test_blind_cases(capsys):
 @pytest.mark.blind
 @pytest.mark.parametrize("seed", [50030, 51031, 51065, 51066, 65015, 68012, 71048])
 def test_a_strong_effect_that_once_was_unlike_anything_is_named(seed):
-    """Two lay beyond the modes that were solved for, four where the reduced basis, one where the mesh was not made for."""
+    """Two lay beyond the modes solved for, four where the reduced basis, one where the mesh was not made for."""
     found = run(SPECIFICATION, seed, "single")
     assert found.verdict == "identified"
     assert found.candidates == (found.truth,)
