@@ -8,7 +8,7 @@ Computations, 4th ed., section 2.1.4).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from model.chain import ChainFactor
 from model.mesh import FIELDS, Field
-from model.system import Assembly, Kron, Term
+from model.system import Assembly, Kron, Matrix, Term, ratio
 
 Vector = NDArray[np.float64]
 
@@ -95,9 +95,20 @@ def low_rank(
         own = [(p.kron.z, p.row) for p in products if p.kron.row == field]
         own += [(p.kron.z.T, p.column) for p in products if p.kron.column == field]
         here = sp.diags_array(np.isin(np.arange(assembly.n_z[field]), members[field]).astype(float))
-        z[field] = _range([sp.csc_matrix(here @ a) for a, _ in own], assembly.n_z[field])
+        z[field] = _range(
+            [sp.csc_matrix(here @ a) for a in _distinct(a for a, _ in own)], assembly.n_z[field]
+        )
         planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))
     return LowRank(z=z, planar=planar)
+
+
+def _distinct(matrices: Iterable[Matrix]) -> list[Matrix]:
+    """Return the matrices without those that are multiples of others: effects at many places share one over z."""
+    found: list[Matrix] = []
+    for matrix in matrices:
+        if not any(ratio(matrix, other) for other in found):
+            found.append(matrix)
+    return found
 
 
 def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:

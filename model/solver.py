@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.chain import factorize, levels
 from model.eigen import Block, lowest_modes, orthonormalize
-from model.low_rank import Factor, FarProduct, low_rank, with_change
+from model.low_rank import Factor, FarProduct, LowRank, low_rank, with_change
 from model.mesh import FIELDS, Field
 from model.system import Assembly, Kron, ParameterFactor, Target, Term
 
@@ -194,6 +194,9 @@ class Solver:
     chains: tuple[Chain, ...]
     couplings: tuple[Coupling, ...]
     far: tuple[FarProduct, ...]
+    _spaces: dict[tuple[int, ...], tuple[LowRank, ...]] = dataclasses.field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def _columns(self, groups: tuple[Group, ...], weighted: list[Vector]) -> Iterator[tuple[Vector, Vector]]:
         """Yield each diagonal block and its coupling to the next block as `factorize` wants them."""
@@ -230,13 +233,18 @@ class Solver:
         """
         weighted = [c.weighted_z(theta, shift) for c in self.couplings]
         shares = [p.term.factor(theta) * (shift if p.term.target == "M" else 1.0) for p in self.far]
-        acting = [(share, p) for share, p in zip(shares, self.far, strict=True) if share != 0.0]
-        far = tuple(dataclasses.replace(p.kron, z=share * p.kron.z) for share, p in acting)
+        acting = tuple(i for i, share in enumerate(shares) if share != 0.0)
+        krons = [self.far[i].kron for i in acting]
+        far = tuple(
+            dataclasses.replace(kron, z=shares[i] * kron.z) for i, kron in zip(acting, krons, strict=True)
+        )
+        if acting not in self._spaces:
+            own = [self.far[i] for i in acting]
+            self._spaces[acting] = tuple(low_rank(self.assembly, own, c.members) for c in self.chains)
         parts = []
-        for chain in self.chains:
+        for chain, change in zip(self.chains, self._spaces[acting], strict=True):
             rows = np.concatenate([group.unknowns(self.assembly) for group in chain.groups])
             factor = factorize(self._columns(chain.groups, weighted))
-            change = low_rank(self.assembly, [p for _, p in acting], chain.members)
             parts.append(with_change(factor, rows, change, change.core(far)))
         return Factor(parts=tuple(parts))
 
@@ -355,16 +363,15 @@ def solver_over_plan(assembly: Assembly) -> Solver:
 def _uncoupled_functions(assembly: Assembly) -> list[dict[Field, Index]]:
     """Return the sets of functions of z, for each field, of which no term couples one to another."""
     ends = np.cumsum([0, *(assembly.n_z[field] for field in FIELDS)])
-    linked = sp.csr_matrix((ends[-1], ends[-1]))
+    linked = np.zeros((ends[-1], ends[-1]), dtype=bool)
     for term in assembly.terms:
         if term.target == "C":
             continue
         for kron in term.krons:
-            size = abs(sp.csr_matrix(kron.z))
+            size = np.abs(kron.z.toarray() if sp.issparse(kron.z) else kron.z)
             r, c = FIELDS.index(kron.row), FIELDS.index(kron.column)
-            coo = (size > _UNCOUPLED * size.max()).tocoo()
-            linked += sp.coo_matrix((np.ones(coo.nnz), (coo.row + ends[r], coo.col + ends[c])), linked.shape)
-    count, label = sp.csgraph.connected_components(linked, directed=False)
+            linked[ends[r] : ends[r + 1], ends[c] : ends[c + 1]] |= size > _UNCOUPLED * size.max()
+    count, label = sp.csgraph.connected_components(sp.csr_matrix(linked), directed=False)
     return [
         {field: np.flatnonzero(label[ends[i] : ends[i + 1]] == part) for i, field in enumerate(FIELDS)}
         for part in range(count)
