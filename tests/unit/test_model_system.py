@@ -76,6 +76,24 @@ def test_chain_solution_agrees_with_the_full_sparse_matrices(cut):
     np.testing.assert_allclose(mass, np.eye(vectors.shape[1]), atol=1e-8)
 
 
+@pytest.mark.parametrize("name", model.catalogue())
+def test_an_effect_that_couples_places_far_apart_is_solved_exactly(name):
+    """With fewer functions of z for w than for u and v, as a stack's own have."""
+    effect = model.catalogue()[name]
+    values = {p.name: p.nominal for p in effect.parameters}
+    try:
+        laminas = model.assemble(STACK.with_effects(effect, **values))
+    except model.EffectError as error:
+        pytest.skip(str(error))
+    z = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, STACK.n_lamina), 3)
+    assembly = laminas.project_z({"u": z, "v": z, "w": z[:, :3]})
+    theta, shift = assembly.theta, (2 * np.pi * 200) ** 2
+    right = np.random.default_rng(2).standard_normal((assembly.size, 2))
+    found = solver_over_plan(assembly).factor(theta, shift).solve(right)
+    back = assembly.matrix("K", theta) @ found + shift * (assembly.matrix("M", theta) @ found)
+    np.testing.assert_allclose(back, right, atol=1e-6 * np.abs(right).max())
+
+
 def test_projection_agrees_with_the_full_sparse_matrices():
     stack = STACK.with_effects("edge_pressure", "stinger_mass", edge_excess=0.4, stinger_moving_mass=0.1)
     assembly = model.assemble(stack)
