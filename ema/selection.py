@@ -134,11 +134,11 @@ def _flanks(fit: Fit, band: tuple[float, float]) -> NDArray[np.complex128]:
 
     Left out, it is shared between the modes of the band: one 7 % above it, 1 % of every shape.
     """
-    damping = float(np.median(-fit.pole.real / np.abs(fit.pole))) if fit.pole.size else 0.0
+    if fit.pole.size == 0:
+        return np.empty(0, dtype=complex)
+    damping = float(np.median(-fit.pole.real / np.abs(fit.pole)))
     aside = _ASIDE * (band[1] - band[0])
     ends = 2.0 * np.pi * np.array([end for end in (band[0] - aside, band[1] + aside) if end > 0.0])
-    if not 0.0 < damping < MAX_DAMPING:
-        return np.empty(0, dtype=complex)
     return np.asarray(ends * (1j * np.sqrt(1.0 - damping**2) - damping))
 
 

@@ -106,7 +106,7 @@ def _distinct(matrices: Iterable[Matrix]) -> list[Matrix]:
     """Return the matrices without those that are multiples of others: effects at many places share one over z."""
     found: list[Matrix] = []
     for matrix in matrices:
-        if not any(matrix.shape == other.shape and ratio(matrix, other) for other in found):
+        if not any(ratio(matrix, other) for other in found):
             found.append(matrix)
     return found
 

@@ -234,12 +234,11 @@ class Solver:
         weighted = [c.weighted_z(theta, shift) for c in self.couplings]
         shares = [p.term.factor(theta) * (shift if p.term.target == "M" else 1.0) for p in self.far]
         acting = tuple(i for i, share in enumerate(shares) if share != 0.0)
-        krons = [self.far[i].kron for i in acting]
+        own = [self.far[i] for i in acting]
         far = tuple(
-            dataclasses.replace(kron, z=shares[i] * kron.z) for i, kron in zip(acting, krons, strict=True)
+            dataclasses.replace(p.kron, z=shares[i] * p.kron.z) for i, p in zip(acting, own, strict=True)
         )
         if acting not in self._spaces:
-            own = [self.far[i] for i in acting]
             self._spaces[acting] = tuple(low_rank(self.assembly, own, c.members) for c in self.chains)
         parts = []
         for chain, change in zip(self.chains, self._spaces[acting], strict=True):

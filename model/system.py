@@ -178,7 +178,7 @@ def _collected(krons: Iterable[Kron]) -> tuple[Kron, ...]:
 
 def ratio(a: Matrix, b: Matrix) -> float:
     """Return the number by which b must be multiplied to give a, 0 if there is none."""
-    if sp.issparse(a) != sp.issparse(b):
+    if a.shape != b.shape or sp.issparse(a) != sp.issparse(b):
         return 0.0
     if sp.issparse(a):
         a, b = sp.csr_array(a), sp.csr_array(b)

@@ -17,9 +17,8 @@ _NOTABLE = (
 )
 _WORSE = 1.05  # ratio of errors
 _FAR = 5.0  # standard deviations of the data
-_ALARM = float(
-    norm.isf(0.05)
-)  # distance from which the best test, wrong in 5 of 100 (Neyman and Pearson 1933), says so
+_ALARM = float(norm.isf(0.05))
+"""Distance from which the best test says so that is wrong in 5 of 100 (Neyman and Pearson 1933)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from updating.registration import register
 Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
 
-_MAC_USED = 0.6
+_MAC_USED = 0.6  # from which a measured mode counts as one that the model has
 _TRIALS = 17
 
 

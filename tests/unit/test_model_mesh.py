@@ -1,11 +1,15 @@
 """Elements of a rectangle end where something begins or ends on it."""
 
+import dataclasses
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import model
 from model.mesh import plan_of, rectangle
 
+STACK = model.read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml")
 EDGES = (-0.129, -0.089, -0.0454, -0.0054, 0.0054, 0.0454, 0.089, 0.129)
 
 
@@ -31,15 +35,5 @@ def test_elements_end_where_clamps_do():
         model.Clamp(mass=1.0, x=-0.07, y=0.0, footprint=(0.04, 0.02)),
         model.Clamp(mass=1.0, x=0.1, y=0.0),
     )
-    stack = model.Stack(
-        name="two clamps",
-        length=0.3,
-        width=0.05,
-        height=0.01,
-        n_lamina=4,
-        material=model.Material(young=200e9, poisson=0.28, density=7650.0),
-        contact=model.Contact(G_f=1500.0, d_f=0.0, pressure=320e3, normal_modulus=1e9),
-        clamps=clamps,
-        mesh=model.Mesh(n_x=6, n_y=1),
-    )
+    stack = dataclasses.replace(STACK, clamps=clamps, mesh=model.Mesh(n_x=6, n_y=1))
     assert {-0.09, -0.05, 0.1} <= set(ends(plan_of(stack)).tolist())
