@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from updating import mixing
 from updating.explanation import Explanation
-from updating.residual import BLOCKS
+from updating.residual import BLOCKS, Residual
 
 P_ADEQUATE = 0.05
 """A model that fits worse than this is not adequate: one effect asks for a second, and what stays so is unlike
@@ -29,8 +30,11 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
     kind : str
         One of `residual.BLOCKS`.
     """
-    found = explanation.residual
-    inside = found.kind == kind
+    return _p_value(explanation.residual, explanation.residual.kind == kind)
+
+
+def _p_value(found: Residual, inside: NDArray[np.bool_]) -> float:
+    """Return the probability of a misfit as large in some of the data."""
     fitted = found.span[inside]
     gram = fitted.T @ fitted
     mean = inside.sum() - float(np.trace(gram))
@@ -41,12 +45,21 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
     return float(chi2.sf(misfit * mean / half_variance, mean**2 / half_variance))
 
 
+def _worst_shape(found: Residual) -> float:
+    """Return the smallest probability of a misfit as large in one shape, times the number of shapes."""
+    label = np.where(found.kind == "shape", found.label, "")
+    shapes = np.setdiff1d(label, ("", *found.weak))
+    return min(1.0, shapes.size * min((_p_value(found, label == one) for one in shapes), default=1.0))
+
+
 def p_value(explanation: Explanation) -> float:
     """Return the probability of a misfit as large if the explanation were complete.
 
-    The smallest of the probabilities of each kind of data, and of how the shapes lean towards other modes, times their
-    number (Bonferroni): what few frequencies say would be lost among the many shape components.
+    The smallest of the probabilities of each kind of data, of the worst shape alone, and of how the shapes lean towards
+    other modes, times their number (Bonferroni): what few frequencies say would be lost among the many shape
+    components, and what one shape says among those of all.
     """
-    each = [block_p_value(explanation, kind) for kind in BLOCKS]
-    each.append(mixing.p_value(explanation.residual.mixing))
+    found = explanation.residual
+    each = [*(block_p_value(explanation, kind) for kind in BLOCKS), _worst_shape(found)]
+    each.append(mixing.p_value(found.mixing))
     return min(1.0, len(each) * min(each))

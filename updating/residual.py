@@ -19,6 +19,7 @@ Vector = NDArray[np.float64]
 
 BLOCKS = ("frequency", "damping", "shape", "prior")
 """Kinds of data."""
+_WEAK = 0.05  # standard deviation of a shape, over its length
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,6 +42,9 @@ class Residual:
         The model's elastic modes that they are of.
     mixing : tuple of Mixing
         The shapes of each configuration.
+    weak : tuple of str
+        Labels of modes whose shapes are stated so uncertainly that they are not judged alone: what is left of a mode
+        beside stronger ones holds these' errors, of which its standard deviation knows nothing.
     """
 
     value: Vector
@@ -51,6 +55,7 @@ class Residual:
     log_frequency_std: Vector
     partner: NDArray[np.int64]
     mixing: tuple[Mixing, ...]
+    weak: tuple[str, ...]
 
     @cached_property
     def span(self) -> Vector:
@@ -83,6 +88,7 @@ def residual(
     n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
     n_common, s = evidence.n_common, evidence.scatter
     value, rows, kinds, labels, logarithm, spreads, partner, mixed = [], [], [], [], [], [], [], []
+    weak: list[str] = []
     for c, tested in enumerate(evidence.tested):
         theta = evidence.theta(nuisance, c)
         by = (*theta, *effect)
@@ -121,14 +127,14 @@ def residual(
             rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
-        u, v = _unit_shapes(measured.shape[:, used], modes.shape[:, column])
+        u, v, sign = _unit_shapes(measured.shape[:, used], modes.shape[:, column])
         form = np.zeros(used.size)
         for i, (r, m) in enumerate(zip(used, column, strict=True)):
             sigma = np.hypot(
                 measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r]), s.shape / np.sqrt(len(u))
             )
             kept = _apart(modes, int(m))
-            slope = spread(modes.shape_gradient[:, m]) / np.linalg.norm(modes.shape[:, m])
+            slope = sign[i] * spread(modes.shape_gradient[:, m]) / np.linalg.norm(modes.shape[:, m])
             if evidence.weight is not None:
                 counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
                 form[i] = np.linalg.norm(sigma * np.sqrt(np.maximum(counted**-2 - 1.0, 0.0)))
@@ -136,6 +142,8 @@ def residual(
             rows.append(-kept(slope) / sigma[:, None])
             kinds += ["shape"] * len(u)
             labels += [f"{tested.name}, mode {r + 1}"] * len(u)
+            if np.linalg.norm(measured.shape_std[:, r]) > _WEAK * np.linalg.norm(measured.shape[:, r]):
+                weak.append(labels[-1])
         mixed.append(
             Mixing(
                 measured=u,
@@ -169,14 +177,19 @@ def residual(
         log_frequency_std=std,
         partner=np.concatenate(partner),
         mixing=tuple(mixed),
+        weak=tuple(weak),
     )
 
 
-def _unit_shapes(measured: NDArray[np.complex128], modelled: Vector) -> tuple[Vector, Vector]:
-    """Return measured shapes, turned real, and modelled ones at unit length and of one sign, (n_dof, n_mode) each."""
+def _unit_shapes(measured: NDArray[np.complex128], modelled: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return measured shapes, turned real, and modelled ones at unit length, (n_dof, n_mode) each, and these' signs.
+
+    They are turned as the measured ones are: a solver's own sign is by chance, and residuals are compared.
+    """
     turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
     u, v = turned / np.linalg.norm(measured, axis=0), modelled / np.linalg.norm(modelled, axis=0)
-    return u * np.where(np.sum(u * v, axis=0) < 0.0, -1.0, 1.0), v
+    sign = np.where(np.sum(u * v, axis=0) < 0.0, -1.0, 1.0)
+    return u, v * sign, sign
 
 
 def _apart(modes: Modes, m: int) -> Callable[[Vector], Vector]:

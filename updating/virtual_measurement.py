@@ -251,6 +251,12 @@ def _estimated(
     return value, coherence
 
 
+def _signed(shape: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return shapes, (n_output, n_mode), of a sign that no rounding decides, so that noise falls alike everywhere."""
+    generic = np.cos(np.arange(shape.shape[0]))  # which no symmetric or antisymmetric shape is orthogonal to
+    return shape * np.where(generic @ shape < 0.0, -1.0, 1.0)
+
+
 def _drawn(
     test: VirtualTest, specimen: Specimen, true: TrueModes, noise: ModalNoise, rng: np.random.Generator
 ) -> ModalModel:
@@ -258,7 +264,7 @@ def _drawn(
     seen = true.visible(test.band)
     frequency = true.tested_frequency[seen] * (1.0 + noise.frequency * rng.standard_normal(seen.sum()))
     damping = true.tested_damping[seen] * (1.0 + noise.damping * rng.standard_normal(seen.sum()))
-    shape = true.shape[:, seen]
+    shape = _signed(true.shape[:, seen])
     spread = noise.shape * np.sqrt(np.mean(shape**2, axis=0)) * np.ones_like(shape)
     shape = shape + spread * rng.standard_normal(shape.shape)
     largest = np.abs(shape).max(axis=0)

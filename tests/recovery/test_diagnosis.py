@@ -99,6 +99,17 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
     assert np.abs(corrected).max() < 1e-4 < np.abs(plain).max()
 
 
+def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
+    """Effects are chosen by what they change beside what others left, each solved on its own."""
+    evidence = gather(candidates, played(blind_test(SPECIFICATION, 12, (), {}))[:2])
+    turned = replace(
+        evidence, observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in evidence.observed)
+    )
+    one, other = residual(evidence, evidence.start), residual(turned, evidence.start)
+    np.testing.assert_array_equal(other.value, one.value)
+    np.testing.assert_array_equal(other.jacobian, one.jacobian)
+
+
 def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_named():
     """Strong enough, clamps that pitch add modes that the sensors miss; the last measured one is then the 22nd."""
     (effect,) = model.find_effects(["clamp_pitch_inertia"], model.catalogue())

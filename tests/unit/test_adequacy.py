@@ -10,10 +10,11 @@ from updating.adequacy import block_p_value, p_value
 from updating.residual import Residual
 
 KIND = np.array(["frequency"] * 8 + ["damping"] * 6 + ["shape"] * 30 + ["prior"] * 4)
+LABEL = np.where(KIND == "shape", [f"M1, mode {1 + i // 10}" for i in range(-14, KIND.size - 14)], "")
 JACOBIAN = np.column_stack([np.random.default_rng(3).normal(size=(KIND.size, 5)), np.zeros(KIND.size)])
 
 
-def fitted(data, jacobian=JACOBIAN):
+def fitted(data, jacobian=JACOBIAN, weak=()):
     """Return what a linear fit leaves of data."""
     left = data - jacobian @ np.linalg.lstsq(jacobian, data, rcond=None)[0]
     nothing = np.zeros(0)
@@ -21,11 +22,12 @@ def fitted(data, jacobian=JACOBIAN):
         value=left,
         jacobian=jacobian,
         kind=KIND,
-        label=("",) * KIND.size,
+        label=tuple(LABEL.tolist()),
         log_frequency=nothing,
         log_frequency_std=nothing,
         partner=nothing.astype(int),
         mixing=(),
+        weak=weak,
     )
     return SimpleNamespace(residual=found)
 
@@ -42,7 +44,14 @@ def test_few_data_that_misfit_are_not_lost_among_many():
     data[KIND == "shape"] = np.random.default_rng(5).normal(size=30)
     own = fitted(data, JACOBIAN[:, :1])
     assert block_p_value(own, "frequency") < 1e-6
-    assert p_value(own) == pytest.approx(5.0 * block_p_value(own, "frequency"))
+    assert p_value(own) == pytest.approx(6.0 * block_p_value(own, "frequency"))
+
+
+def test_one_shape_that_misfits_is_not_lost_among_all_unless_it_is_weak():
+    data = np.where(LABEL == "M1, mode 2", 1.8, 0.3) * np.random.default_rng(7).normal(size=KIND.size)
+    assert block_p_value(fitted(data), "shape") > 0.05
+    assert p_value(fitted(data)) < 0.01
+    assert p_value(fitted(data, weak=("M1, mode 2",))) == 1.0
 
 
 def test_data_that_are_all_fitted_say_nothing():

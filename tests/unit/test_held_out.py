@@ -22,6 +22,7 @@ def residual(jacobian, data):
         log_frequency_std=STD,
         partner=np.arange(4),
         mixing=(),
+        weak=(),
     )
 
 

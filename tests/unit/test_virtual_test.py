@@ -241,6 +241,19 @@ def test_modal_data_scatter_as_stated(test):
     np.testing.assert_array_equal(again.shape, measured.shape)
 
 
+def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch):
+    one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
+    drawn, _ = play_modes(one, ModalNoise())["M1"]
+
+    def turned(*given):
+        true = true_modes(*given)
+        return replace(true, shape=-true.shape)
+
+    monkeypatch.setattr("updating.virtual_measurement.true_modes", turned)
+    again, _ = play_modes(one, ModalNoise())["M1"]
+    np.testing.assert_array_equal(again.shape, drawn.shape)
+
+
 def test_upper_modes_are_true_as_well(test):
     """Soft contact brings many modes into the band; the reduction must hold for all that are played."""
     soft = replace(test.configurations[0], G_f=300.0)
