@@ -48,10 +48,10 @@ def test_few_data_that_misfit_are_not_lost_among_many():
 
 
 def test_one_shape_that_misfits_is_not_lost_among_all_unless_it_is_weak():
-    data = np.where(LABEL == "M1, mode 2", 1.8, 0.3) * np.random.default_rng(7).normal(size=KIND.size)
+    data = np.random.default_rng(7).choice([-1.0, 1.0], KIND.size) * np.where(LABEL == "M1, mode 2", 2.2, 0.3)
     assert block_p_value(fitted(data), "shape") > 0.05
     assert p_value(fitted(data)) < 0.01
-    assert p_value(fitted(data, weak=("M1, mode 2",))) == 1.0
+    assert p_value(fitted(data, weak=("M1, mode 2",))) > 0.05
 
 
 def test_data_that_are_all_fitted_say_nothing():
