@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -32,7 +33,8 @@ _QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the re
 _TRIANGLE_ORDER = 10  # exact for products of Argyris's quintic deflections
 _NEAREST = 12  # triangles tried for the place of a point
 _COINCIDE = 0.1  # of an element: edges that are closer are one
-_DIGITS = 6  # of a number of elements, so that rounding does not make a symmetric mesh lopsided
+_HALF = 0.45  # of an element from which a part has one more; the sizes of stacks and clamps make just a half common,
+# and then neither rounding nor a dimension that is slightly off may change the mesh
 
 
 def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
@@ -249,7 +251,7 @@ def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
     apart = np.flatnonzero(np.diff(inner) > _COINCIDE * size) + 1
     marks = [-end, *(float(group.mean()) for group in np.split(inner, apart) if group.size), end]
     parts = [
-        np.linspace(low, high, max(1, round(round((high - low) / size, _DIGITS))) + 1)
+        np.linspace(low, high, max(1, math.floor((high - low) / size + 1.0 - _HALF)) + 1)
         for low, high in itertools.pairwise(marks)
     ]
     return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])

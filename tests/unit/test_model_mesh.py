@@ -37,3 +37,12 @@ def test_elements_end_where_clamps_do():
     )
     stack = dataclasses.replace(STACK, clamps=clamps, mesh=model.Mesh(n_x=6, n_y=1))
     assert {-0.09, -0.05, 0.1} <= set(ends(plan_of(stack)).tolist())
+
+
+@pytest.mark.parametrize("ratio", [0.9995, 1.001])
+@pytest.mark.parametrize("n_x", [12, 16, 24])
+def test_a_length_that_is_slightly_off_does_not_change_the_mesh(n_x, ratio):
+    """What a dimension does to frequencies is taken from two models, and must not be what their meshes do."""
+    stack = dataclasses.replace(STACK, mesh=model.Mesh(n_x=n_x, n_y=1))
+    other = dataclasses.replace(stack, length=ratio * stack.length)
+    assert ends(plan_of(other)).size == ends(plan_of(stack)).size
