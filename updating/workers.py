@@ -12,8 +12,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any, TypeVar
+from uuid import uuid4
 
 import cloudpickle
 from rich.console import Console
@@ -90,42 +94,46 @@ def distribute(
     ----------
     task : callable
         Of one item. It is sent once for several items. It may hold, and return, whatever another process cannot
-        import, such as models with their effects.
+        import, such as models with their effects. Processes of this machine find it in a file.
     items : iterable
         What to do it with.
     executor : Executor or None
         Where; None is in this process.
     messages : int
-        In how many the items are sent at most; each holds the task, so fewer are better for a large one.
+        In how many the items are sent at most; on a cluster each holds the task, so fewer are better for a large one.
     """
     if executor is None:
         return map(task, items)
     listed = list(items)
     n = min(messages, len(listed))
     parts = [listed[i::n] for i in range(n)]  # neighbours, often alike in cost, go to different processes
-    sent = executor.map(_Sent(cloudpickle.dumps(task)), parts)  # begins at once
-    return _in_order(sent, len(listed))
+    content = cloudpickle.dumps(task)
+    left = executor.leave(content) if isinstance(executor, _Processes) else None
+    sent = executor.map(_Sent(content if left is None else left), parts)  # begins at once
+    return _in_order(sent, len(listed), left)
 
 
-def _in_order(parts: Iterable[bytes], n_item: int) -> Iterator[Any]:
+def _in_order(parts: Iterable[bytes], n_item: int, left: Path | None) -> Iterator[Any]:
     """Yield the results in the order of the items, of which each part has every n-th, once they are asked for."""
     found = [cloudpickle.loads(part) for part in parts]
+    if left is not None:
+        left.unlink()
     yield from (found[i % len(found)][i // len(found)] for i in range(n_item))
 
 
 @dataclass(frozen=True)
 class _Sent:
-    """A task as bytes, which a process reads once, for several items; it returns their results as bytes."""
+    """A task as bytes, or the file that holds them, which a process reads once; it returns results as bytes."""
 
-    content: bytes
+    content: bytes | Path
 
     def __call__(self, items: list[Any]) -> bytes:
         return cloudpickle.dumps(list(map(_read(self.content), items)))
 
 
 @lru_cache(maxsize=1)
-def _read(content: bytes) -> Callable[[Any], Any]:
-    return cloudpickle.loads(content)
+def _read(content: bytes | Path) -> Callable[[Any], Any]:
+    return cloudpickle.loads(content.read_bytes() if isinstance(content, Path) else content)
 
 
 def _n_processor() -> int:
@@ -148,11 +156,25 @@ class _ThisProcess(Executor):
         return (self.submit(fn, *item).result() for item in zip(*iterables, strict=False))
 
 
+class _Processes(ProcessPoolExecutor):
+    """Processes of this machine, with a folder in which tasks are left for them: a pipe is slow for large ones."""
+
+    def __init__(self, n_process: int, context: SpawnContext, ended: Connection) -> None:
+        super().__init__(n_process, context, initializer=_begin, initargs=(ended,))
+        self.folder = TemporaryDirectory(prefix="lamella-", ignore_cleanup_errors=True)
+
+    def leave(self, content: bytes) -> Path:
+        """Write a file for the processes and return its path."""
+        path = Path(self.folder.name) / uuid4().hex
+        path.write_bytes(content)
+        return path
+
+
 @contextmanager
 def _pool(n_process: int) -> Iterator[Executor]:
     context = get_context("spawn")
     ended, end = context.Pipe(duplex=False)
-    executor = ProcessPoolExecutor(n_process, context, initializer=_begin, initargs=(ended,))
+    executor = _Processes(n_process, context, ended)
     try:
         yield executor
         executor.shutdown()
@@ -165,6 +187,7 @@ def _pool(n_process: int) -> Iterator[Executor]:
     finally:
         end.close()
         executor.shutdown(cancel_futures=True)
+        executor.folder.cleanup()
         ended.close()
 
 

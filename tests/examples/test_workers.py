@@ -3,14 +3,16 @@
 import os
 import signal
 import sys
+import tempfile
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from updating import jobs
 from updating.cli import main
 from updating.errors import WorkerError
-from updating.workers import workers
+from updating.workers import distribute, workers
 
 
 def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_path, written):
@@ -55,6 +57,17 @@ def run(tasks):
 def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(tasks, error, words):
     with pytest.raises(error, match=words):
         run(tasks)
+
+
+def test_results_come_in_order_from_tasks_that_none_can_import_and_no_file_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    large = np.arange(1e6)
+    with workers(2) as executor:
+        for offset in (1, 2):
+            found = list(distribute(lambda i, offset=offset: large[i] + offset, range(40), executor))
+            assert found == [i + offset for i in range(40)]
+            assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
