@@ -127,14 +127,13 @@ def residual(
             rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
-        u, v, sign = _unit_shapes(measured.shape[:, used], modes.shape[:, column])
+        u, v, length = _unit_shapes(measured.shape[:, used], modes.shape[:, column])
         form = np.zeros(used.size)
         for i, (r, m) in enumerate(zip(used, column, strict=True)):
-            sigma = np.hypot(
-                measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r]), s.shape / np.sqrt(len(u))
-            )
+            uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
+            sigma = np.hypot(uncertain, s.shape / np.sqrt(len(u)))
             kept = _apart(modes, int(m))
-            slope = sign[i] * spread(modes.shape_gradient[:, m]) / np.linalg.norm(modes.shape[:, m])
+            slope = spread(modes.shape_gradient[:, m]) / length[i]
             if evidence.weight is not None:
                 counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
                 form[i] = np.linalg.norm(sigma * np.sqrt(np.maximum(counted**-2 - 1.0, 0.0)))
@@ -142,7 +141,7 @@ def residual(
             rows.append(-kept(slope) / sigma[:, None])
             kinds += ["shape"] * len(u)
             labels += [f"{tested.name}, mode {r + 1}"] * len(u)
-            if np.linalg.norm(measured.shape_std[:, r]) > _WEAK * np.linalg.norm(measured.shape[:, r]):
+            if np.linalg.norm(uncertain) > _WEAK:
                 weak.append(labels[-1])
         mixed.append(
             Mixing(
@@ -182,14 +181,15 @@ def residual(
 
 
 def _unit_shapes(measured: NDArray[np.complex128], modelled: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return measured shapes, turned real, and modelled ones at unit length, (n_dof, n_mode) each, and these' signs.
+    """Return measured shapes, turned real, and modelled ones at unit length, (n_dof, n_mode) each.
 
-    They are turned as the measured ones are: a solver's own sign is by chance, and residuals are compared.
+    The modelled ones are turned as the measured ones are: a solver's own sign is by chance, and residuals are compared.
+    Last is what they were divided by: their lengths, negative where they were turned.
     """
     turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
-    u, v = turned / np.linalg.norm(measured, axis=0), modelled / np.linalg.norm(modelled, axis=0)
-    sign = np.where(np.sum(u * v, axis=0) < 0.0, -1.0, 1.0)
-    return u, v * sign, sign
+    u = turned / np.linalg.norm(measured, axis=0)
+    length = np.linalg.norm(modelled, axis=0) * np.where(np.sum(u * modelled, axis=0) < 0.0, -1.0, 1.0)
+    return u, modelled / length, length
 
 
 def _apart(modes: Modes, m: int) -> Callable[[Vector], Vector]:
