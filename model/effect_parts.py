@@ -125,10 +125,27 @@ def mean_over(
     centre: tuple[float, float],
     size: tuple[float, float],
     slope: Derivative = "",
+    *,
+    tapered: bool = False,
 ) -> sp.csr_matrix:
-    """Return the row that takes the mean of a field, or of its slope, over a rectangle of the plan."""
-    points, weights = footprint_points(centre, size, assembly.plan)
+    """Return the row that takes the mean of a field, or of its slope, over a rectangle of the plan.
+
+    With `tapered` the rectangle counts less towards its ends along x, and there not at all: an edge within an element
+    is what a heavy or stiff part converges slowly by.
+    """
+    points, weights = _weighted(assembly, centre, size, tapered=tapered)
     return sp.csr_matrix(weights @ assembly.plan.point_rows(field, points, slope))
+
+
+def _weighted(
+    assembly: Assembly, centre: tuple[float, float], size: tuple[float, float], *, tapered: bool
+) -> tuple[Vector, Vector]:
+    """Return points, (n, 2), of a rectangle of the plan and their weights, which sum to 1."""
+    points, weights = footprint_points(centre, size, assembly.plan)
+    if tapered:
+        weights = weights * (1.0 - (2.0 * (points[:, 0] - centre[0]) / size[0]) ** 2)
+        weights /= weights.sum()
+    return points, weights
 
 
 def turn_of(
@@ -153,13 +170,9 @@ def turn_of(
     axis : "x" or "y"
         Along which the slope is taken.
     tapered : bool
-        Whether the rectangle counts less towards its ends along x, and there not at all: an edge within an element
-        is what a heavy part converges slowly by.
+        As in `mean_over`.
     """
-    points, weights = footprint_points(centre, size, assembly.plan)
-    if tapered:
-        weights = weights * (1.0 - (2.0 * (points[:, 0] - centre[0]) / size[0]) ** 2)
-        weights /= weights.sum()
+    points, weights = _weighted(assembly, centre, size, tapered=tapered)
     along = points[:, "xy".index(axis)]
     arm = along - weights @ along
     if np.ptp(arm) == 0.0:
@@ -173,6 +186,8 @@ def shear_spring(
     size: tuple[float, float],
     axis: Literal["x", "y"],
     over_z: tuple[Any, Any],
+    *,
+    tapered: bool = False,
 ) -> tuple[Kron, ...]:
     """Return a spring of stiffness 1 against shear at a rectangle of the plan.
 
@@ -189,10 +204,13 @@ def shear_spring(
         Direction of the shear.
     over_z : (slip, turned)
         Matrices over the laminas, (n_spring, n_lamina) each.
+    tapered : bool
+        As in `mean_over`.
     """
     slip, turned = (sp.csr_array(matrix) for matrix in over_z)
     field: Field = "u" if axis == "x" else "v"
-    along, slope = mean_over(assembly, field, centre, size), turn_of(assembly, centre, size, axis)
+    along = mean_over(assembly, field, centre, size, tapered=tapered)
+    slope = turn_of(assembly, centre, size, axis, tapered=tapered)
     return (
         square(field, along, slip.T @ slip),
         Kron(row=field, column="w", z=slip.T @ turned, planar=(along.T @ slope).tocsr()),

@@ -16,7 +16,7 @@ SAME = 0.03  # of what an effect changes in a mode
 LITTLE = 0.003  # of what it changes most: a mode that it hardly moves is a difference of large changes
 NOTHING = 1e-4
 ALIKE = 0.8
-ONCE_OFF = ("clamp_bars", "weld_seam")  # by 33 and 17 %, as long as they held single points of the plan
+ONCE_OFF = ("clamp_bars",)  # by 33 %, as long as it held single points of the plan
 HEAVY = {"clamp_roll_inertia": 0.017, "clamp_station": 0.23}
 
 
@@ -81,9 +81,11 @@ def test_an_effect_changes_modes_as_much_on_a_finer_mesh(name):
         pytest.param("clamp_inertia", HEAVY, 5e-4, marks=pytest.mark.benchmark),
         # where clamps began and ended within elements it was off by 0.4 %
         ("clamp_pitch_inertia", {"clamp_pitch": 0.0007}, 1.2e-3),
+        # where it held all of a rectangle that ended within elements it was off by 0.5 %
+        ("weld_seam", {"bead_shear": 7.5e5}, 1e-3),
     ],
 )
-def test_a_heavy_clamp_moves_modes_as_much_on_a_finer_mesh(name, values, off):
+def test_a_strong_effect_moves_modes_as_much_on_a_finer_mesh(name, values, off):
     found = []
     for mesh in MESHES:
         stack = dataclasses.replace(STACK, mesh=model.Mesh(n_x=mesh[0], n_y=mesh[1]))
