@@ -31,12 +31,16 @@ N_FIRST = 3
 """First effects beside which a second is sought anew: where an effect is strong, steps from the base model mislead."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
+N_AFAR = 5
+"""Fits from afar that are followed to their ends."""
 VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
 _PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
-_ASTRAY = 30.0  # squared misfit of a value beyond which a model is so far off that steps from it mislead
-N_AFAR_STEPS = 20
+_ASTRAY = 30.0  # squared misfit of a value, in the mean, beyond which a model is astray
+N_FIRST_STEPS, N_AFAR_STEPS = 6, 20
+"""Evaluations of fits from afar: of all, and then of those that come near."""
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
+_LOST = 30.0  # misfit over the best beyond which other weights cannot bring an explanation back
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
 _REFIT = 8  # evaluations after the basis has grown
 
@@ -94,13 +98,19 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
     evidence, singles = _exact(evidence, singles, executor)
+    afar = _astray(best_of(singles, base))  # even the best effect is: pairs with it would be in vain
+    if afar:
+        evidence, singles = _from_afar(evidence, places, singles, executor)
     found = _with_pairs(evidence, base, singles, screened, worth, executor)
-    astray = base.misfit > _ASTRAY * base.residual.value.size
-    if astray and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
-        places = places or nearest(evidence.alone, executor)
+    if not afar and _astray(base) and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
         evidence, singles = _from_afar(evidence, places, singles, executor)
         found = _with_pairs(evidence, base, singles, screened, worth, executor)
     return found
+
+
+def _astray(own: Explanation) -> bool:
+    """Return whether a model is so far off that steps from it mislead."""
+    return own.misfit > _ASTRAY * own.residual.value.size
 
 
 def _with_pairs(
@@ -116,7 +126,7 @@ def _with_pairs(
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
         base = explain(evidence, nuisance=base.nuisance)
-        singles = _again(evidence, singles, executor, len(singles))
+        singles = _reweighed(evidence, singles, executor)
     pairs: list[Explanation] = []
     best = best_of(singles, base)
     if base.misfit - best.misfit > worth:
@@ -184,11 +194,12 @@ def _from_afar(
 ) -> tuple[Gathered, list[Explanation]]:
     """Fit effects from where they come nearest over their whole ranges, beside those that are fitted already."""
     starts: list[Start] = []
-    for place in places:
+    for place in places or nearest(evidence.alone, executor):
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(([place.effect], nuisance, place.coordinate))
-    afar = _fitted(evidence, starts, executor, N_AFAR_STEPS)
+    first = _fitted(evidence, starts, executor, N_FIRST_STEPS)
+    afar = _again(evidence, first, executor, N_AFAR, N_AFAR_STEPS)
     return _exact(evidence, _best_of_each([*afar, *singles]), executor)
 
 
@@ -235,12 +246,32 @@ def _exact(
     return richer, _again(richer, ordered, executor, len(near))
 
 
-def _again(
-    evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None, least: int = N_EXACT
+def _reweighed(
+    evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None
 ) -> list[Explanation]:
-    """Fit the best again, with another basis or other weights, and those that are close to them; the best first."""
+    """Fit all again with other weights, but those that have lost by far, which are compared only; the best first."""
+    least = min(own.misfit for own in fitted)
+    hopeful = [own for own in fitted if own.misfit < _LOST * least]
+    lost = [own for own in fitted if own.misfit >= _LOST * least]
+    again = _fitted(evidence, _from(hopeful), executor, _REFIT) + _fitted(evidence, _from(lost), executor, 1)
+    return sorted(again, key=lambda x: x.misfit)
+
+
+def _again(
+    evidence: Gathered,
+    fitted: Sequence[Explanation],
+    executor: Executor | None,
+    least: int = N_EXACT,
+    most: int = _REFIT,
+) -> list[Explanation]:
+    """Fit the best again, with another basis or more steps, and those that are close to them; the best first."""
     ordered = sorted(fitted, key=lambda x: x.misfit)
     close = sum(x.misfit < ordered[0].misfit + _CLOSE for x in ordered)
     first, rest = ordered[: max(least, close)], ordered[max(least, close) :]
-    again = _fitted(evidence, [(x.effects, x.nuisance, x.coordinate) for x in first], executor, _REFIT)
+    again = _fitted(evidence, _from(first), executor, most)
     return sorted([*again, *rest], key=lambda x: x.misfit)
+
+
+def _from(fitted: Sequence[Explanation]) -> list[Start]:
+    """Return where explanations stand."""
+    return [(own.effects, own.nuisance, own.coordinate) for own in fitted]
