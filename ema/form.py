@@ -36,7 +36,9 @@ def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as cause:
-        message = f"{path}: cannot be read: {cause.strerror}"
+        files = sorted(path.glob("*.toml"))  # none where it is no folder
+        fault = f"is a folder; give a file, such as {files[0]}" if files else cause.strerror
+        message = f"{path}: cannot be read: {fault}"
         raise error(message) from cause
     except (ValueError, RecursionError) as cause:  # brackets by the thousand
         message = f"{path}: not valid TOML: {cause}"

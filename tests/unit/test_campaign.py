@@ -114,6 +114,11 @@ def test_faults_are_named(folder, old, new, said):
     assert str(folder / "campaign.toml") in str(fault.value)
 
 
+def test_a_folder_in_place_of_its_file(folder):
+    with pytest.raises(CampaignError, match=r"is a folder; give a file, such as .*campaign\.toml"):
+        read_campaign(folder)
+
+
 def test_a_configuration_that_is_not_there(folder):
     campaign = read_campaign(folder / "campaign.toml")
     with pytest.raises(
