@@ -110,6 +110,7 @@ def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
     np.testing.assert_array_equal(other.jacobian, one.jacobian)
 
 
+@pytest.mark.blind
 def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_named():
     """Strong enough, clamps that pitch add modes that the sensors miss; the last measured one is then the 22nd."""
     (effect,) = model.find_effects(["clamp_pitch_inertia"], model.catalogue())

@@ -181,7 +181,7 @@ TABLE = {
     "empty run": ("ema campaign.toml", holds("run_2.csv", ""), ["run_2.csv", "no rows of numbers"]),
     "empty poles": ("ema campaign.toml --poles .",
                     all_of(lambda f: (f / "M1").mkdir(), holds("M1/poles.txt", "")), ["poles.txt", "holds no pole"]),
-    "folder for a file": ("ema .", untouched, ["cannot be read", "directory"]),
+    "folder for a file": ("ema .", untouched, ["is a folder", "give a file"]),
     "bytes for text": ("ema campaign.toml", holds("campaign.toml", bytes(range(256))), ["not valid TOML"]),
     "brackets without end": ("ema campaign.toml", holds("campaign.toml", "x = " + "[" * 3000), ["not valid TOML"]),
     "brackets without end in a stack": ("model stack.toml", holds("stack.toml", "x = " + "[" * 3000),
