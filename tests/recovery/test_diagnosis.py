@@ -110,6 +110,15 @@ def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
     np.testing.assert_array_equal(other.jacobian, one.jacobian)
 
 
+def test_a_shape_that_is_stated_uncertain_is_weak(candidates):
+    name, pressure, modes = played(blind_test(SPECIFICATION, 12, (), {}))[0]
+    length = np.linalg.norm(modes.shape, axis=0)
+    share = np.where(np.arange(length.size) == 2, 0.06, 0.04)
+    spread = np.ones(modes.shape.shape) / np.sqrt(len(modes.shape)) * length * share
+    evidence = gather(candidates, [(name, pressure, replace(modes, shape_std=spread))])
+    assert residual(evidence, evidence.start).weak == (f"{name}, mode 3",)
+
+
 @pytest.mark.blind
 def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_named():
     """Strong enough, clamps that pitch add modes that the sensors miss; the last measured one is then the 22nd."""
