@@ -7,6 +7,7 @@ data cannot tell apart is reported as a set.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ from updating.search import VISIBLE, search
 from updating.verdict import Verdict, decide
 
 Vector = NDArray[np.float64]
+_LOG = logging.getLogger(__name__)
 
 WORTH = 4.0
 """Fall of the squared misfit below which an effect is not worth a fit."""
@@ -155,6 +157,7 @@ def diagnose(
     for _, _, modes in tested:
         require_points(modes)
     instruments = instruments_of(tested[0][2])
+    _LOG.info("reduce the model with %d effects", len(effects))
     candidates = candidate_model(stack, instruments, effects, aids(), executor)
     return conclude(gather(candidates, tested, scatter=scatter), executor)
 
@@ -162,6 +165,7 @@ def diagnose(
 def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     """Say which effect is missing from evidence that has been gathered."""
     found = search(evidence, WORTH, executor)
+    _LOG.info("weigh %d explanations", len(found.explanations))
     decision = decide(found)
     base, left = found.base, decision.left
     tests = rank_tests(found.evidence, left[:_COMPARED])

@@ -41,6 +41,7 @@ from updating.fit import fit as fit_configuration
 from updating.identified import Assignment, Identified, assignments, identified
 from updating.modal_table import TableFit, TableRow, fit_row, read_modal_table
 from updating.plot import as_png
+from updating.progress import progress
 from updating.report.page import write_report
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
@@ -217,7 +218,7 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
     ]
 
     def make() -> Diagnosis:
-        with workers(2) as executor, console.status("diagnose"):
+        with workers(2) as executor, progress("diagnose", console):
             return diagnose_stack(replace(stack, height=states[0].height), tested, known, executor=executor)
 
     modal = (found.folder / "modal_model.json" for found in tests)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import logging
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from updating.evidence import D_F_START, Evidence, pair, solved
 from updating.workers import distribute
 
 Vector = NDArray[np.float64]
+_LOG = logging.getLogger(__name__)
 
 N_NEAREST = 6
 """Effects that are followed from where the look finds them."""
@@ -73,6 +75,7 @@ def nearest(evidence: Evidence, executor: Executor | None = None) -> tuple[Place
     executor : Executor, optional
         What takes a part of the work.
     """
+    _LOG.info("look over the whole ranges of %d effects", len(evidence.effects))
     seen = distribute(partial(_scan, evidence), evidence.effects, executor, MESSAGES)
     best = sorted(seen, key=lambda found: found.cost)[:N_NEAREST]
     places = distribute(partial(_settled, evidence), best, executor, MESSAGES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from updating.screening import Screened, pair_steps, screen
 from updating.workers import distribute
 
 Vector = NDArray[np.float64]
+_LOG = logging.getLogger(__name__)
 Start = tuple[Sequence[str], Vector, Vector]  # effects, nuisances, coordinates of the effects' parameters
 
 N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
@@ -31,14 +33,12 @@ N_FIRST = 3
 """First effects beside which a second is sought anew: where an effect is strong, steps from the base model mislead."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
-N_AFAR = 5
-"""Fits from afar that are followed to their ends."""
+N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
+"""Evaluations of all fits from afar, how many are then followed, and their evaluations."""
 VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
 _PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
 _ASTRAY = 30.0  # squared misfit of a value, in the mean, beyond which a model is astray
-N_FIRST_STEPS, N_AFAR_STEPS = 6, 20
-"""Evaluations of fits from afar: of all, and then of those that come near."""
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _LOST = 30.0  # misfit over the best beyond which other weights cannot bring an explanation back
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
@@ -96,6 +96,7 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     base = explain(evidence, nuisance=base.nuisance)
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
+    _LOG.info("fit %d effects, each alone", len(promising))
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
     evidence, singles = _exact(evidence, singles, executor)
     afar = _astray(best_of(singles, base))  # even the best effect is: pairs with it would be in vain
@@ -134,6 +135,7 @@ def _with_pairs(
         # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
         if p_value(best) < P_ADEQUATE or max((s.gain for s in beside), default=0.0) > _PROMISING:
             starts = _pair_starts(evidence, base, screened, singles, beside)
+            _LOG.info("fit %d pairs", len(starts))
             evidence, pairs = _exact(evidence, _fitted(evidence, starts, executor, _REFIT), executor)
             if pairs:
                 members = _fitted(evidence, _members(evidence, pairs[0]), executor)

@@ -1,5 +1,7 @@
 """A diagnosis as its user runs it: made once, read back while nothing that it came from has changed."""
 
+import io
+
 from rich.console import Console
 
 import model
@@ -11,7 +13,8 @@ CONSIDERED = ("clamp_mass", "pressure_exponent")
 
 def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_campaign, tmp_path, monkeypatch):
     whole, made = model.catalogue(), []
-    campaign, console = write_small_campaign(tmp_path, 2), Console(quiet=True)
+    campaign, shown = write_small_campaign(tmp_path, 2), io.StringIO()
+    console = Console(file=shown, force_terminal=True, width=100)
 
     def counted(*given, executor):
         made.append(diagnose(*given, executor=executor))
@@ -21,6 +24,8 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
     monkeypatch.setattr(jobs, "diagnose_stack", counted)
     first, second = (jobs.diagnose(campaign, tmp_path / "out", [], console) for _ in range(2))
     assert len(made) == 1
+    for stage in ("reduce the model with 2 effects", "fit 2 effects, each alone"):
+        assert f"diagnose: {stage}" in shown.getvalue()
     assert second.sentences == first.sentences == made[0].sentences
     assert second.ranking == first.ranking
 
