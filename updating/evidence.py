@@ -145,6 +145,8 @@ class Evidence:
         `dimensions`: of the base model's mode that it resembles most.
     mesh : tuple of (n_mode,) float
         For each configuration, how much the logarithm of each measured mode's frequency grows with an ever finer mesh.
+    mesh_shape : tuple of (n_dof, n_mode) float
+        For each configuration, what the same adds to the mode's shape of unit length, turned as the measured one.
     weight : (n,) float, optional
         By which residuals of data are multiplied: below 1 where an effect's form decides, see `Scatter.form`.
     """
@@ -160,6 +162,7 @@ class Evidence:
     dimensions: tuple[str, ...]
     slope: tuple[Vector, ...]
     mesh: tuple[Vector, ...]
+    mesh_shape: tuple[Vector, ...]
     weight: Vector | None = None
 
     @property

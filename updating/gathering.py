@@ -15,6 +15,7 @@ from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, Candi
 from updating.errors import FitError
 from updating.evidence import D_F_START, Evidence, Scatter, Tested, pair, solved
 from updating.registration import register
+from updating.residual import unit_shapes
 
 Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
@@ -107,21 +108,22 @@ def gather(
         slope=(),
         finer=candidates.finer,
         mesh=(),
+        mesh_shape=(),
     )
     started = _started(gathered)
     G_f = started.theta(started.start, 0)["G_f"]
-    shift = [base_shifts(started, c, G_f) for c in range(len(tested))]
-    return replace(started, slope=tuple(slope for slope, _ in shift), mesh=tuple(mesh for _, mesh in shift))
+    slope, mesh, mesh_shape = zip(*(base_shifts(started, c, G_f) for c in range(len(tested))), strict=True)
+    return replace(started, slope=slope, mesh=mesh, mesh_shape=mesh_shape)
 
 
-def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vector, Vector]:
-    """Return `Evidence.slope` and `Evidence.mesh` of a configuration: of the base model's modes at `G_f`."""
+def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vector, Vector, Vector]:
+    """Return `slope`, `mesh` and `mesh_shape` of `Evidence` for a configuration: of the base model's modes at `G_f`."""
     own = evidence.tested[configuration]
     base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
     column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
 
-    def growth(system: ReducedSystem) -> Vector:
-        """Return the logarithms of frequencies of another base model over those of this."""
+    def of(system: ReducedSystem) -> tuple[Vector, Vector]:
+        """Return frequencies and shapes of another base model's modes, in the order of the measured ones."""
         other = solve_modes(
             system,
             G_f=G_f,
@@ -131,12 +133,18 @@ def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vec
             parameters={"pressure": own.pressure},
             by=(),
         ).elastic()
-        _, same = pair(base.shape, base.frequency, other)
-        return np.asarray(np.log(other.frequency[same] / base.frequency)[column])
+        same = pair(base.shape, base.frequency, other)[1][column]
+        return other.frequency[same], other.shape[:, same]
 
-    slopes = [growth(system) / np.log1p(RESIZED) for system in evidence.resized.values()]
-    finer = np.zeros(column.size) if evidence.finer is None else growth(evidence.finer)
-    return np.column_stack(slopes), EXTRAPOLATED * finer
+    frequency, shape = base.frequency[column], base.shape[:, column]
+    slopes = [np.log(of(system)[0] / frequency) / np.log1p(RESIZED) for system in evidence.resized.values()]
+    finer = (frequency, shape) if evidence.finer is None else of(evidence.finer)
+    before, after = (unit_shapes(own.modes.shape, every)[1] for every in (shape, finer[1]))
+    return (
+        np.column_stack(slopes),
+        EXTRAPOLATED * np.log(finer[0] / frequency),
+        EXTRAPOLATED * (after - before),
+    )
 
 
 def _started(evidence: Gathered) -> Gathered:

@@ -127,11 +127,13 @@ def residual(
             rows.append(-gradient / sigma[:, None])
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
-        u, v, length = _unit_shapes(measured.shape[:, used], modes.shape[:, column])
+        u, v, length = unit_shapes(measured.shape[:, used], modes.shape[:, column])
+        v = v + evidence.mesh_shape[c][:, used]
+        own_shape = np.hypot(s.shape, s.mesh * np.linalg.norm(evidence.mesh_shape[c][:, used], axis=0))
         form = np.zeros(used.size)
         for i, (r, m) in enumerate(zip(used, column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
-            sigma = np.hypot(uncertain, s.shape / np.sqrt(len(u)))
+            sigma = np.hypot(uncertain, own_shape[i] / np.sqrt(len(u)))
             kept = _apart(modes, int(m))
             slope = spread(modes.shape_gradient[:, m]) / length[i]
             if evidence.weight is not None:
@@ -180,7 +182,7 @@ def residual(
     )
 
 
-def _unit_shapes(measured: NDArray[np.complex128], modelled: Vector) -> tuple[Vector, Vector, Vector]:
+def unit_shapes(measured: NDArray[np.complex128] | Vector, modelled: Vector) -> tuple[Vector, Vector, Vector]:
     """Return measured shapes, turned real, and modelled ones at unit length, (n_dof, n_mode) each.
 
     The modelled ones are turned as the measured ones are: a solver's own sign is by chance, and residuals are compared.
