@@ -21,6 +21,8 @@ Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
 
 _MAC_USED = 0.6  # from which a measured mode counts as one that the model has
+_MAC_SAME = 0.9  # from which the mesh does to its shape what it does to the model's
+_TURNED = 0.05  # difference of two meshes' shapes that is no error but two close modes turned into each other
 _TRIALS = 17
 
 
@@ -120,7 +122,8 @@ def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vec
     """Return `slope`, `mesh` and `mesh_shape` of `Evidence` for a configuration: of the base model's modes at `G_f`."""
     own = evidence.tested[configuration]
     base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
-    column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
+    alike = mac(own.modes.shape, base.shape)
+    column = np.argmax(alike, axis=1)
 
     def of(system: ReducedSystem) -> tuple[Vector, Vector]:
         """Return frequencies and shapes of another base model's modes, in the order of the measured ones."""
@@ -140,11 +143,9 @@ def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vec
     slopes = [np.log(of(system)[0] / frequency) / np.log1p(RESIZED) for system in evidence.resized.values()]
     finer = (frequency, shape) if evidence.finer is None else of(evidence.finer)
     before, after = (unit_shapes(own.modes.shape, every)[1] for every in (shape, finer[1]))
-    return (
-        np.column_stack(slopes),
-        EXTRAPOLATED * np.log(finer[0] / frequency),
-        EXTRAPOLATED * (after - before),
-    )
+    difference = EXTRAPOLATED * (after - before)
+    same = (alike.max(axis=1) >= _MAC_SAME) & (np.linalg.norm(difference, axis=0) < _TURNED)
+    return np.column_stack(slopes), EXTRAPOLATED * np.log(finer[0] / frequency), same * difference
 
 
 def _started(evidence: Gathered) -> Gathered:
