@@ -117,6 +117,25 @@ class Tested:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Shift:
+    """What dimensions and mesh do to the measured modes of a configuration, taken from the base model's modes.
+
+    Attributes
+    ----------
+    slope : (n_mode, n_dimension) float
+        How much the logarithm of each frequency grows with the logarithms of `Evidence.dimensions`.
+    mesh : (n_mode,) float
+        How much it grows with an ever finer mesh.
+    mesh_shape : (n_dof, n_mode) float
+        What the same adds to each shape of unit length, turned as the measured one.
+    """
+
+    slope: Vector
+    mesh: Vector
+    mesh_shape: Vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
     """Configurations of a stack beside its reduced equations with all effects that are considered: what fits need.
 
@@ -140,13 +159,8 @@ class Evidence:
         Nuisance coordinates from which fits start.
     dimensions : tuple of str
         Those of the stack that are not known exactly.
-    slope : tuple of (n_mode, n_dimension) float
-        For each configuration, how much the logarithm of each measured mode's frequency grows with those of the
-        `dimensions`: of the base model's mode that it resembles most.
-    mesh : tuple of (n_mode,) float
-        For each configuration, how much the logarithm of each measured mode's frequency grows with an ever finer mesh.
-    mesh_shape : tuple of (n_dof, n_mode) float
-        For each configuration, what the same adds to the mode's shape of unit length, turned as the measured one.
+    shift : tuple of Shift
+        What dimensions and mesh do to the measured modes of each configuration.
     weight : (n,) float, optional
         By which residuals of data are multiplied: below 1 where an effect's form decides, see `Scatter.form`.
     """
@@ -160,9 +174,7 @@ class Evidence:
     scatter: Scatter
     start: Vector
     dimensions: tuple[str, ...]
-    slope: tuple[Vector, ...]
-    mesh: tuple[Vector, ...]
-    mesh_shape: tuple[Vector, ...]
+    shift: tuple[Shift, ...]
     weight: Vector | None = None
 
     @property

@@ -15,7 +15,7 @@ from model.system import Assembly, Monomial, Term
 from updating.candidates import N_MODEL
 from updating.evidence import Evidence, Tested, solved
 from updating.explanation import Explanation
-from updating.gathering import Gathered, base_shifts
+from updating.gathering import Gathered, base_shift
 from updating.residual import residual
 
 Vector = NDArray[np.float64]
@@ -249,16 +249,14 @@ def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Exp
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    slope, mesh, mesh_shape = base_shifts(alone, 0, theta["G_f"])
+    shift = base_shift(alone, 0, theta["G_f"])
     expected = replace(
         expected,
-        frequency=np.exp(mesh) * expected.frequency,
-        shape=expected.shape + np.linalg.norm(shape, axis=0) * mesh_shape,
+        frequency=np.exp(shift.mesh) * expected.frequency,
+        shape=expected.shape + np.linalg.norm(shape, axis=0) * shift.mesh_shape,
     )
     as_measured = replace(alone.tested[0], modes=expected)
-    alone = replace(
-        alone, tested=(as_measured,), slope=(slope,), mesh=(mesh,), mesh_shape=(mesh_shape,), weight=None
-    )
+    alone = replace(alone, tested=(as_measured,), shift=(shift,), weight=None)
     nuisance = b.nuisance[:common]
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"

@@ -13,7 +13,7 @@ from ema.modes import ModalModel
 from model import Observation, ReducedSystem, observe, solve_modes
 from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
 from updating.errors import FitError
-from updating.evidence import D_F_START, Evidence, Scatter, Tested, pair, solved
+from updating.evidence import D_F_START, Evidence, Scatter, Shift, Tested, pair, solved
 from updating.registration import register
 from updating.residual import unit_shapes
 
@@ -107,19 +107,16 @@ def gather(
         start=np.zeros(0),
         dimensions=tuple(candidates.resized),
         resized=candidates.resized,
-        slope=(),
+        shift=(),
         finer=candidates.finer,
-        mesh=(),
-        mesh_shape=(),
     )
     started = _started(gathered)
     G_f = started.theta(started.start, 0)["G_f"]
-    slope, mesh, mesh_shape = zip(*(base_shifts(started, c, G_f) for c in range(len(tested))), strict=True)
-    return replace(started, slope=slope, mesh=mesh, mesh_shape=mesh_shape)
+    return replace(started, shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))))
 
 
-def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vector, Vector, Vector]:
-    """Return `slope`, `mesh` and `mesh_shape` of `Evidence` for a configuration: of the base model's modes at `G_f`."""
+def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
+    """Return the shift of a configuration: of those modes of the base model at `G_f` that resemble its most."""
     own = evidence.tested[configuration]
     base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
     alike = mac(own.modes.shape, base.shape)
@@ -136,8 +133,8 @@ def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vec
             parameters={"pressure": own.pressure},
             by=(),
         ).elastic()
-        same = pair(base.shape, base.frequency, other)[1][column]
-        return other.frequency[same], other.shape[:, same]
+        partner = pair(base.shape, base.frequency, other)[1][column]
+        return other.frequency[partner], other.shape[:, partner]
 
     frequency, shape = base.frequency[column], base.shape[:, column]
     slopes = [np.log(of(system)[0] / frequency) / np.log1p(RESIZED) for system in evidence.resized.values()]
@@ -145,7 +142,11 @@ def base_shifts(evidence: Gathered, configuration: int, G_f: float) -> tuple[Vec
     before, after = (unit_shapes(own.modes.shape, every)[1] for every in (shape, finer[1]))
     difference = EXTRAPOLATED * (after - before)
     same = (alike.max(axis=1) >= _MAC_SAME) & (np.linalg.norm(difference, axis=0) < _TURNED)
-    return np.column_stack(slopes), EXTRAPOLATED * np.log(finer[0] / frequency), same * difference
+    return Shift(
+        slope=np.column_stack(slopes),
+        mesh=EXTRAPOLATED * np.log(finer[0] / frequency),
+        mesh_shape=same * difference,
+    )
 
 
 def _started(evidence: Gathered) -> Gathered:

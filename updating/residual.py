@@ -95,7 +95,7 @@ def residual(
         modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
         place = [modes.parameter.index(name) for name in by]
         per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
-        used, measured = evidence.used[c], tested.modes
+        used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
         _, column = pair(measured.shape[:, used], measured.frequency[used], modes)
         partner.append(column)
 
@@ -108,7 +108,7 @@ def residual(
                 full[..., n_common + c], full[..., n_common + n_tested + c] = own[..., 0], own[..., 1]
             return full
 
-        mesh = evidence.mesh[c][used]
+        mesh = shift.mesh[used]
         for kind, modelled, measured_std, own in (
             ("frequency", modes.pole_frequency, measured.frequency_std, np.hypot(s.frequency, s.mesh * mesh)),
             ("damping", modes.damping, measured.damping_std, s.damping),
@@ -119,8 +119,8 @@ def residual(
             difference = np.log(of_measured / safe)
             gradient = spread(getattr(modes, f"{kind}_gradient")[column]) / safe[:, None]
             if kind == "frequency":
-                gradient[:, n_shared:n_common] = evidence.slope[c][used]
-                difference -= mesh + evidence.slope[c][used] @ nuisance[n_shared:n_common]
+                gradient[:, n_shared:n_common] = shift.slope[used]
+                difference -= mesh + shift.slope[used] @ nuisance[n_shared:n_common]
                 logarithm.append(difference)
                 spreads.append(sigma)
             value.append(difference / sigma)
@@ -128,8 +128,9 @@ def residual(
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
         u, v, length = unit_shapes(measured.shape[:, used], modes.shape[:, column])
-        v = v + evidence.mesh_shape[c][:, used]
-        own_shape = np.hypot(s.shape, s.mesh * np.linalg.norm(evidence.mesh_shape[c][:, used], axis=0))
+        mesh_shape = shift.mesh_shape[:, used]
+        v = v + mesh_shape
+        own_shape = np.hypot(s.shape, s.mesh * np.linalg.norm(mesh_shape, axis=0))
         form = np.zeros(used.size)
         for i, (r, m) in enumerate(zip(used, column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])

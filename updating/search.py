@@ -252,10 +252,12 @@ def _reweighed(
     evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None
 ) -> list[Explanation]:
     """Fit all again with other weights, but those that have lost by far, which are compared only; the best first."""
-    least = min(own.misfit for own in fitted)
-    hopeful = [own for own in fitted if own.misfit < _LOST * least]
-    lost = [own for own in fitted if own.misfit >= _LOST * least]
-    again = _fitted(evidence, _from(hopeful), executor, _REFIT) + _fitted(evidence, _from(lost), executor, 1)
+    ordered = sorted(fitted, key=lambda x: x.misfit)
+    hopeful = sum(own.misfit < _LOST * ordered[0].misfit for own in ordered)
+    again = [
+        *_fitted(evidence, _from(ordered[:hopeful]), executor, _REFIT),
+        *_fitted(evidence, _from(ordered[hopeful:]), executor, 1),
+    ]
     return sorted(again, key=lambda x: x.misfit)
 
 

@@ -93,8 +93,8 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
         np.log(test.configurations[0].G_f / contact.G_f),
         np.log(test.configurations[0].d_f / contact.d_f),
     )
-    nothing = {name: tuple(0.0 * m for m in getattr(evidence, name)) for name in ("mesh", "mesh_shape")}
-    corrected, plain = residual(evidence, truth), residual(replace(evidence, **nothing), truth)
+    nothing = tuple(replace(s, mesh=0.0 * s.mesh, mesh_shape=0.0 * s.mesh_shape) for s in evidence.shift)
+    corrected, plain = residual(evidence, truth), residual(replace(evidence, shift=nothing), truth)
     for own, bound in ((lambda found: found.log_frequency, 1e-4), (shape_difference, 2e-3)):
         assert np.linalg.norm(own(corrected)) < 0.5 * np.linalg.norm(own(plain))
         assert np.abs(own(corrected)).max() < bound < np.abs(own(plain)).max()
