@@ -38,7 +38,8 @@ class Scatter:
     mesh : float
         Of what the mesh is corrected by, relative to it.
     shape : float
-        Of every shape component, relative to the shape's root mean square: places and calibration of sensors.
+        Of every shape component, relative to the shape's root mean square: places and calibration of sensors. It is
+        the most that there may be; what the shapes show of it counts, see `gathering.gather`.
     mixing : float
         Of small masses between two modes, over a modal mass: identified shapes of the campaigns in data/hidden_effect
         lean towards other modes by that times w_r**2 / (w_s**2 - w_r**2), for 44 sensors of 0.2 g on a stack of 25 kg.

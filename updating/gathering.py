@@ -6,16 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from ema.mac import mac
 from ema.modes import ModalModel
 from model import Observation, ReducedSystem, observe, solve_modes
+from model.z_basis import N_RIGID
 from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
 from updating.errors import FitError
 from updating.evidence import D_F_START, Evidence, Scatter, Shift, Tested, pair, solved
 from updating.registration import register
-from updating.residual import unit_shapes
+from updating.residual import unit_shape, unit_shapes
 
 Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
@@ -23,6 +25,8 @@ Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified m
 _MAC_USED = 0.6  # from which a measured mode counts as one that the model has
 _MAC_SAME = 0.9  # from which the mesh does to its shape what it does to the model's
 _TURNED = 0.05  # difference of two meshes' shapes that is no error but two close modes turned into each other
+_FREE = 0.2  # of the directions of shapes that no mode may reach, from which sensors' scatter shows
+_RANK = 1e-6  # singular values below this share of the largest are rounding
 _TRIALS = 17
 
 
@@ -112,7 +116,29 @@ def gather(
     )
     started = _started(gathered)
     G_f = started.theta(started.start, 0)["G_f"]
+    started = replace(started, scatter=replace(started.scatter, shape=_shape_scatter(started, G_f)))
     return replace(started, shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))))
+
+
+def _shape_scatter(evidence: Gathered, G_f: float) -> float:
+    """Return what places and calibration of sensors add to the shapes: `Scatter.shape`, or what they show, if less.
+
+    They show it where no mode of the model and no rigid-body motion reaches, beside their standard deviations; what an
+    effect changes in shapes are these modes for the most part.
+    """
+    found = []
+    for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
+        base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
+        known = la.orth(np.hstack([evidence.observed[c].reduced_rows[:, :N_RIGID], base.shape]), _RANK)
+        free = 1.0 - known.shape[1] / len(known)
+        measured = tested.modes.shape[:, used]
+        shape, std = unit_shape(measured), tested.modes.shape_std[:, used] / np.linalg.norm(measured, axis=0)
+        left = np.sum((shape - known @ (known.T @ shape)) ** 2, axis=0)
+        own = (1.0 - np.sum(known**2, axis=1)) @ std**2
+        if free > _FREE:
+            found += ((left - own) / free).tolist()
+    shown = float(np.sqrt(max(np.median(found), 0.0))) if found else np.inf
+    return min(evidence.scatter.shape, shown)
 
 
 def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:

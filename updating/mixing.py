@@ -29,9 +29,11 @@ class Mixing:
 
     Attributes
     ----------
-    measured, modelled : (n_dof, n_mode) float
+    measured : (n_dof, n_mode) float
         Mode by mode.
-    frequency : (n_mode,) float
+    modelled : (n_dof, n_column) float
+        Those that they are taken for, and behind them other modes of the model.
+    frequency : (n_column,) float
         Of the model, Hz.
     form : (n_mode,) float
         Length by which the form of an effect may be off.
@@ -52,17 +54,17 @@ class Mixing:
         Their covariance is that of the noise, which the part of the shapes tells that no mode has, with that of small
         masses and stiffnesses, which turn both modes of a pair at once, and of the form of an effect.
         """
-        n_dof, n_mode = self.modelled.shape
-        free = n_dof - n_mode
-        apart = np.abs(np.log(self.frequency[:, None] / self.frequency)) > NEIGHBOUR
+        (n_dof, n_column), n_mode = self.modelled.shape, self.measured.shape[1]
+        free = n_dof - n_column
+        apart = np.abs(np.log(self.frequency[:, None] / self.frequency[:n_mode])) > NEIGHBOUR
         s, r = np.nonzero(apart)  # of mode s in shape r
         if not s.size or free < _FEWEST:
             return 0.0, 0
-        difference = self.measured - self.modelled
+        difference = self.measured - self.modelled[:, :n_mode]
         coefficient = np.linalg.lstsq(self.modelled, difference, rcond=None)[0]
         rest = difference - self.modelled @ coefficient
         noise = np.sum(rest**2, axis=0) / (free - 2)  # it is estimated: the mean of F over that of chi-square
-        own = np.linalg.inv(self.modelled.T @ self.modelled + _PARTED * np.eye(n_mode))
+        own = np.linalg.inv(self.modelled.T @ self.modelled + _PARTED * np.eye(n_column))
         omega = self.frequency
         away = omega[s] ** 2 - omega[r] ** 2
         by_mass, by_stiffness = self.mass * omega[r] ** 2 / away, -self.stiffness * omega[r] * omega[s] / away

@@ -20,6 +20,7 @@ Vector = NDArray[np.float64]
 BLOCKS = ("frequency", "damping", "shape", "prior")
 """Kinds of data."""
 _WEAK = 0.05  # standard deviation of a shape, over its length
+_SEEN = 0.1  # motion of the sensors, over that of the mode that moves them most, from which they see a mode
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,11 +147,14 @@ def residual(
             labels += [f"{tested.name}, mode {r + 1}"] * len(u)
             if np.linalg.norm(uncertain) > _WEAK:
                 weak.append(labels[-1])
+        other = _others(modes, column)
         mixed.append(
             Mixing(
                 measured=u,
-                modelled=v,
-                frequency=modes.frequency[column],
+                modelled=np.hstack(
+                    [v, modes.shape[:, other] / np.linalg.norm(modes.shape[:, other], axis=0)]
+                ),
+                frequency=modes.frequency[[*column, *other]],
                 form=form,
                 mass=s.mixing,
                 stiffness=2.0 * s.frequency,
@@ -184,15 +188,27 @@ def residual(
 
 
 def unit_shapes(measured: NDArray[np.complex128] | Vector, modelled: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return measured shapes, turned real, and modelled ones at unit length, (n_dof, n_mode) each.
+    """Return measured and modelled shapes at unit length, (n_dof, n_mode) each.
 
     The modelled ones are turned as the measured ones are: a solver's own sign is by chance, and residuals are compared.
     Last is what they were divided by: their lengths, negative where they were turned.
     """
-    turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
-    u = turned / np.linalg.norm(measured, axis=0)
+    u = unit_shape(measured)
     length = np.linalg.norm(modelled, axis=0) * np.where(np.sum(u * modelled, axis=0) < 0.0, -1.0, 1.0)
     return u, modelled / length, length
+
+
+def _others(modes: Modes, column: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return further modes, the lowest first, that the sensors see: no more than leave half of all directions free."""
+    seen = np.linalg.norm(modes.shape, axis=0)
+    left = np.setdiff1d(np.flatnonzero(seen > _SEEN * seen.max()), column)
+    return left[: max(modes.shape.shape[0] // 2 - column.size, 0)]
+
+
+def unit_shape(measured: NDArray[np.complex128] | Vector) -> Vector:
+    """Return measured shapes, (n_dof, n_mode), turned real and at unit length."""
+    turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
+    return np.asarray(turned / np.linalg.norm(measured, axis=0))
 
 
 def _apart(modes: Modes, m: int) -> Callable[[Vector], Vector]:

@@ -138,7 +138,8 @@ def _settled(evidence: Evidence, start: Place) -> tuple[Place, ...]:
             rng=0,
         )
     best = min(seen, key=lambda found: found.cost)
-    first = np.concatenate([[np.log(best.G_f)], best.coordinate])
+    lowest, highest = np.concatenate([np.log([G_F_RANGE]).T, [low, high]], axis=1)
+    first = np.clip(np.concatenate([[np.log(best.G_f)], best.coordinate]), lowest, highest)
     step = np.concatenate([[_STEP], (high - low) * _SETTLE])
     inside = np.where(first[1:] + step[1:] < high, 1.0, -1.0)
     corners = first + np.vstack([np.zeros(first.size), np.diag(step * np.concatenate([[1.0], inside]))])
@@ -146,7 +147,7 @@ def _settled(evidence: Evidence, start: Place) -> tuple[Place, ...]:
         lambda x: cost(float(np.exp(x[0])), x[1:]),
         first,
         method="Nelder-Mead",
-        bounds=[tuple(np.log(G_F_RANGE)), *zip(low, high, strict=True)],
+        bounds=list(zip(lowest, highest, strict=True)),
         options={"initial_simplex": corners, "maxfev": _MOST, "fatol": _CLOSE, "xatol": _CLOSE},
     )
     valleys: list[Place] = []

@@ -15,8 +15,8 @@ from model import Mesh, Observation, ReducedSystem
 from updating.virtual_dynamics import Dynamics, dynamics, loaded_response, poles, receptance
 from updating.virtual_test import Averaging, Specimen, VirtualTest, specimens
 
-QUICK_MESH = Mesh(n_x=24, n_y=6)
-"""Mesh of tests that are played for their modal data alone; still finer than a fit's."""
+QUICK_MESH = Mesh(n_x=30, n_y=6)
+"""Mesh of tests that are played for their modal data alone; still finer than a fit's, under the clamps too."""
 _N_MODE = 22  # the rigid-body modes included
 _VISIBLE = (
     0.01  # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker

@@ -29,7 +29,7 @@ def write_small_campaign():
         demo = DATA / "demo_stack"
         stack = (demo / "stack.toml").read_text(encoding="utf-8")
         for line, coarse in (
-            ("n_x = 16", "n_x = 3"), ("n_y = 4", "n_y = 1"), ("n_lamina = 240", "n_lamina = 20")
+            ("n_x = 18", "n_x = 3"), ("n_y = 4", "n_y = 1"), ("n_lamina = 240", "n_lamina = 20")
         ):  # fmt: skip
             assert line in stack
             stack = stack.replace(line, coarse)

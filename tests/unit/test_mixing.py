@@ -82,3 +82,16 @@ def test_modes_of_one_frequency_and_shapes_that_sensors_cannot_part_say_nothing_
     same = replace(own, modelled=alike, measured=own.measured + alike - MODELLED)
     assert p_value([twins]) > 1e-3
     assert p_value([same]) > 1e-3
+
+
+def test_a_measured_mode_may_lean_towards_an_unmeasured_one_beside_it_but_not_far_from_it():
+    own = played(np.random.default_rng(6), 5e-4)
+    other = RNG.normal(size=(N_DOF, 1)) / np.sqrt(N_DOF)
+    leaning = replace(own, measured=own.measured + 0.1 * other * (np.arange(N_MODE) == 0))
+
+    def beside(distance):
+        frequency = np.append(FREQUENCY, FREQUENCY[0] * (1.0 + distance))
+        return replace(leaning, modelled=np.hstack([MODELLED, other]), frequency=frequency)
+
+    assert p_value([beside(0.01)]) > 0.05
+    assert p_value([beside(2.0)]) < 1e-3
