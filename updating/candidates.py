@@ -32,9 +32,7 @@ N_SOLVED = 24
 DIMENSIONS = ("length", "width", "height")
 RESIZED = 1e-3
 """Relative change of a dimension from which its influence is taken."""
-_FINER = (
-    5 / 3
-)  # elements along each side of the finer mesh over those of the model's; with less, some stay as long
+_FINER = 5 / 3  # elements along each side of the finer mesh; with fewer, some stay as long
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
 """What the whole error of a mesh is of what the finer one takes away (Richardson 1911)."""

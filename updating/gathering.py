@@ -26,6 +26,7 @@ _MAC_USED = 0.6  # from which a measured mode counts as one that the model has
 _MAC_SAME = 0.9  # from which the mesh does to its shape what it does to the model's
 _TURNED = 0.05  # difference of two meshes' shapes that is no error but two close modes turned into each other
 _FREE = 0.2  # of the directions of shapes that no mode may reach, from which sensors' scatter shows
+_RESOLVED = 1e-3  # of a shape, that reduction and mesh leave
 _RANK = 1e-6  # singular values below this share of the largest are rounding
 _TRIALS = 17
 
@@ -138,7 +139,7 @@ def _shape_scatter(evidence: Gathered, G_f: float) -> float:
         if free > _FREE:
             found += ((left - own) / free).tolist()
     shown = float(np.sqrt(max(np.median(found), 0.0))) if found else np.inf
-    return min(evidence.scatter.shape, shown)
+    return min(evidence.scatter.shape, max(shown, _RESOLVED))
 
 
 def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:

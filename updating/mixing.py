@@ -34,7 +34,9 @@ class Mixing:
     modelled : (n_dof, n_column) float
         Those that they are taken for, and behind them other modes of the model.
     frequency : (n_column,) float
-        Of the model, Hz.
+        Of the model, Hz; 0 of rigid-body motion.
+    length : (n_column,) float
+        What the shapes of unit modal mass were divided by.
     form : (n_mode,) float
         Length by which the form of an effect may be off.
     mass, stiffness : float
@@ -44,6 +46,7 @@ class Mixing:
     measured: Vector
     modelled: Vector
     frequency: Vector
+    length: Vector
     form: Vector
     mass: float
     stiffness: float
@@ -56,7 +59,7 @@ class Mixing:
         """
         (n_dof, n_column), n_mode = self.modelled.shape, self.measured.shape[1]
         free = n_dof - n_column
-        apart = np.abs(np.log(self.frequency[:, None] / self.frequency[:n_mode])) > NEIGHBOUR
+        apart = np.abs(self.frequency[:, None] / self.frequency[:n_mode] - 1.0) > NEIGHBOUR
         s, r = np.nonzero(apart)  # of mode s in shape r
         if not s.size or free < _FEWEST:
             return 0.0, 0
@@ -66,8 +69,10 @@ class Mixing:
         noise = np.sum(rest**2, axis=0) / (free - 2)  # it is estimated: the mean of F over that of chi-square
         own = np.linalg.inv(self.modelled.T @ self.modelled + _PARTED * np.eye(n_column))
         omega = self.frequency
-        away = omega[s] ** 2 - omega[r] ** 2
-        by_mass, by_stiffness = self.mass * omega[r] ** 2 / away, -self.stiffness * omega[r] * omega[s] / away
+        by_mass, by_stiffness = (
+            by * self.length[s] / self.length[r]
+            for by in leaning(omega[s], omega[r], self.mass, self.stiffness)
+        )
         same_shape = r[:, None] == r
         same_pair = (s[:, None] == s) & same_shape | (s[:, None] == r) & (r[:, None] == s)
         covariance = np.where(same_shape, noise[r] * own[np.ix_(s, s)], 0.0)
@@ -75,6 +80,22 @@ class Mixing:
         covariance += np.diag(self.form[r] ** 2)
         c = coefficient[s, r]
         return float(c @ np.linalg.solve(covariance, c)), c.size
+
+
+def leaning(
+    towards: Vector, frequency: Vector | float, mass: float, stiffness: float
+) -> tuple[Vector, Vector]:
+    """Return by how much a mass and a stiffness, over modal ones, turn modes of a frequency towards others.
+
+    Parameters
+    ----------
+    towards, frequency : (n,)
+        Of the other modes and of those that turn, Hz.
+    mass, stiffness : float
+        m_rs and k_rs.
+    """
+    away = towards**2 - frequency**2
+    return mass * frequency**2 / away, -stiffness * frequency * towards / away
 
 
 def p_value(configurations: Sequence[Mixing]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,17 +10,17 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Modes, Parameter
+from model import Parameter
 from updating.coordinates import scaled
 from updating.evidence import SHARED, Evidence, pair, solved
-from updating.mixing import NEIGHBOUR, Mixing
+from updating.known import Known
+from updating.mixing import Mixing
 
 Vector = NDArray[np.float64]
 
 BLOCKS = ("frequency", "damping", "shape", "prior")
 """Kinds of data."""
 _WEAK = 0.05  # standard deviation of a shape, over its length
-_SEEN = 0.1  # motion of the sensors, over that of the mode that moves them most, from which they see a mode
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -129,6 +129,7 @@ def residual(
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
         u, v, length = unit_shapes(measured.shape[:, used], modes.shape[:, column])
+        known = Known.of(modes, evidence.observed[c], s)
         mesh_shape = shift.mesh_shape[:, used]
         v = v + mesh_shape
         own_shape = np.hypot(s.shape, s.mesh * np.linalg.norm(mesh_shape, axis=0))
@@ -136,7 +137,7 @@ def residual(
         for i, (r, m) in enumerate(zip(used, column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
             sigma = np.hypot(uncertain, own_shape[i] / np.sqrt(len(u)))
-            kept = _apart(modes, int(m))
+            kept = known.apart(int(m), float(np.sqrt(np.mean(sigma**2))))
             slope = spread(modes.shape_gradient[:, m]) / length[i]
             if evidence.weight is not None:
                 counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
@@ -147,19 +148,7 @@ def residual(
             labels += [f"{tested.name}, mode {r + 1}"] * len(u)
             if np.linalg.norm(uncertain) > _WEAK:
                 weak.append(labels[-1])
-        other = _others(modes, column)
-        mixed.append(
-            Mixing(
-                measured=u,
-                modelled=np.hstack(
-                    [v, modes.shape[:, other] / np.linalg.norm(modes.shape[:, other], axis=0)]
-                ),
-                frequency=modes.frequency[[*column, *other]],
-                form=form,
-                mass=s.mixing,
-                stiffness=2.0 * s.frequency,
-            )
-        )
+        mixed.append(known.mixing(u, v, column, form))
     std = np.concatenate(spreads)
     if evidence.weight is not None:
         std = std / evidence.weight[np.array(kinds) == "frequency"]
@@ -198,24 +187,7 @@ def unit_shapes(measured: NDArray[np.complex128] | Vector, modelled: Vector) -> 
     return u, modelled / length, length
 
 
-def _others(modes: Modes, column: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return further modes, the lowest first, that the sensors see: no more than leave half of all directions free."""
-    seen = np.linalg.norm(modes.shape, axis=0)
-    left = np.setdiff1d(np.flatnonzero(seen > _SEEN * seen.max()), column)
-    return left[: max(modes.shape.shape[0] // 2 - column.size, 0)]
-
-
 def unit_shape(measured: NDArray[np.complex128] | Vector) -> Vector:
     """Return measured shapes, (n_dof, n_mode), turned real and at unit length."""
     turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
     return np.asarray(turned / np.linalg.norm(measured, axis=0))
-
-
-def _apart(modes: Modes, m: int) -> Callable[[Vector], Vector]:
-    """Return what takes out of a shape difference what lies along the shape itself and along modes near to it.
-
-    The one is its scale; how modes within 5 % in frequency mix is not to be predicted.
-    """
-    near = np.abs(np.log(modes.frequency / modes.frequency[m])) < NEIGHBOUR
-    out = la.orth(modes.shape[:, near] / np.linalg.norm(modes.shape[:, near], axis=0))
-    return lambda x: np.asarray(x - out @ (out.T @ x))

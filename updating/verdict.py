@@ -16,9 +16,9 @@ SEPARATE = 3.0
 GAIN_SINGLE = 16.0
 """Fall of the squared misfit that a missing effect must bring; to first order the best of the whole catalogue brings
 it by chance in 1 to 2 of 1000 complete models (`chance.chance_of_gain`)."""
-GAIN_SECOND = 16.0
-"""The same for a second effect beside the first, and more where a strong first one is adequate: what its form may be
-off by changes the data, too, and is no effect of its own."""
+GAIN_SECOND = 20.0
+"""The same for a second effect beside the first, of which there are more to choose from; and more where a strong first
+one is adequate: what its form may be off by changes the data, too, and is no effect of its own."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -34,6 +34,7 @@ def played(rng, mass, stiffness=0.0, form=0.0, small=5e-4, stiff=1e-9, noise=NOI
         measured=measured + noise * rng.normal(size=measured.shape),
         modelled=MODELLED,
         frequency=FREQUENCY,
+        length=np.ones(N_MODE),
         form=np.full(N_MODE, form),
         mass=small,
         stiffness=stiff,
@@ -91,7 +92,8 @@ def test_a_measured_mode_may_lean_towards_an_unmeasured_one_beside_it_but_not_fa
 
     def beside(distance):
         frequency = np.append(FREQUENCY, FREQUENCY[0] * (1.0 + distance))
-        return replace(leaning, modelled=np.hstack([MODELLED, other]), frequency=frequency)
+        modelled = np.hstack([MODELLED, other])
+        return replace(leaning, modelled=modelled, frequency=frequency, length=np.ones(N_MODE + 1))
 
     assert p_value([beside(0.01)]) > 0.05
     assert p_value([beside(2.0)]) < 1e-3

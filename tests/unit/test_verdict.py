@@ -43,7 +43,7 @@ def test_a_second_effect_within_what_the_first_may_be_off_by_is_in_doubt():
     assert decision.left[0].effects == ("clamp_inertia",)
     assert decision.doubt.effects == ("stinger_mass",)
     assert decision.doubt.gain == 17.0
-    assert decision.doubt.least == pytest.approx(16.0 + (1.645 * 0.01) ** 2 * 9900.0, rel=1e-3)
+    assert decision.doubt.least == pytest.approx(20.0 + (1.645 * 0.01) ** 2 * 9900.0, rel=1e-3)
     assert _doubtful(decision.doubt, decision.left[0]) == (
         "stinger_mass beside it would lower the squared misfit by 17 more. What the form of clamp_inertia may be off "
         "by accounts for up to 19, so stinger_mass may be there and is not named."
