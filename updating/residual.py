@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from model import Parameter
 from updating.coordinates import scaled
 from updating.evidence import SHARED, Evidence, pair, solved
-from updating.known import Known
 from updating.mixing import Mixing
+from updating.mode_space import ModeSpace
 
 Vector = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def residual(
             kinds += [kind] * used.size
             labels += [f"{tested.name}, mode {r + 1}" for r in used]
         u, v, length = unit_shapes(measured.shape[:, used], modes.shape[:, column])
-        known = Known.of(modes, evidence.observed[c], s)
+        space = ModeSpace.of(modes, evidence.observed[c], s)
         mesh_shape = shift.mesh_shape[:, used]
         v = v + mesh_shape
         own_shape = np.hypot(s.shape, s.mesh * np.linalg.norm(mesh_shape, axis=0))
@@ -137,7 +137,7 @@ def residual(
         for i, (r, m) in enumerate(zip(used, column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
             sigma = np.hypot(uncertain, own_shape[i] / np.sqrt(len(u)))
-            kept = known.apart(int(m), float(np.sqrt(np.mean(sigma**2))))
+            kept = space.apart(int(m), float(np.sqrt(np.mean(sigma**2))))
             slope = spread(modes.shape_gradient[:, m]) / length[i]
             if evidence.weight is not None:
                 counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
@@ -148,7 +148,7 @@ def residual(
             labels += [f"{tested.name}, mode {r + 1}"] * len(u)
             if np.linalg.norm(uncertain) > _WEAK:
                 weak.append(labels[-1])
-        mixed.append(known.mixing(u, v, column, form))
+        mixed.append(space.mixing(u, v, column, form))
     std = np.concatenate(spreads)
     if evidence.weight is not None:
         std = std / evidence.weight[np.array(kinds) == "frequency"]

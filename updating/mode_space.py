@@ -20,7 +20,7 @@ _SEEN = 0.1  # motion of the sensors, over that of the mode that moves them most
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Known:
+class ModeSpace:
     """Modes of the model in one configuration, elastic ones first and rigid-body motion last.
 
     Attributes
@@ -39,7 +39,7 @@ class Known:
     stiffness: float
 
     @classmethod
-    def of(cls, modes: Modes, observed: Observed, scatter: Scatter) -> Known:
+    def of(cls, modes: Modes, observed: Observed, scatter: Scatter) -> ModeSpace:
         """Return the elastic `modes` with the rigid-body motion of the sensors."""
         return cls(
             shape=np.hstack([modes.shape, observed.reduced_rows[:, :N_RIGID]]),
