@@ -16,6 +16,7 @@ from updating.mixing import NEIGHBOUR, Mixing, leaning
 
 Vector = NDArray[np.float64]
 
+_HALF = 0.5  # of a rigid-body motion, that no elastic mode holds
 _SEEN = 0.1  # motion of the sensors, over that of the mode that moves them most, from which they see a mode
 
 
@@ -40,10 +41,13 @@ class ModeSpace:
 
     @classmethod
     def of(cls, modes: Modes, observed: Observed, scatter: Scatter) -> ModeSpace:
-        """Return the elastic `modes` with the rigid-body motion of the sensors."""
+        """Return the elastic `modes` with the rigid-body motion of the sensors, but what is elastic on a suspension."""
+        held = modes.coordinate[:N_RIGID]  # the basis begins with rigid-body modes
+        share, turn = la.eigh(np.eye(N_RIGID) - held @ held.T)
+        rigid = observed.reduced_rows[:, :N_RIGID] @ turn[:, share > _HALF]
         return cls(
-            shape=np.hstack([modes.shape, observed.reduced_rows[:, :N_RIGID]]),
-            frequency=np.append(modes.frequency, np.zeros(N_RIGID)),
+            shape=np.hstack([modes.shape, rigid]),
+            frequency=np.append(modes.frequency, np.zeros(rigid.shape[1])),
             mass=scatter.mixing,
             stiffness=2.0 * scatter.frequency,
         )

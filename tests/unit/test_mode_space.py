@@ -1,8 +1,11 @@
 """What of a shape difference is taken out or counts less, for masses that every stack carries may have brought it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from updating.evidence import Scatter
 from updating.mixing import leaning
 from updating.mode_space import ModeSpace
 
@@ -44,3 +47,15 @@ def test_mixing_is_sought_along_the_lowest_modes_that_the_sensors_see():
     np.testing.assert_allclose(found.length, np.linalg.norm(SHAPE[:, [0, 2, 5, 1, 3, 4]], axis=0))
     few = ModeSpace(shape=SHAPE[:8], frequency=FREQUENCY, mass=5e-4, stiffness=2e-4)
     assert few.mixing(own[:8], own[:8], column, np.zeros(2)).frequency.tolist() == [240.0, 312.0, 0.0, 0.0]
+
+
+def test_what_a_suspension_makes_elastic_is_no_rigid_body_motion_any_more():
+    rows = RNG.normal(size=(N_DOF, 10))
+    coordinate = np.zeros((10, 2))
+    coordinate[2, 0], coordinate[8, 1] = 0.99, 1.0
+    modes = SimpleNamespace(shape=rows @ coordinate, frequency=np.array([12.0, 240.0]), coordinate=coordinate)
+    found = ModeSpace.of(modes, SimpleNamespace(reduced_rows=rows), Scatter())
+    assert found.frequency.tolist() == [12.0, 240.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(np.linalg.matrix_rank(found.shape), 7)
+    others = np.delete(rows[:, :6], 2, axis=1)
+    assert np.linalg.matrix_rank(np.hstack([found.shape[:, 2:], others])) == 5
