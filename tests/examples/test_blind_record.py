@@ -1,0 +1,30 @@
+"""The blind table of the README is that of the recorded cases."""
+
+from pathlib import Path
+
+from updating.blind_figures import Figure, figures
+from updating.blind_jobs import planned, recorded
+
+ROOT = Path(__file__).parents[2]
+
+
+def row(own: Figure) -> str:
+    low, high = own.interval
+    share = (
+        f" = {100 * own.hits / own.total:.0f} % ({100 * low:.0f} to {100 * high:.0f})" if own.total else ""
+    )
+    return f"| {own.name.strip()} | {own.hits} of {own.total}{share} | {own.target} |"
+
+
+def test_the_table_says_what_was_recorded():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    cases = recorded(ROOT / "data" / "blind")
+    start = lines.index(f"| figure | {len(cases)} cases | target |") + 2
+    found = figures(cases)
+    assert lines[start : start + len(found)] == [row(own) for own in found]
+
+
+def test_the_record_holds_the_planned_cases_from_the_first_on():
+    """So `lamella blind ... -o` a copy of it goes on where it ends."""
+    cases = recorded(ROOT / "data" / "blind")
+    assert [(case.seed, case.kind) for case in cases] == list(planned(full=True)[: len(cases)])
