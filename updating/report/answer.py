@@ -94,7 +94,7 @@ def explanation_table(results: Results) -> Table:
         ),
         note="Misfit: squared differences of frequencies, damping ratios and shapes over their variances. Distance: "
         "from the explanation of least misfit; below 3 the data cannot tell the two apart, and a second effect "
-        "that brings less than 4 is not named. Held out: the frequency error where each mode is predicted from all "
+        "that brings less than 4.5 is not named. Held out: the frequency error where each mode is predicted from all "
         "others.",
     )  # fmt: skip
 
