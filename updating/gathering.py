@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ema.mac import mac
 from ema.modes import ModalModel
 from model import Observation, ReducedSystem, observe, solve_modes
-from model.z_basis import N_RIGID
 from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
 from updating.errors import FitError
 from updating.evidence import D_F_START, Evidence, Scatter, Shift, Tested, pair, solved
+from updating.mode_space import ModeSpace
 from updating.registration import register
 from updating.residual import unit_shape, unit_shapes
 
@@ -130,7 +130,7 @@ def _shape_scatter(evidence: Gathered, G_f: float) -> float:
     found = []
     for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
         base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
-        known = la.orth(np.hstack([evidence.observed[c].reduced_rows[:, :N_RIGID], base.shape]), _RANK)
+        known = la.orth(ModeSpace.of(base, evidence.observed[c], evidence.scatter).shape, _RANK)
         free = 1.0 - known.shape[1] / len(known)
         measured = tested.modes.shape[:, used]
         shape, std = unit_shape(measured), tested.modes.shape_std[:, used] / np.linalg.norm(measured, axis=0)

@@ -10,6 +10,7 @@ from updating.diagnosis import Diagnosis
 from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.tables import estimate_text
+from updating.verdict import GAIN_SECOND, SEPARATE
 
 _SHOWN = 8  # explanations of a diagnosis
 
@@ -93,9 +94,9 @@ def explanation_table(results: Results) -> Table:
             for own in ranking
         ),
         note="Misfit: squared differences of frequencies, damping ratios and shapes over their variances. Distance: "
-        "from the explanation of least misfit; below 3 the data cannot tell the two apart, and a second effect "
-        "that brings less than 4.5 is not named. Held out: the frequency error where each mode is predicted from all "
-        "others.",
+        f"from the explanation of least misfit; below {SEPARATE:g} the data cannot tell the two apart, and a second "
+        f"effect that brings less than {np.sqrt(GAIN_SECOND):.1f} is not named. Held out: the frequency error where "
+        "each mode is predicted from all others.",
     )  # fmt: skip
 
 
