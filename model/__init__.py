@@ -9,7 +9,7 @@ from model.material import Material
 from model.modes import Modes, complex_modes, solve_modes
 from model.observation import Observation, Observed, observe, sample_points
 from model.reduced_equations import ReducedEquations
-from model.reduction import ReducedSystem, reduce
+from model.reduction import ReducedSystem, reduce, reduced_terms
 from model.refinement import Refined, refine
 from model.response import frf, frf_direct
 from model.stack import Clamp, Contact, Instruments, Mesh, Stack
@@ -56,6 +56,7 @@ __all__ = [
     "read_effect",
     "read_stack",
     "reduce",
+    "reduced_terms",
     "refine",
     "sample_points",
     "shared_parameters",

@@ -27,7 +27,7 @@ from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.low_rank import Factor
 from model.mesh import Field
-from model.projection import Projection
+from model.projection import projected_terms
 from model.reduced_equations import ReducedEquations, ReducedTerm
 from model.rigid import rigid_body_modes
 from model.solver import solver_over_plan
@@ -212,30 +212,30 @@ def reduce(
         if answers.shape[1]:
             block, mass_block = orthonormalize(answers, product, [(basis, mass_basis)])
             basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-    projection = Projection(assembly, basis, basis)
-    projected: dict[
-        int, NDArray[np.float64]
-    ] = {}  # terms that differ by their factor only are projected once
-    for term in assembly.terms:
-        if id(term.krons) not in projected:
-            projected[id(term.krons)] = _without_rounding(_symmetric(projection(term.krons)))
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
         assembly=assembly,
         basis=basis,
-        terms=tuple(
-            ReducedTerm(
-                name=term.name,
-                target=term.target,
-                factor=term.factor,
-                matrix=projected[id(term.krons)],
-            )
-            for term in assembly.terms
-        ),
+        terms=reduced_terms(assembly, basis),
         theta=assembly.theta,
         ranges=box,
         laminas=laminas,
+    )
+
+
+def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[ReducedTerm, ...]:
+    """Return the terms of equations of motion in a basis, (assembly.size, n), that begins with rigid-body motion.
+
+    Terms that differ by their factor alone share one matrix.
+    """
+    matrices = {
+        which: _without_rounding(_symmetric(matrix))
+        for which, matrix in projected_terms(assembly, basis, basis).items()
+    }
+    return tuple(
+        ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
+        for term in assembly.terms
     )
 
 

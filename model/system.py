@@ -162,7 +162,7 @@ class Kron:
     planar: sp.csr_matrix
 
 
-def _collected(krons: Iterable[Kron]) -> tuple[Kron, ...]:
+def collected(krons: Iterable[Kron]) -> tuple[Kron, ...]:
     """Sum products of which the matrices over z are multiples of each other."""
     found: list[Kron] = []
     for kron in krons:
@@ -267,7 +267,7 @@ class Assembly:
         Those with factor 0 are left out, and those that share their matrix over z are summed over the plan.
         """
         factors = [(term, term.factor(theta)) for term in self.terms if term.target == target]
-        return _collected(
+        return collected(
             dataclasses.replace(kron, z=factor * kron.z)
             for term, factor in factors
             if factor != 0.0

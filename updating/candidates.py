@@ -7,16 +7,20 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.modes import ModalModel
 from model import (
+    Assembly,
     Effect,
     EffectError,
     Instruments,
+    ReducedEquations,
     ReducedSystem,
     Stack,
     assemble,
     reduce,
+    reduced_terms,
     truncated,
     with_attachment_modes,
 )
@@ -30,8 +34,7 @@ N_MODEL = 20
 N_SOLVED = 24
 """Modes that are solved for: an effect can bring others below the last of those, which are still to be found."""
 DIMENSIONS = ("length", "width", "height")
-RESIZED = 1e-3
-"""Relative change of a dimension from which its influence is taken."""
+_RESIZED = 1e-6  # relative change of a dimension from which its influence is taken
 _FINER = 5 / 3  # elements along each side of the finer mesh; with fewer, some stay as long
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
@@ -55,8 +58,8 @@ class CandidateModel:
         Those that this stack can have.
     impossible : mapping of str to str
         Why the others cannot be.
-    resized : mapping of str to ReducedSystem
-        The stack without effects with one dimension larger by `RESIZED`.
+    resized : mapping of str to ReducedEquations
+        The stack without effects with one dimension changed, in the basis of `system`.
     finer : ReducedSystem, optional
         The stack without effects on a finer mesh; none where an outline decides the mesh.
     """
@@ -65,7 +68,7 @@ class CandidateModel:
     system: ReducedSystem
     effects: Mapping[str, Effect]
     impossible: Mapping[str, str]
-    resized: Mapping[str, ReducedSystem]
+    resized: Mapping[str, ReducedEquations]
     finer: ReducedSystem | None
 
 
@@ -89,7 +92,7 @@ def candidate_model(
     aids : sequence of Effect
         What further tests could do to the stack; the reduction holds for them too.
     executor : Executor, optional
-        What reduces the stack without effects while this process reduces it with them.
+        What reduces the stack on a finer mesh while this process reduces it with all effects.
     """
     base = replace(stack, instruments=instruments)
     small = assemble(replace(base, mesh=replace(base.mesh, n_x=2, n_y=1)))
@@ -100,9 +103,7 @@ def candidate_model(
             possible[name] = effect
         except EffectError as error:
             impossible[name] = str(error)
-    # begins at once where there is an executor; in one message, for a second process would slow this one down
-    resized = _resized(base)
-    plain = distribute(_plain, [*resized.values(), *_finer(base)], executor, messages=1)
+    finer = distribute(_plain, _finer(base), executor)  # begins at once where there is an executor
     system = reduce(
         base.with_effects(*possible.values(), *aids),
         G_f_range=G_F_RANGE,
@@ -112,21 +113,57 @@ def candidate_model(
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
     system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
     system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
-    reduced = list(plain)
     return CandidateModel(
         stack=base,
         system=system,
         effects=possible,
         impossible=impossible,
-        resized=dict(zip(resized, reduced, strict=False)),
-        finer=reduced[len(resized)] if len(reduced) > len(resized) else None,
+        resized=_resized(base, system),
+        finer=next(finer, None),
     )
 
 
-def _resized(base: Stack) -> dict[str, Stack]:
-    """Return a stack with one dimension larger by `RESIZED`, by the name of each that may change."""
-    names = DIMENSIONS if base.outline is None else ("height",)
-    return {name: replace(base, **{name: (1.0 + RESIZED) * getattr(base, name)}) for name in names}
+def _resized(base: Stack, system: ReducedSystem) -> dict[str, ReducedEquations]:
+    """Return the equations of a stack with one dimension changed by `_RESIZED`, by the name of each that may change.
+
+    They are in its own basis, stretched with it: modes differ little, and a Rayleigh quotient by their square.
+    """
+    found = {}
+    for name in DIMENSIONS if base.outline is None else ("height",):
+        for change in (_RESIZED, -_RESIZED):  # smaller where a larger one has more elements
+            stack = replace(base, **{name: (1.0 + change) * getattr(base, name)})
+            assembly = assemble(stack).project_z(system.phi)
+            if assembly.size == system.assembly.size:
+                break
+        found[name] = ReducedEquations(
+            stack=assembly.stack,
+            terms=reduced_terms(assembly, _stretch(system, name, assembly)[:, None] * system.basis),
+            theta=assembly.theta,
+            ranges=system.ranges,
+        )
+    return found
+
+
+def _stretch(system: ReducedSystem, name: str, resized: Assembly) -> NDArray[np.float64]:
+    """Return what degrees of freedom are multiplied by where a mode is stretched with a dimension, (assembly.size,).
+
+    The deflection stays; slopes along the dimension fall as it grows, and in-plane displacements with them, so that
+    hardly any stiffness is called on that the mode spares.
+    """
+    ratio = getattr(resized.stack, name) / getattr(system.stack, name)
+    factor = np.ones(system.assembly.size)
+    where, plan = system.assembly.slices(), system.assembly.plan
+    if name == "height":
+        factor[where["u"]] = factor[where["v"]] = ratio
+        return factor
+    axis = "x" if name == "length" else "y"
+    factor[where["u" if axis == "x" else "v"]] = 1.0 / ratio
+    deflection = np.ones(plan.size("w"))
+    for own, dofs in zip(plan.plate.elem.dofnames, plan.plate.nodal_dofs, strict=True):
+        if axis in own:
+            deflection[dofs] = 1.0 / ratio
+    factor[where["w"]] = np.tile(deflection, system.assembly.n_z["w"])
+    return factor
 
 
 def _finer(base: Stack) -> tuple[Stack, ...]:

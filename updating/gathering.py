@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ema.mac import mac
 from ema.modes import ModalModel
-from model import Observation, ReducedSystem, observe, solve_modes
-from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, RESIZED, CandidateModel
+from model import Observation, ReducedEquations, ReducedSystem, observe, solve_modes
+from updating.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
 from updating.errors import FitError
 from updating.evidence import D_F_START, Evidence, Scatter, Shift, Tested, pair, solved
 from updating.mode_space import ModeSpace
@@ -43,8 +43,8 @@ class Gathered(Evidence):
         The measured points of each configuration.
     impossible : mapping of str to str
         Why effects of the catalogue that are not among `effects` cannot be.
-    resized : mapping of str to ReducedSystem
-        The model without effects with one dimension larger by `candidates.RESIZED`.
+    resized : mapping of str to ReducedEquations
+        The model without effects with one dimension changed, in the basis that `system` began with.
     finer : ReducedSystem, optional
         The model without effects on a finer mesh.
     """
@@ -52,7 +52,7 @@ class Gathered(Evidence):
     system: ReducedSystem
     observation: tuple[Observation, ...]
     impossible: Mapping[str, str]
-    resized: Mapping[str, ReducedSystem]
+    resized: Mapping[str, ReducedEquations]
     finer: ReducedSystem | None
 
     @property
@@ -148,11 +148,16 @@ def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
     base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
     alike = mac(own.modes.shape, base.shape)
     column = np.argmax(alike, axis=1)
-
-    def of(system: ReducedSystem) -> tuple[Vector, Vector]:
-        """Return frequencies and shapes of another base model's modes, in the order of the measured ones."""
+    frequency, shape = base.frequency[column], base.shape[:, column]
+    at = {"G_f": G_f, "pressure": own.pressure}
+    slopes = [
+        _slope(evidence, name, resized, base.coordinate[:, column], at)
+        for name, resized in evidence.resized.items()
+    ]
+    finer = (frequency, shape)
+    if evidence.finer is not None:
         other = solve_modes(
-            system,
+            evidence.finer,
             G_f=G_f,
             d_f=D_F_START,
             n_mode=N_MODEL,
@@ -161,11 +166,7 @@ def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
             by=(),
         ).elastic()
         partner = pair(base.shape, base.frequency, other)[1][column]
-        return other.frequency[partner], other.shape[:, partner]
-
-    frequency, shape = base.frequency[column], base.shape[:, column]
-    slopes = [np.log(of(system)[0] / frequency) / np.log1p(RESIZED) for system in evidence.resized.values()]
-    finer = (frequency, shape) if evidence.finer is None else of(evidence.finer)
+        finer = (other.frequency[partner], other.shape[:, partner])
     before, after = (unit_shapes(own.modes.shape, every)[1] for every in (shape, finer[1]))
     difference = EXTRAPOLATED * (after - before)
     same = (alike.max(axis=1) >= _MAC_SAME) & (np.linalg.norm(difference, axis=0) < _TURNED)
@@ -174,6 +175,27 @@ def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
         mesh=EXTRAPOLATED * np.log(finer[0] / frequency),
         mesh_shape=same * difference,
     )
+
+
+def _slope(
+    evidence: Gathered, name: str, resized: ReducedEquations, mode: Vector, at: Mapping[str, float]
+) -> Vector:
+    """Return how much the logarithm of each mode's frequency grows with that of a dimension (Rayleigh's quotient).
+
+    What the basis got after the resized equations were made has little of a mode, and the quotient misses its square.
+    """
+    x = mode[: resized.size]
+
+    def quotient(equations: ReducedEquations) -> Vector:
+        theta = {**equations.theta, **at}
+        stiffness, mass = (
+            np.sum(x * (equations.matrix(target, theta)[: len(x), : len(x)] @ x), axis=0)
+            for target in ("K", "M")
+        )
+        return np.asarray(stiffness / mass)
+
+    ratio = getattr(resized.stack, name) / getattr(evidence.stack, name)
+    return 0.5 * np.log(quotient(resized) / quotient(evidence.equations)) / np.log(ratio)
 
 
 def _started(evidence: Gathered) -> Gathered:

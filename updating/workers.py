@@ -23,7 +23,7 @@ import cloudpickle
 from rich.console import Console
 from rich.progress import track
 
-from ema.threads import one_blas_thread, single_threaded
+from ema.threads import n_processor, one_blas_thread, single_threaded
 from updating.errors import WorkerError
 
 T = TypeVar("T")
@@ -54,7 +54,7 @@ def workers(n_task: int, cluster: str | None = None) -> AbstractContextManager[E
     """
     if cluster is not None:
         return _on_cluster(cluster)
-    n_process = min(n_task, _n_processor())
+    n_process = min(n_task, n_processor())
     return nullcontext(_ThisProcess()) if n_process < 2 else _pool(n_process)
 
 
@@ -134,11 +134,6 @@ class _Sent:
 @lru_cache(maxsize=1)
 def _read(content: bytes | Path) -> Callable[[Any], Any]:
     return cloudpickle.loads(content.read_bytes() if isinstance(content, Path) else content)
-
-
-def _n_processor() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _ThisProcess(Executor):

@@ -101,6 +101,29 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
         assert np.abs(own(corrected)).max() < bound < np.abs(own(plain)).max()
 
 
+@pytest.mark.parametrize("name", ["length", "width", "height"])
+def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, name):
+    """The influence is a Rayleigh quotient of the nominal stack's modes; the data are those of another stack."""
+    test = replace(blind_test(SPECIFICATION, 14, (), {}), spread={})
+    still = ModalNoise(frequency=1e-7, damping=1e-7, shape=1e-7)
+
+    def left(ratio, known):
+        stack = replace(test.stack, **{name: ratio * getattr(test.stack, name)})
+        drawn = play_modes(replace(test, stack=stack), still)
+        tested = [
+            (c.name, c.pressure, m) for c, (m, _) in zip(test.configurations, drawn.values(), strict=False)
+        ]
+        evidence = gather(candidates, tested[:1])
+        at = np.zeros(len(evidence.nuisances))
+        at[evidence.nuisances.index(name)] = np.log(known)
+        return residual(evidence, at).log_frequency
+
+    reference, change = left(1.0, 1.0), 1.004
+    moved = left(change, 1.0) - reference
+    assert np.abs(moved).max() > 5e-4
+    assert np.linalg.norm(left(change, change) - reference) < 0.07 * np.linalg.norm(moved)
+
+
 def shape_difference(found):
     """Return the lengths of what is left of all shapes."""
     partners = [m.modelled[:, : m.measured.shape[1]] for m in found.mixing]
