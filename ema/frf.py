@@ -76,6 +76,11 @@ class FRF:
             coherence=None if self.coherence is None else self.coherence[keep],
         )
 
+    @property
+    def sensor(self) -> NDArray[np.int64]:
+        """Number of each output among those of its run, from 0: the accelerometer where some rove."""
+        return place_in_run(self.run)
+
     def convert(self, quantity: Quantity) -> FRF:
         """Return the same functions as another quantity.
 
@@ -94,3 +99,8 @@ class FRF:
             value=self.value[..., keep],
             coherence=None if self.coherence is None else self.coherence[..., keep],
         )
+
+
+def place_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of each output, (n_output,), among those of its run, from 0."""
+    return np.array([np.count_nonzero(run[:i] == own) for i, own in enumerate(run)], dtype=np.int64)

@@ -264,6 +264,7 @@ def _model(
         scaled=shapes.scaled,
         node=frf.output.node,
         direction=frf.output.direction,
+        sensor=frf.sensor,
         input=frf.input,
         band=band,
         geometry=geometry,

@@ -53,6 +53,8 @@ class ModalModel:
         Point number of each shape component.
     direction : (n_dof, 3) float
         Measured direction of each shape component.
+    sensor : (n_dof,) int
+        Number of each shape component among the outputs of its run, from 0: the accelerometer where some rove.
     input : Dofs
         Force DOFs.
     band : (float, float)
@@ -98,6 +100,7 @@ class ModalModel:
     scaled: NDArray[np.bool_]
     node: NDArray[np.int64]
     direction: NDArray[np.float64]
+    sensor: NDArray[np.int64]
     input: Dofs
     band: tuple[float, float]
     geometry: Geometry
@@ -133,6 +136,7 @@ class ModalModel:
             "scaled": ((n_mode,), bool),
             "node": ((n_dof,), int),
             "direction": ((n_dof, 3), float),
+            "sensor": ((n_dof,), int),
             "covariance": ((2 * n_mode, 2 * n_mode), float),
             "residue_std": ((n_dof, n_input, n_mode), float),
             "noise": ((n_dof, n_input), float),

@@ -32,7 +32,7 @@ from model.system import Assembly, Term
 from model.z_basis import N_RIGID, shear_shift
 
 _TOLERANCE = 1e-6  # relative change of eigenvalues by a correction, below which modes are right
-_MOST_STEPS = 12
+_MOST_STEPS = 6
 _DEPTH = 2  # answers to forces, and to the inertia of these: what modes far above the measured ones add is small then
 _RANK = 1e-8  # singular values below this share of the largest are rounding
 

@@ -59,6 +59,11 @@ class ReducedEquations:
         """These equations alone, without what they were reduced from."""
         return ReducedEquations(stack=self.stack, terms=self.terms, theta=self.theta, ranges=self.ranges)
 
+    def leading(self, n: int) -> ReducedEquations:
+        """Return these equations on the first n degrees of freedom; all of them where there are fewer."""
+        terms = tuple(replace(t, matrix=np.ascontiguousarray(t.matrix[:n, :n])) for t in self.terms)
+        return replace(self.equations, terms=terms)
+
     def acting(self, moved: Collection[str]) -> ReducedEquations:
         """Return the equations without terms that vanish while only some parameters, and the frequency, move."""
         free = frozenset((*moved, OMEGA))

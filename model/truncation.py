@@ -15,7 +15,7 @@ from model.z_basis import N_RIGID, SOFT, shear_shift
 def truncated(
     system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mode: int, tolerance: float
 ) -> ReducedSystem:
-    """Return the reduced system in the principal directions of its modes at some parameters.
+    """Return the reduced system in the principal directions of its modes at some parameters, the largest first.
 
     Parameters
     ----------

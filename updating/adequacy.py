@@ -21,7 +21,8 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
 
     What the fit leaves of data with unit covariance has the covariance I - H, where H projects on the columns of the
     Jacobian. The squared misfit of a block is thus a sum of chi-squares weighted by the eigenvalues of its part of
-    I - H, which is matched in mean and variance (Satterthwaite 1946; Box 1954).
+    I - H, which is matched in mean and variance (Satterthwaite 1946; Box 1954). Shapes that are `Residual.weak` are
+    left out.
 
     Parameters
     ----------
@@ -30,7 +31,9 @@ def block_p_value(explanation: Explanation, kind: str) -> float:
     kind : str
         One of `residual.BLOCKS`.
     """
-    return _p_value(explanation.residual, explanation.residual.kind == kind)
+    found = explanation.residual
+    judged = (found.kind != "shape") | ~np.isin(found.label, found.weak)
+    return _p_value(found, (found.kind == kind) & judged)
 
 
 def _p_value(found: Residual, inside: NDArray[np.bool_]) -> float:

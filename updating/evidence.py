@@ -8,7 +8,7 @@ expected to meet better than, such as mesh and dimensions, is a scatter of its o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -40,6 +40,8 @@ class Scatter:
     shape : float
         Of every shape component, relative to the shape's root mean square: places and calibration of sensors. It is
         the most that there may be; what the shapes show of it counts, see `gathering.gather`.
+    gain : float
+        Of an accelerometer that roves, relative to that of the first.
     mixing : float
         Of small masses between two modes, over a modal mass: identified shapes of the campaigns in data/hidden_effect
         lean towards other modes by that times w_r**2 / (w_s**2 - w_r**2), for 44 sensors of 0.2 g on a stack of 25 kg.
@@ -54,7 +56,8 @@ class Scatter:
     frequency: float = 1e-4
     mesh: float = 0.3
     damping: float = 0.01
-    shape: float = 0.006
+    shape: float = 0.01
+    gain: float = 0.01
     mixing: float = 5e-4
     stiffness: float = 0.03
     loss: float = 0.06
@@ -160,6 +163,10 @@ class Evidence:
         Nuisance coordinates from which fits start.
     dimensions : tuple of str
         Those of the stack that are not known exactly.
+    sensor : tuple of (n_dof,) int
+        For each configuration, the accelerometer that measured each shape component, from 0.
+    n_gain : int
+        Accelerometers whose gain relative to the first is not known exactly; all configurations have the same.
     shift : tuple of Shift
         What dimensions and mesh do to the measured modes of each configuration.
     weight : (n,) float, optional
@@ -175,6 +182,8 @@ class Evidence:
     scatter: Scatter
     start: Vector
     dimensions: tuple[str, ...]
+    sensor: tuple[NDArray[np.int64], ...]
+    n_gain: int
     shift: tuple[Shift, ...]
     weight: Vector | None = None
 
@@ -187,6 +196,11 @@ class Evidence:
             for r in np.setdiff1d(np.arange(used.max(initial=0)), used).tolist()
         )
 
+    def leading(self, n: int) -> Evidence:
+        """Return the evidence beside the first n directions of the basis alone: quick, and rough."""
+        observed = tuple(replace(o, reduced_rows=o.reduced_rows[:, :n]) for o in self.observed)
+        return replace(self, equations=self.equations.leading(n), observed=observed)
+
     @property
     def nuisances(self) -> tuple[str, ...]:
         """Names of the nuisance coordinates; all are logarithms of a ratio."""
@@ -194,6 +208,7 @@ class Evidence:
         return (
             *SHARED,
             *self.dimensions,
+            *(f"gain[sensor {i + 2}]" for i in range(self.n_gain)),
             *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
             *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
         )
@@ -203,13 +218,22 @@ class Evidence:
         """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f."""
         s, n = self.scatter, len(self.tested)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
-        size = [getattr(s, name) for name in self.dimensions]
-        return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *each])
+        size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
+        return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *gain, *each])
+
+    @property
+    def n_sized(self) -> int:
+        """Number of nuisance coordinates before the gains of sensors."""
+        return len(SHARED) + len(self.dimensions)
 
     @property
     def n_common(self) -> int:
         """Number of nuisance coordinates before the deviations of the configurations."""
-        return len(SHARED) + len(self.dimensions)
+        return self.n_sized + self.n_gain
+
+    def by_gain(self, configuration: int) -> Vector:
+        """Return how the logarithms of shape components grow with the gains, (n_dof, n_gain)."""
+        return np.asarray(self.sensor[configuration][:, None] == np.arange(1, self.n_gain + 1), dtype=float)
 
     def parameters(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters of some effects, each once."""

@@ -230,6 +230,7 @@ def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Exp
         ),
         observation=evidence.observation[:1],
         observed=evidence.observed[:1],
+        sensor=evidence.sensor[:1],
     )
     common = evidence.n_common
     theta = alone.theta(a.nuisance[:common], 0)

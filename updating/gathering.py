@@ -28,6 +28,7 @@ _TURNED = 0.05  # difference of two meshes' shapes that is no error but two clos
 _FREE = 0.2  # of the directions of shapes that no mode may reach, from which sensors' scatter shows
 _RESOLVED = 1e-3  # of a shape, that reduction and mesh leave
 _RANK = 1e-6  # singular values below this share of the largest are rounding
+_PLACES = 4  # of an accelerometer, from which its gain is told
 _TRIALS = 17
 
 
@@ -111,6 +112,8 @@ def gather(
         scatter=scatter or Scatter(),
         start=np.zeros(0),
         dimensions=tuple(candidates.resized),
+        sensor=tuple(modes.sensor for _, _, modes in tested),
+        n_gain=_n_gain([modes.sensor for _, _, modes in tested]),
         resized=candidates.resized,
         shift=(),
         finer=candidates.finer,
@@ -121,23 +124,34 @@ def gather(
     return replace(started, shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))))
 
 
+def _n_gain(sensors: Sequence[NDArray[np.int64]]) -> int:
+    """Return how many accelerometers that rove have a gain beside the first's; with few places each it is scatter."""
+    number = max(int(own.max()) + 1 for own in sensors)
+    return number - 1 if min(own.size for own in sensors) >= _PLACES * number else 0
+
+
 def _shape_scatter(evidence: Gathered, G_f: float) -> float:
     """Return what places and calibration of sensors add to the shapes: `Scatter.shape`, or what they show, if less.
 
-    They show it where no mode of the model and no rigid-body motion reaches, beside their standard deviations; what an
-    effect changes in shapes are these modes for the most part.
+    They show it where no mode of the model, no rigid-body motion and no gain of a sensor reaches, beside their standard
+    deviations; what an effect changes in shapes are these modes for the most part. As a place is off for all modes
+    alike, one mode tells of it as much as all, and what is shown is as uncertain.
     """
     found = []
     for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
         base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
         known = la.orth(ModeSpace.of(base, evidence.observed[c], evidence.scatter).shape, _RANK)
-        free = 1.0 - known.shape[1] / len(known)
+        by_gain = evidence.by_gain(c)
+        n_free = len(known) - known.shape[1] - evidence.n_gain
+        share = (
+            n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))
+        )  # one standard deviation more than shown
         measured = tested.modes.shape[:, used]
         shape, std = unit_shape(measured), tested.modes.shape_std[:, used] / np.linalg.norm(measured, axis=0)
-        left = np.sum((shape - known @ (known.T @ shape)) ** 2, axis=0)
-        own = (1.0 - np.sum(known**2, axis=1)) @ std**2
-        if free > _FREE:
-            found += ((left - own) / free).tolist()
+        for i in range(used.size if n_free > _FREE * len(known) else 0):
+            reached = la.orth(np.hstack([known, by_gain * shape[:, i, None]]), _RANK)
+            left = float(np.sum((shape[:, i] - reached @ (reached.T @ shape[:, i])) ** 2))
+            found.append((left - float((1.0 - np.sum(reached**2, axis=1)) @ std[:, i] ** 2)) / share)
     shown = float(np.sqrt(max(np.median(found), 0.0))) if found else np.inf
     return min(evidence.scatter.shape, max(shown, _RESOLVED))
 

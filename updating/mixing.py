@@ -20,7 +20,8 @@ Vector = NDArray[np.float64]
 NEIGHBOUR = 0.05
 """Relative distance of frequencies up to which how modes mix is not to be predicted."""
 _FEWEST = 3  # measured degrees of freedom beyond the modes, from which noise can be told
-_PARTED = 1e-9  # squared length of what parts two shapes, below which sensors tell nothing of their mixing
+# squared length of what parts shapes, below which sensors tell nothing of their mixing: models are right to about that
+_PARTED = 1e-4
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,10 +65,10 @@ class Mixing:
         if not s.size or free < _FEWEST:
             return 0.0, 0
         difference = self.measured - self.modelled[:, :n_mode]
-        coefficient = np.linalg.lstsq(self.modelled, difference, rcond=None)[0]
+        own = np.linalg.inv(self.modelled.T @ self.modelled + _PARTED * np.eye(n_column))
+        coefficient = own @ (self.modelled.T @ difference)
         rest = difference - self.modelled @ coefficient
         noise = np.sum(rest**2, axis=0) / (free - 2)  # it is estimated: the mean of F over that of chi-square
-        own = np.linalg.inv(self.modelled.T @ self.modelled + _PARTED * np.eye(n_column))
         omega = self.frequency
         by_mass, by_stiffness = (
             by * self.length[s] / self.length[r]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,7 +44,7 @@ class Residual:
     mixing : tuple of Mixing
         The shapes of each configuration.
     weak : tuple of str
-        Labels of modes whose shapes are stated so uncertainly that they are not judged alone: what is left of a mode
+        Labels of modes whose shapes are stated so uncertainly that they do not judge a model: what is left of a mode
         beside stronger ones holds these' errors, of which its standard deviation knows nothing.
     """
 
@@ -87,7 +87,7 @@ def residual(
     z = np.zeros(len(parameters)) if coordinate is None else coordinate
     effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
     n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
-    n_common, s = evidence.n_common, evidence.scatter
+    n_sized, n_common, s = evidence.n_sized, evidence.n_common, evidence.scatter
     value, rows, kinds, labels, logarithm, spreads, partner, mixed = [], [], [], [], [], [], [], []
     weak: list[str] = []
     for c, tested in enumerate(evidence.tested):
@@ -96,6 +96,13 @@ def residual(
         modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
         place = [modes.parameter.index(name) for name in by]
         per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
+        by_gain = evidence.by_gain(c)
+        gain = np.exp(by_gain @ nuisance[n_sized:n_common])
+        modes = replace(
+            modes,
+            shape=gain[:, None] * modes.shape,
+            shape_gradient=gain[:, None, None] * modes.shape_gradient,
+        )
         used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
         _, column = pair(measured.shape[:, used], measured.frequency[used], modes)
         partner.append(column)
@@ -120,8 +127,8 @@ def residual(
             difference = np.log(of_measured / safe)
             gradient = spread(getattr(modes, f"{kind}_gradient")[column]) / safe[:, None]
             if kind == "frequency":
-                gradient[:, n_shared:n_common] = shift.slope[used]
-                difference -= mesh + shift.slope[used] @ nuisance[n_shared:n_common]
+                gradient[:, n_shared:n_sized] = shift.slope[used]
+                difference -= mesh + shift.slope[used] @ nuisance[n_shared:n_sized]
                 logarithm.append(difference)
                 spreads.append(sigma)
             value.append(difference / sigma)
@@ -139,6 +146,7 @@ def residual(
             sigma = np.hypot(uncertain, own_shape[i] / np.sqrt(len(u)))
             kept = space.apart(int(m), float(np.sqrt(np.mean(sigma**2))))
             slope = spread(modes.shape_gradient[:, m]) / length[i]
+            slope[:, n_sized:n_common] = by_gain * v[:, i, None]
             if evidence.weight is not None:
                 counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
                 form[i] = np.linalg.norm(sigma * np.sqrt(np.maximum(counted**-2 - 1.0, 0.0)))

@@ -98,10 +98,11 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     _LOG.info("fit %d effects, each alone", len(promising))
     singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
-    evidence, singles = _exact(evidence, singles, executor)
     afar = _astray(best_of(singles, base))  # even the best effect is: pairs with it would be in vain
     if afar:
         evidence, singles = _from_afar(evidence, places, singles, executor)
+    else:
+        evidence, singles = _exact(evidence, singles, executor)
     found = _with_pairs(evidence, base, singles, screened, worth, executor)
     if not afar and _astray(base) and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
         evidence, singles = _from_afar(evidence, places, singles, executor)

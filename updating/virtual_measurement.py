@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from ema.frf import FRF
+from ema.frf import FRF, place_in_run
 from ema.geometry import Dofs
 from ema.modes import ModalModel
 from model import Mesh, Observation, ReducedSystem
@@ -298,6 +298,7 @@ def _drawn(
         scaled=np.zeros(n_mode, dtype=bool),
         node=true.node,
         direction=true.direction,
+        sensor=place_in_run(_runs(specimen)),
         input=Dofs(node=test.shaker.node, direction=test.shaker.direction),
         band=test.band,
         geometry=test.geometry,

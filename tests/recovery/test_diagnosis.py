@@ -104,16 +104,17 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
 @pytest.mark.parametrize("name", ["length", "width", "height"])
 def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, name):
     """The influence is a Rayleigh quotient of the nominal stack's modes; the data are those of another stack."""
-    test = replace(blind_test(SPECIFICATION, 14, (), {}), spread={})
+    test = blind_test(SPECIFICATION, 14, (), {})
+    test = replace(test, spread={}, configurations=test.configurations[:1])
     still = ModalNoise(frequency=1e-7, damping=1e-7, shape=1e-7)
 
     def left(ratio, known):
         stack = replace(test.stack, **{name: ratio * getattr(test.stack, name)})
         drawn = play_modes(replace(test, stack=stack), still)
         tested = [
-            (c.name, c.pressure, m) for c, (m, _) in zip(test.configurations, drawn.values(), strict=False)
+            (c.name, c.pressure, m) for c, (m, _) in zip(test.configurations, drawn.values(), strict=True)
         ]
-        evidence = gather(candidates, tested[:1])
+        evidence = gather(candidates, tested)
         at = np.zeros(len(evidence.nuisances))
         at[evidence.nuisances.index(name)] = np.log(known)
         return residual(evidence, at).log_frequency
@@ -164,6 +165,26 @@ def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
     assert shown(0.0) < 0.003
     assert shown(0.02) == pytest.approx(0.02, rel=0.3)
     assert shown(0.02, most=0.006) == 0.006
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+@pytest.mark.parametrize("each", ["one of two sensors", "every point"])
+def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidates, catalogue, seed, each):
+    test = blind_test(SPECIFICATION, seed, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
+
+    def read(modes):
+        number = np.arange(len(modes.shape)) % 2 if each == "one of two sensors" else None
+        gain = number if number is not None else np.random.default_rng(seed).standard_normal(len(modes.shape))
+        return replace(modes, shape=(1.0 + 0.01 * gain[:, None]) * modes.shape)
+
+    tested = [(name, pressure, read(modes)) for name, pressure, modes in played(test)[:2]]
+    evidence = gather(candidates, tested)
+    found = conclude(evidence)
+    assert found.verdict == "identified"
+    assert found.set == (("contact_direction",),)
+    if each == "one of two sensors":
+        own = evidence.nuisances.index("gain[sensor 2]")
+        assert explain(evidence, found.set[0]).nuisance[own] == pytest.approx(0.01, abs=0.003)
 
 
 @pytest.mark.blind

@@ -54,6 +54,13 @@ def test_one_shape_that_misfits_is_not_lost_among_all_unless_it_is_weak():
     assert p_value(fitted(data, weak=("M1, mode 2",))) > 0.05
 
 
+def test_a_weak_shape_that_is_far_off_does_not_judge_all():
+    data = np.random.default_rng(8).normal(size=KIND.size) * np.where(LABEL == "M1, mode 2", 9.0, 0.5)
+    column = JACOBIAN[:, :1]
+    assert block_p_value(fitted(data, column), "shape") < 1e-6
+    assert p_value(fitted(data, column, weak=("M1, mode 2",))) > 0.05
+
+
 def test_data_that_are_all_fitted_say_nothing():
     jacobian = np.zeros((KIND.size, 6))
     jacobian[KIND == "damping"] = np.eye(6)

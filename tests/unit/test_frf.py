@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.frf import FRF
+from ema.frf import FRF, place_in_run
 from ema.geometry import Dofs
 
 FREQUENCY = np.arange(0.0, 50.0, 2.0)
@@ -48,6 +48,12 @@ def test_selections(frf):
     np.testing.assert_array_equal(second.output.direction, [[0, 0, -1]])
     np.testing.assert_array_equal(second.frequency, [10, 12, 14, 16, 18, 20])
     np.testing.assert_array_equal(second.value[0, 0], frf.value[1, 0, 5:11])
+
+
+def test_a_sensor_is_the_place_among_the_outputs_of_a_run(frf):
+    assert frf.sensor.tolist() == [0, 0]
+    assert replace(frf, run=[3, 3]).sensor.tolist() == [0, 1]
+    assert place_in_run(np.array([0, 1, 0, 2, 1, 0])).tolist() == [0, 0, 1, 0, 1, 2]
 
 
 def test_arrays_are_checked_and_read_only(frf):

@@ -97,3 +97,16 @@ def test_a_measured_mode_may_lean_towards_an_unmeasured_one_beside_it_but_not_fa
 
     assert p_value([beside(0.01)]) > 0.05
     assert p_value([beside(2.0)]) < 1e-3
+
+
+def test_shapes_that_sensors_cannot_part_say_nothing_of_each_other():
+    """What parts them is smaller than what a model is right to; its direction is chance."""
+    own = played(np.random.default_rng(5), 1e-9)
+    twins = [
+        np.hstack([MODELLED, MODELLED[:, :1] + 3e-4 * np.random.default_rng(seed).normal(size=(N_DOF, 1))])
+        for seed in (6, 7)
+    ]
+    known = {"frequency": np.append(FREQUENCY, 1200.0), "length": np.ones(N_MODE + 1)}
+    off = replace(own, measured=own.measured + 0.7 * (twins[0] - twins[1])[:, -1:])
+    one, other = (replace(off, modelled=modelled, **known).misfit()[0] for modelled in twins)
+    assert one == pytest.approx(other, rel=0.1)
