@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -12,7 +10,6 @@ from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")
 R = TypeVar("R")
-T = TypeVar("T")
 
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
@@ -33,17 +30,3 @@ def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
 def one_blas_thread() -> None:
     """Let this process multiply matrices with one thread from now on."""
     threadpool_limits(1, user_api="blas")
-
-
-def threaded(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Return a function of every item, in order, each computed by one of as many threads as there are processors.
-
-    It pays for what spends its time in products of large matrices.
-    """
-    with ThreadPoolExecutor(n_processor()) as threads:
-        return list(threads.map(function, items))
-
-
-def n_processor() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

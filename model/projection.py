@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ema.threads import threaded
 from model.mesh import FIELDS, Field
 from model.system import Assembly, Kron, collected
+from model.threads import threaded
 
 Vector = NDArray[np.float64]
 

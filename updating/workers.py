@@ -23,7 +23,8 @@ import cloudpickle
 from rich.console import Console
 from rich.progress import track
 
-from ema.threads import n_processor, one_blas_thread, single_threaded
+from ema.threads import one_blas_thread, single_threaded
+from model.threads import n_processor
 from updating.errors import WorkerError
 
 T = TypeVar("T")
