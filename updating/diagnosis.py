@@ -30,6 +30,7 @@ from updating.gathering import Campaigned, Gathered, gather
 from updating.pairing import require_points
 from updating.ranking import Ranked, rank
 from updating.search import VISIBLE, search
+from updating.sensor_gain import SensorGain, sensor_gains
 from updating.verdict import Verdict, decide
 
 Vector = NDArray[np.float64]
@@ -97,6 +98,8 @@ class Diagnosis:
         Measured modes that the model lacks amid those that it has.
     impossible : mapping of str to str
         Effects that this stack cannot have, and why.
+    sensor_gains : tuple of SensorGain
+        Of roving accelerometers beside the first, with the first explanation that is left, or the base model.
     next_tests : tuple of NextTest
         Further tests by how well they would tell the candidates apart.
     sentences : tuple of str
@@ -116,6 +119,7 @@ class Diagnosis:
     not_visible: tuple[str, ...]
     lacking: tuple[str, ...]
     impossible: Mapping[str, str]
+    sensor_gains: tuple[SensorGain, ...]
     next_tests: tuple[NextTest, ...]
     sentences: tuple[str, ...]
 
@@ -173,6 +177,7 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
     chance = chance_of_gain(found.screened, base.misfit - best_of(found.singles, base).misfit)
     excluded = ruled_out(found, decision)
     not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
+    gains = sensor_gains(found.evidence, left[0] if left else base)
     lacking = tuple(_labelled(found.evidence.tested[c], r) for c, r in found.evidence.lacking)
     return Diagnosis(
         verdict=decision.verdict,
@@ -191,8 +196,9 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
         not_visible=not_visible,
         lacking=lacking,
         impossible=evidence.impossible,
+        sensor_gains=gains,
         next_tests=tests,
-        sentences=sentences(decision, chance, base, ranking, excluded, not_visible, lacking, tests),
+        sentences=sentences(decision, chance, base, ranking, excluded, not_visible, lacking, gains, tests),
     )
 
 

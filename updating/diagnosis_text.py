@@ -11,6 +11,7 @@ from updating.chance import DRAWS
 from updating.experiment import NextTest
 from updating.explanation import Explanation
 from updating.ranking import Ranked
+from updating.sensor_gain import SensorGain
 from updating.verdict import Decision, Doubt
 
 _WORTH = 3.0
@@ -24,6 +25,7 @@ def sentences(
     excluded: Sequence[str],
     not_visible: Sequence[str],
     lacking: Sequence[str],
+    gains: Sequence[SensorGain],
     tests: Sequence[NextTest],
 ) -> tuple[str, ...]:
     """Write the verdict, what supports it, what stays open and what to measure next."""
@@ -80,6 +82,8 @@ def sentences(
                 f"Beware: {', '.join(bound)} of {_named(x.effects)} lies at the end of its plausible range, so the "
                 "explanation is doubtful."
             )
+    if verdict != "unlike anything":
+        text += _misread(gains)
     useful = [t for t in tests if t.distance > max(t.now, 1.0)]
     if useful and useful[0].distance >= _WORTH:
         text.append(
@@ -131,6 +135,16 @@ def _doubtful(doubt: Doubt, named: Explanation) -> str:
         f"{_named(named.effects)} may be off by accounts for up to {doubt.least:.0f}, so {second} may be there "
         "and is not named."
     )
+
+
+def _misread(gains: Sequence[SensorGain]) -> list[str]:
+    """Say which accelerometers read otherwise than the first."""
+    return [
+        f"Sensor {own.sensor} of each run reads {_percent(abs(own.excess))} {'higher' if own.excess > 0 else 'lower'} "
+        f"than sensor 1 (standard deviation {_percent(own.std)}): check its calibration. It is taken into account."
+        for own in gains
+        if abs(own.excess) > _WORTH * own.std
+    ]
 
 
 def _change(base: Ranked, own: Ranked) -> str:

@@ -178,13 +178,13 @@ def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidate
         return replace(modes, shape=(1.0 + 0.01 * gain[:, None]) * modes.shape)
 
     tested = [(name, pressure, read(modes)) for name, pressure, modes in played(test)[:2]]
-    evidence = gather(candidates, tested)
-    found = conclude(evidence)
+    found = conclude(gather(candidates, tested))
     assert found.verdict == "identified"
     assert found.set == (("contact_direction",),)
     if each == "one of two sensors":
-        own = evidence.nuisances.index("gain[sensor 2]")
-        assert explain(evidence, found.set[0]).nuisance[own] == pytest.approx(0.01, abs=0.003)
+        (gain,) = found.sensor_gains
+        assert gain.excess == pytest.approx(0.01, abs=3.0 * gain.std)
+        assert gain.std < 0.0015
 
 
 @pytest.mark.blind

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from updating.diagnosis_text import _change
+from updating.diagnosis_text import _change, _misread
 from updating.ranking import Ranked
+from updating.sensor_gain import SensorGain
 
 
 def ranked(error, held_out):
@@ -35,3 +36,14 @@ def test_an_error_that_cannot_be_predicted():
 
 def test_an_error_that_was_small_does_not_fall():
     assert "falls" not in _change(ranked(3.7e-5, 1e-4), ranked(5.2e-5, 1e-4))
+
+
+def test_a_sensor_that_reads_otherwise_is_told():
+    gains = [
+        SensorGain(sensor=2, excess=-0.012, std=0.002),
+        SensorGain(sensor=3, excess=0.004, std=0.002),
+    ]
+    assert _misread(gains) == [
+        "Sensor 2 of each run reads 1.2 % lower than sensor 1 (standard deviation 0.20 %): check its calibration. "
+        "It is taken into account."
+    ]
