@@ -27,9 +27,8 @@ from model.modes import reduced_eigenpairs
 from model.projection import projected_terms
 from model.reduced_equations import ReducedTerm
 from model.reduction import ReducedSystem, acting, shifted_factor
-from model.solver import solver_over_plan
 from model.system import Assembly, Term
-from model.z_basis import N_RIGID, shear_shift
+from model.z_basis import N_RIGID
 
 _TOLERANCE = 1e-6  # relative change of eigenvalues by a correction, below which modes are right
 _MOST_STEPS = 6
@@ -87,7 +86,7 @@ def with_attachment_modes(
         theta = {**system.theta, **sample}
         modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, N_RIGID:n_mode]
         forces = np.hstack([la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there])
-        factor = shifted_factor(system, theta)
+        factor = shifted_factor(assembly, theta)
         for _ in range(_DEPTH):
             answers = factor.solve(forces)
             known.add(answers)
@@ -148,15 +147,14 @@ def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -
 
     factor, elastic = _nominal_factor(system.assembly), slice(N_RIGID, n_mode)
     now, modes = values[elastic], system.basis @ vectors[:, elastic]
-    blocks = [orthonormalize(np.hstack([system.basis[:, :N_RIGID], modes]), mass)]
-    forces = [assembly.apply(stiffness, blocks[0][0])]
-    turn = blocks[0][1].T @ modes
+    space, mass_space = orthonormalize(np.hstack([system.basis[:, :N_RIGID], modes]), mass)
+    force, turn = assembly.apply(stiffness, space), mass_space.T @ modes
     for step in range(_MOST_STEPS):
-        unbalanced = np.hstack(forces) @ turn - np.hstack([image for _, image in blocks]) @ (turn * now)
-        blocks.append(orthonormalize(factor.solve(unbalanced), mass, blocks))
-        forces.append(assembly.apply(stiffness, blocks[-1][0]))
-        space = np.hstack([basis for basis, _ in blocks])
-        projected = space.T @ np.hstack(forces)
+        answer = factor.solve(force @ turn - mass_space @ (turn * now))
+        block, mass_block = orthonormalize(answer, mass, [(space, mass_space)])
+        space, mass_space = np.hstack([space, block]), np.hstack([mass_space, mass_block])
+        force = np.hstack([force, assembly.apply(stiffness, block)])
+        projected = space.T @ force
         found, every = la.eigh((projected + projected.T) / 2.0)
         before, now, turn = now, found[elastic], every[:, elastic]
         if np.all(before - now < _TOLERANCE * np.abs(now)):
@@ -166,6 +164,4 @@ def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -
 
 @functools.lru_cache(maxsize=1)  # a search asks for it again and again
 def _nominal_factor(assembly: Assembly) -> Factor:
-    """Return the factor of K + shift M of all equations at the nominal parameters."""
-    solver = solver_over_plan(acting(assembly, [assembly.theta]))
-    return solver.factor(assembly.theta, shear_shift(assembly.stack, assembly.theta))
+    return shifted_factor(assembly, assembly.theta)

@@ -302,10 +302,9 @@ def _samples(
     ]
 
 
-def shifted_factor(system: ReducedSystem, theta: Mapping[str, float]) -> Factor:
+def shifted_factor(assembly: Assembly, theta: Mapping[str, float]) -> Factor:
     """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
-    solver = solver_over_plan(acting(system.assembly, [theta]))
-    return solver.factor(theta, shear_shift(system.stack, theta))
+    return solver_over_plan(acting(assembly, [theta])).factor(theta, shear_shift(assembly.stack, theta))
 
 
 def _without_rounding(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

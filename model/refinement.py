@@ -107,7 +107,7 @@ def refine(
     values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     full = system.laminas
     stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
-    smooth = shifted_factor(system, theta)
+    smooth = shifted_factor(system.assembly, theta)
     correct = _preconditioner(system, theta, smooth)
 
     rigid = _from_phi(system, system.basis @ vectors[:, :n_rigid])
@@ -172,7 +172,7 @@ def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Ve
     values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     full = system.laminas
     stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
-    correct = _preconditioner(system, theta, shifted_factor(system, theta))
+    correct = _preconditioner(system, theta, shifted_factor(system.assembly, theta))
     error = np.zeros(n_mode)
     for first in range(n_rigid, n_mode, _AT_ONCE):
         part = slice(first, min(first + _AT_ONCE, n_mode))

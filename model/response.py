@@ -80,7 +80,7 @@ def frf(
         theta = {**theta, OMEGA: 2.0 * np.pi * float(np.median(frequency))}
     krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
 
-    factor = shifted_factor(system, theta)
+    factor = shifted_factor(system.assembly, theta)
     attachment, _ = orthonormalize(
         factor.solve(rows_in.T.toarray()),
         lambda x: assembly.apply(krons["M"], x),

@@ -243,7 +243,7 @@ def _span(
     def product(x: Vector) -> Vector:
         return np.asarray(assembly.apply(mass, x))
 
-    factor = shifted_factor(system, theta)
+    factor = shifted_factor(system.assembly, theta)
     static = factor.solve(rows.T.toarray())
     answers = np.hstack([static, factor.solve(product(static))])
     attachment, _ = orthonormalize(answers, product, [(system.basis, product(system.basis))])

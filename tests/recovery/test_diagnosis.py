@@ -173,8 +173,9 @@ def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidate
     test = blind_test(SPECIFICATION, seed, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
 
     def read(modes):
-        number = np.arange(len(modes.shape)) % 2 if each == "one of two sensors" else None
-        gain = number if number is not None else np.random.default_rng(seed).standard_normal(len(modes.shape))
+        place = np.arange(len(modes.shape))
+        every = np.random.default_rng(seed).standard_normal(place.size)
+        gain = place % 2 if each == "one of two sensors" else every
         return replace(modes, shape=(1.0 + 0.01 * gain[:, None]) * modes.shape)
 
     tested = [(name, pressure, read(modes)) for name, pressure, modes in played(test)[:2]]
