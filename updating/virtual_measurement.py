@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from updating.virtual_test import Averaging, Specimen, VirtualTest, specimens
 QUICK_MESH = Mesh(n_x=30, n_y=6)
 """Mesh of tests that are played for their modal data alone; still finer than a fit's, under the clamps too."""
 _N_MODE = 22  # the rigid-body modes included
+_BEYOND = 1.1  # of the shear stiffnesses that specimens have, as a ratio, for which they are reduced
 _VISIBLE = (
     0.01  # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker
 )
@@ -127,13 +129,24 @@ def play_modes(test: VirtualTest, noise: ModalNoise) -> dict[str, tuple[ModalMod
     deviations of `noise`; shapes have unit largest component, as there is no driving-point response.
     """
     rng = np.random.default_rng([_MODAL_NOISE, test.seed])
+    bench = specimens(replace(test, stack=replace(test.stack, mesh=QUICK_MESH)))
     played = {}
-    for specimen in specimens(replace(test, stack=replace(test.stack, mesh=QUICK_MESH))):
-        G_f = specimen.configuration.G_f
-        system = model.reduce(specimen.stack, G_f_range=(0.9 * G_f, 1.1 * G_f), n_snapshot=2, n_mode=_N_MODE)
+    for specimen, system in zip(bench, _reduced(bench), strict=True):
         true = true_modes(test, specimen, system)
         played[specimen.configuration.name] = (_drawn(test, specimen, true, noise, rng), true)
     return played
+
+
+def _reduced(bench: Sequence[Specimen]) -> Iterator[ReducedSystem]:
+    """Yield the reduced equations of specimens that differ in pressure and contact alone, reduced once for all."""
+    first, states = bench[0], [s.configuration for s in bench]
+    shear = [c.pressure * c.G_f / first.configuration.pressure for c in states]
+    G_f_range = (min(shear) / _BEYOND, max(shear) * _BEYOND)
+    system = model.reduce(first.stack, G_f_range=G_f_range, n_snapshot=2, n_mode=_N_MODE)
+    own = [{"pressure": c.pressure, "G_f": c.G_f, "d_f": c.d_f} for c in states]
+    system = model.enriched(system, own, _N_MODE)
+    for specimen, theta in zip(bench, own, strict=True):
+        yield replace(system, stack=specimen.stack, theta={**system.theta, **theta})
 
 
 def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> TrueModes:
