@@ -32,21 +32,25 @@ def catalogue(files: Iterable[Path] = ()) -> dict[str, Effect]:
     EffectError
         A file cannot be read or has no effect, or two effects have one name.
     """
-    shipped = [
-        _effect_of(importlib.import_module(f"model.effects.{module.name}"), module.name)
-        for module in pkgutil.iter_modules(model.effects.__path__)
-    ]
     installed = [
         _checked(point.load(), f"entry point {point.name} = {point.value}")
         for point in importlib.metadata.entry_points(group=ENTRY_POINTS)
     ]
     found: dict[str, Effect] = {}
-    for effect in (*shipped, *installed, *map(read_effect, files)):
+    for effect in (*shipped(), *installed, *map(read_effect, files)):
         if effect.name in found:
             message = f"two effects have the name {effect.name!r}; rename one of them"
             raise EffectError(message)
         found[effect.name] = effect
     return found
+
+
+def shipped() -> tuple[Effect, ...]:
+    """Return the effects of `model/effects`."""
+    return tuple(
+        _effect_of(importlib.import_module(f"model.effects.{module.name}"), module.name)
+        for module in pkgutil.iter_modules(model.effects.__path__)
+    )
 
 
 def read_effect(path: Path) -> Effect:

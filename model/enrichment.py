@@ -24,11 +24,11 @@ from model.eigen import orthonormalize
 from model.errors import SolveError
 from model.low_rank import Factor
 from model.modes import reduced_eigenpairs
-from model.projection import projected_terms
+from model.projection import projected_columns
 from model.reduced_equations import ReducedTerm
-from model.reduction import ReducedSystem, acting, shifted_factor
+from model.reduction import ReducedSystem, acting, leading, shifted_factor
 from model.system import Assembly, Term
-from model.z_basis import N_RIGID
+from model.z_basis import N_RIGID, SOFT, shear_shift
 
 _TOLERANCE = 1e-6  # relative change of eigenvalues by a correction, below which modes are right
 _MOST_STEPS = 6
@@ -48,10 +48,13 @@ def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mo
     n_mode : int
         Modes of each sample, the six rigid-body modes included.
     """
-    known = _Known(system)
+    known, modes = _Known(system), [np.empty((system.assembly.size, 0))]
     for sample in samples:
         with contextlib.suppress(SolveError):
-            known.add(_corrected(system, {**system.theta, **sample}, n_mode))
+            modes.append(_corrected(system, {**system.theta, **sample}, n_mode))
+    together = np.hstack(modes)
+    if together.shape[1]:
+        known.add(leading(known.beside(together), system.assembly, system.theta))
     return known.extended()
 
 
@@ -106,6 +109,10 @@ class _Known:
         """Return the nominal mass times vectors."""
         return self._system.assembly.apply(self._krons, vectors)
 
+    def beside(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what vectors have beside the basis."""
+        return vectors - sum(basis @ (mass_basis.T @ vectors) for basis, mass_basis in self._blocks)
+
     def add(self, vectors: NDArray[np.float64]) -> None:
         """Add what vectors have beside the basis."""
         if vectors.shape[1]:
@@ -117,7 +124,7 @@ class _Known:
             return self._system
         system, fresh = self._system, np.hstack([vectors for vectors, _ in self._blocks[1:]])
         basis, n = np.hstack([system.basis, fresh]), system.size
-        columns = projected_terms(system.assembly, basis, fresh)
+        columns = projected_columns(system.assembly, basis, fresh)
 
         def grown(term: ReducedTerm, full: Term) -> NDArray[np.float64]:
             matrix = np.zeros((basis.shape[1], basis.shape[1]))
@@ -131,7 +138,7 @@ class _Known:
 
 
 def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> NDArray[np.float64]:
-    """Return the elastic modes at `theta` of all equations, from those of the reduced ones; none where these are right.
+    """Return the elastic modes at `theta` of all equations, of unit energy; none where those of the basis are right.
 
     Raises
     ------
@@ -149,7 +156,7 @@ def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -
     now, modes = values[elastic], system.basis @ vectors[:, elastic]
     space, mass_space = orthonormalize(np.hstack([system.basis[:, :N_RIGID], modes]), mass)
     force, turn = assembly.apply(stiffness, space), mass_space.T @ modes
-    for step in range(_MOST_STEPS):
+    for step in range(_MOST_STEPS):  # noqa: B007 -- used after it
         answer = factor.solve(force @ turn - mass_space @ (turn * now))
         block, mass_block = orthonormalize(answer, mass, [(space, mass_space)])
         space, mass_space = np.hstack([space, block]), np.hstack([mass_space, mass_block])
@@ -158,8 +165,11 @@ def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -
         found, every = la.eigh((projected + projected.T) / 2.0)
         before, now, turn = now, found[elastic], every[:, elastic]
         if np.all(before - now < _TOLERANCE * np.abs(now)):
-            return space @ turn if step else np.empty((space.shape[0], 0))
-    return space @ turn
+            break
+    if step == 0:
+        return np.empty((space.shape[0], 0))
+    soft = SOFT * shear_shift(assembly.stack, theta)
+    return np.asarray(space @ turn / np.sqrt(np.maximum(now, soft)))
 
 
 @functools.lru_cache(maxsize=1)  # a search asks for it again and again

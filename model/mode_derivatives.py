@@ -49,6 +49,22 @@ class Derivatives:
         )
 
     @classmethod
+    def steady(
+        cls, eigenvalue: NDArray[np.float64], coordinate: NDArray[np.float64], n_parameter: int
+    ) -> Derivatives:
+        """Return modes that no parameter changes, undamped: rigid-body motion, of which any mixture is as good."""
+        n, n_mode = coordinate.shape
+        return cls(
+            eigenvalue=eigenvalue,
+            coordinate=coordinate,
+            modal_damping=np.zeros(n_mode),
+            coupling=np.zeros(n_mode),
+            d_eigenvalue=np.zeros((n_mode, n_parameter)),
+            d_coordinate=np.zeros((n, n_mode, n_parameter)),
+            d_modal_damping=np.zeros((n_mode, n_parameter)),
+        )
+
+    @classmethod
     def joined(cls, parts: list[Derivatives]) -> Derivatives:
         """Return the modes of all parts, in their order."""
         axis = {"coordinate": 1, "d_coordinate": 1}

@@ -55,7 +55,7 @@ class Modes:
     frequency_gradient, damping_gradient : (n_mode, n_parameter) float
         Derivatives by each parameter, Hz and 1 per unit of the parameter.
     shape_gradient : (n_dof, n_mode, n_parameter) float
-        Derivatives of the shapes.
+        Derivatives of the shapes; 0 of rigid-body motion, of which the solver returns any mixture.
     coordinate : (n_basis, n_mode) float
         The modes in the coordinates of the reduced system.
     outside : tuple of str
@@ -164,7 +164,7 @@ def solve_modes(
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     observed = observe(system, observation)
     names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
-    rigid = mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid))
+    rigid = Derivatives.steady(eigenvalues[:n_rigid], vectors[:, :n_rigid], len(names))
     if OMEGA not in theta:
         elastic = mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
     elif any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):

@@ -22,40 +22,69 @@ from model.threads import threaded
 Vector = NDArray[np.float64]
 
 _DENSE = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
+_COLUMNS, _IMAGES = (
+    48,
+    256,
+)  # vectors that a term is applied to at once, and images in one product with a basis
 _STRIPS = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
 
 
-def projected_terms(assembly: Assembly, left: Vector, right: Vector) -> dict[int, Vector]:
-    """Return left' A right, (n, m), of every term's matrix A, by the identity of its Kronecker products.
+def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
+    """Return basis' A basis, (n, n), of every term's matrix A, by the identity of its Kronecker products.
 
     Parameters
     ----------
     assembly : Assembly
         Equations of motion.
-    left, right : (assembly.size, n) and (assembly.size, m)
-        The bases; where they are one object, its symmetry is used.
+    basis : (assembly.size, n)
+        The basis.
     """
     order = {f: np.argsort(assembly.plan.abscissa(f), kind="stable") for f in FIELDS}
-    right_parts = _by_field(assembly, right, order)
-    left_parts = right_parts if left is right else _by_field(assembly, left, order)
+    parts = _by_field(assembly, basis, order)
     terms = {id(term.krons): {_key(kron): kron for kron in collected(term.krons)} for term in assembly.terms}
     distinct = {key: kron for krons in terms.values() for key, kron in krons.items()}
 
-    def one(row: Field, column: Field, z: Vector, planar: sp.csr_matrix) -> Vector:
-        here = planar[order[row]][:, order[column]]
-        return _product(left_parts[row], z, here, right_parts[column])
-
     def projected(kron: Kron) -> Vector:
         z = kron.z.toarray() if sp.issparse(kron.z) else kron.z
-        found = one(kron.row, kron.column, z, kron.planar)
-        if kron.row == kron.column:
-            return found
-        return found + (found.T if left is right else one(kron.column, kron.row, z.T, kron.planar.T.tocsr()))
+        here = kron.planar[order[kron.row]][:, order[kron.column]]
+        found = _product(parts[kron.row], z, here, parts[kron.column])
+        return found if kron.row == kron.column else found + found.T
 
     found = dict(zip(distinct, threaded(projected, distinct.values()), strict=True))
+    n = basis.shape[1]
     return {
-        which: sum((found[key] for key in krons), start=np.zeros((left.shape[1], right.shape[1])))
-        for which, krons in terms.items()
+        which: sum((found[key] for key in krons), start=np.zeros((n, n))) for which, krons in terms.items()
+    }
+
+
+def projected_columns(assembly: Assembly, basis: Vector, fresh: Vector) -> dict[int, Vector]:
+    """Return basis' A fresh, (n, m), of every term's matrix A, by the identity of its Kronecker products.
+
+    Images of several terms stand side by side in one product with the basis: few columns alone make a slow one.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion.
+    basis, fresh : (assembly.size, n) and (assembly.size, m)
+        The basis, and some vectors.
+    """
+    krons = {id(term.krons): term.krons for term in assembly.terms}
+    blocks = np.array_split(fresh, -(-fresh.shape[1] // _COLUMNS), axis=1)
+    n_term = max(_IMAGES // blocks[0].shape[1], 1)
+    which = [list(krons)[i : i + n_term] for i in range(0, len(krons), n_term)]
+
+    def projected(of: tuple[list[int], Vector]) -> Vector:
+        group, block = of
+        images = np.hstack([assembly.apply(krons[term], block) for term in group])
+        return np.asarray((basis.T @ images).reshape(basis.shape[1], len(group), -1))
+
+    found = threaded(projected, [(group, block) for group in which for block in blocks])
+    rows = (found[i : i + len(blocks)] for i in range(0, len(found), len(blocks)))
+    return {
+        term: np.hstack([part[:, i] for part in row])
+        for group, row in zip(which, rows, strict=True)
+        for i, term in enumerate(group)
     }
 
 

@@ -201,8 +201,8 @@ def reduce(
         strained = np.flatnonzero(values[:n_mode] > FREE * shift)
         modes.append(vectors[:, strained] / np.sqrt(values[strained]))
     basis, mass_basis = orthonormalize(rigid, product)
-    leading = _leading(np.hstack(modes), assembly, middle)
-    block, mass_block = orthonormalize(leading, product, [(basis, mass_basis)])
+    principal = leading(np.hstack(modes), assembly, middle)
+    block, mass_block = orthonormalize(principal, product, [(basis, mass_basis)])
     basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
     for effects, at in (
         (stack.effects, middle),
@@ -231,7 +231,7 @@ def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[Reduc
     """
     matrices = {
         which: _without_rounding(_symmetric(matrix))
-        for which, matrix in projected_terms(assembly, basis, basis).items()
+        for which, matrix in projected_terms(assembly, basis).items()
     }
     return tuple(
         ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
@@ -239,10 +239,20 @@ def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[Reduc
     )
 
 
-def _leading(
+def leading(
     modes: NDArray[np.float64], assembly: Assembly, theta: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Return the directions, normalised, in which modes of unit energy have more than next to nothing."""
+    """Return the directions, normalised, in which modes of unit energy have more than next to nothing.
+
+    Parameters
+    ----------
+    modes : (assembly.size, n)
+        The modes, or what they are beside a basis.
+    assembly : Assembly
+        Equations of motion after reduction over z.
+    theta : mapping of str to float
+        Parameters at which the energy is that of the strained stack.
+    """
     shift = SOFT * shear_shift(assembly.stack, theta)
     image = assembly.apply(assembly.krons("K", theta), modes)
     image += shift * assembly.apply(assembly.krons("M", theta), modes)

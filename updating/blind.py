@@ -13,7 +13,7 @@ import numpy as np
 import model
 from ema.modes import ModalModel
 from model import Effect, Parameter, SolveError
-from updating.candidates import CandidateModel, candidate_model, instruments_of
+from updating.candidates import CandidateModel, instruments_of
 from updating.coordinates import coordinate_of
 from updating.diagnosis import WORTH
 from updating.evidence import Evidence
@@ -21,6 +21,7 @@ from updating.exclusion import ruled_out
 from updating.experiment import aids
 from updating.explanation import Explanation, explain
 from updating.gathering import Campaigned, gather
+from updating.kept_model import kept_model
 from updating.residual import residual
 from updating.search import VISIBLE, Search, search
 from updating.verdict import decide
@@ -161,7 +162,7 @@ def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateM
     test = blind_test(specification, 0, (), {})
     modes: ModalModel = played(test)[0][2]
     stack = model.read_stack(specification.parent / test.stack_file)
-    return candidate_model(stack, instruments_of(modes), effects, aids())
+    return kept_model(stack, instruments_of(modes), effects, aids())
 
 
 @cache

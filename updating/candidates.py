@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -25,6 +26,8 @@ from model import (
     with_attachment_modes,
 )
 from updating.workers import distribute
+
+_LOG = logging.getLogger(__name__)
 
 G_F_RANGE = (300.0, 6000.0)
 """Contact stiffness parameters, Pa/Pa, for which the model is reduced: three times beyond Table 6 of the paper."""
@@ -94,6 +97,7 @@ def candidate_model(
     executor : Executor, optional
         What reduces the stack on a finer mesh while this process reduces it with all effects.
     """
+    _LOG.info("reduce the model with %d effects", len(effects))
     base = replace(stack, instruments=instruments)
     small = assemble(replace(base, mesh=replace(base.mesh, n_x=2, n_y=1)))
     possible, impossible = {}, {}

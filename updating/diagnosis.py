@@ -8,7 +8,7 @@ data cannot tell apart is reported as a set.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ema.threads import single_threaded
 from model import Effect, Stack
 from updating.adequacy import block_p_value, p_value
-from updating.candidates import candidate_model, instruments_of
+from updating.candidates import CandidateModel, candidate_model, instruments_of
 from updating.chance import chance_of_gain
 from updating.diagnosis_text import sentences
 from updating.errors import FitError
@@ -132,6 +132,7 @@ def diagnose(
     *,
     scatter: Scatter | None = None,
     executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
 ) -> Diagnosis:
     """Say which effect of a catalogue the model of a stack lacks.
 
@@ -147,6 +148,8 @@ def diagnose(
         What separates a right model from a right measurement.
     executor : Executor, optional
         What takes a part of the work, such as `workers`; by default this process does it all.
+    reduced : callable
+        `candidate_model`, or `kept_model`, which keeps the model for the next diagnosis of the same stack.
 
     Raises
     ------
@@ -160,9 +163,7 @@ def diagnose(
         raise FitError(message)
     for _, _, modes in tested:
         require_points(modes)
-    instruments = instruments_of(tested[0][2])
-    _LOG.info("reduce the model with %d effects", len(effects))
-    candidates = candidate_model(stack, instruments, effects, aids(), executor)
+    candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)
     return conclude(gather(candidates, tested, scatter=scatter), executor)
 
 

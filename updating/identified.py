@@ -88,10 +88,7 @@ def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> 
 
 
 def identified(assigned: Assignment) -> Identified:
-    """Identify one configuration and write it.
-
-    What an earlier run left is read back if the same version made it from the same files with the same options, so
-    that an interrupted run goes on where it stopped.
+    """Identify one configuration and write it, or read back what an earlier run left, see `read_back`.
 
     Raises
     ------
@@ -100,25 +97,46 @@ def identified(assigned: Assignment) -> Identified:
     MeasurementError, IdentificationError
         See `ema.identify`.
     """
-    campaign, folder, poles = assigned.campaign, assigned.folder, assigned.poles
-    configuration = assigned.configuration
-    states = (configuration, *configuration.force_levels)
-    files = [file for state in states for group in state.files for file in group.files]
-    files += [] if poles is None else [poles]
-    inputs = (campaign.path, campaign.points, *files)
-    asked = {"band_Hz": campaign.identification.band, "order": campaign.identification.order}
-    options = {name: value for name, value in asked.items() if value is not None}
+    earlier = read_back(assigned)
+    if earlier is not None:
+        return earlier
+    folder, poles, configuration = assigned.folder, assigned.poles, assigned.configuration
+    by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
+    (found,) = identify(assigned.campaign, by_hand)
+    modes, checks = found.modal_model, quality(found)
+    inputs, options = _made_from(assigned)
+    write_frf(folder / "measurement.npz", found.measurement.frf)
+    write_result(folder / "quality.json", checks, inputs=inputs, options=options)
+    # last, for it tells that the others are there
+    write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
+    return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
+
+
+def read_back(assigned: Assignment) -> Identified | None:
+    """Return what an earlier run left of a configuration, so that an interrupted run goes on where it stopped.
+
+    None if anything is missing, or another version made it, or from other files or with other options.
+    """
+    folder = assigned.folder
+    inputs, options = _made_from(assigned)
     modes = read_current(folder / "modal_model.json", ModalModel, inputs=inputs, options=options)
     checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options)
     if modes is None or checks is None or not (folder / "measurement.npz").exists():
-        by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
-        (found,) = identify(campaign, by_hand)
-        modes, checks = found.modal_model, quality(found)
-        write_frf(folder / "measurement.npz", found.measurement.frf)
-        write_result(folder / "quality.json", checks, inputs=inputs, options=options)
-        # last, for it tells that the others are there
-        write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
-    return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
+        return None
+    return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)
+
+
+def _made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]]:
+    """Return the files and the options that the results of a configuration depend on."""
+    campaign, configuration = assigned.campaign, assigned.configuration
+    states = (configuration, *configuration.force_levels)
+    files = [file for state in states for group in state.files for file in group.files]
+    files += [] if assigned.poles is None else [assigned.poles]
+    asked = {"band_Hz": campaign.identification.band, "order": campaign.identification.order}
+    return (
+        (campaign.path, campaign.points, *files),
+        {name: value for name, value in asked.items() if value is not None},
+    )
 
 
 def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, Path]:

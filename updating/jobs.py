@@ -38,11 +38,13 @@ from updating.effect_option import with_named_effects
 from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
-from updating.identified import Assignment, Identified, assignments, identified
+from updating.identified import Assignment, Identified, assignments, identified, read_back
+from updating.kept_model import kept_model
 from updating.modal_table import TableFit, TableRow, fit_row, read_modal_table
 from updating.plot import as_png
 from updating.progress import progress
 from updating.report.page import write_report
+from updating.scan import MESSAGES
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, kept, read_frf, write_bytes, write_result
@@ -211,19 +213,28 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
         )
         raise FitError(message)
     assigned = assignments(campaign, output)
-    tests = tuple(in_parallel(identified, assigned, "identify", console))
+    tests = _identified(assigned, console)
     tested = [
         (found.configuration.name, state.contact.pressure, found.modal_model)
         for state, found in zip(states, tests, strict=True)
     ]
 
     def make() -> Diagnosis:
-        with workers(2) as executor, progress("diagnose", console):
-            return diagnose_stack(replace(stack, height=states[0].height), tested, known, executor=executor)
+        with workers(MESSAGES) as executor, progress("diagnose", console):
+            own = replace(stack, height=states[0].height)
+            return diagnose_stack(own, tested, known, executor=executor, reduced=kept_model)
 
     modal = (found.folder / "modal_model.json" for found in tests)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *modal)
     return kept(output / "diagnosis.json", Diagnosis, make, inputs=inputs, options={})
+
+
+def _identified(assigned: Sequence[Assignment], console: Console) -> tuple[Identified, ...]:
+    """Read back what an earlier run left, and identify the others in parallel, for which processes have to start."""
+    earlier = [read_back(each) for each in assigned]
+    new = [each for each, found in zip(assigned, earlier, strict=True) if found is None]
+    made = iter(tuple(in_parallel(identified, new, "identify", console)))
+    return tuple(next(made) if found is None else found for found in earlier)
 
 
 def report(folder: Path) -> Path:

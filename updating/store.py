@@ -208,14 +208,24 @@ def read_frf(path: Path) -> FRF:
         raise StoreError(message) from error
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of this program, down to its files, and of what its numbers depend on."""
+    found = {name: version(name) for name in ("lamella", "numpy", "scipy")}
+    found["lamella"] += f"+{_code_digest()}"
+    return found
+
+
+def digest(result: object) -> str:
+    """Return the SHA-256 of what a result, frozen data types and plain values, would be written as."""
+    return hashlib.sha256(json.dumps(_CONVERTER.unstructure(result)).encode()).hexdigest()
+
+
 def _provenance(inputs: tuple[Path, ...], options: Mapping[str, object]) -> dict[str, Any]:
-    versions = {name: version(name) for name in ("lamella", "numpy", "scipy")}
-    versions["lamella"] += f"+{_code_digest()}"
     files = dict.fromkeys(inputs)
     # as much of each path as tells them apart
     depth = next(n for n in count(1) if len({file.parts[-n:] for file in files}) == len(files))
     return {
-        "versions": versions,
+        "versions": versions(),
         "inputs": {"/".join(file.parts[-depth:]): _sha256(file) for file in files},
         "options": dict(options),
     }

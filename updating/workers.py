@@ -171,6 +171,8 @@ def _pool(n_process: int) -> Iterator[Executor]:
     context = get_context("spawn")
     ended, end = context.Pipe(duplex=False)
     executor = _Processes(n_process, context, ended)
+    for _ in range(n_process):  # start them now, for they import long
+        executor.submit(os.getpid)
     try:
         yield executor
         executor.shutdown()

@@ -9,7 +9,7 @@ import model
 from model.effect_basis import shaping
 from model.effect_parts import turn_of
 from model.normal_contact import normal_krons
-from model.projection import projected_terms
+from model.projection import projected_columns, projected_terms
 from model.solver import solver_over_laminas, solver_over_plan
 from model.system import Product
 from model.tangential_contact import tangential_krons
@@ -98,11 +98,12 @@ def test_projection_agrees_with_the_full_sparse_matrices():
     stack = STACK.with_effects("edge_pressure", "stinger_mass", edge_excess=0.4, stinger_moving_mass=0.1)
     assembly = model.assemble(stack)
     rng = np.random.default_rng(3)
-    left, right = rng.standard_normal((2, assembly.size, 5))
-    for other in (right[:, :4], left):  # one basis on both sides is a case of its own
-        found = projected_terms(assembly, left, other)
-        for term in assembly.terms:
-            expected = left.T @ (assembly.sparse_sum(term.krons) @ other)
+    basis, fresh = rng.standard_normal((assembly.size, 5)), rng.standard_normal((assembly.size, 101))
+    square, columns = projected_terms(assembly, basis), projected_columns(assembly, basis, fresh)
+    for term in assembly.terms:
+        matrix = assembly.sparse_sum(term.krons)
+        for found, right in ((square, basis), (columns, fresh)):
+            expected = basis.T @ (matrix @ right)
             np.testing.assert_allclose(found[id(term.krons)], expected, atol=1e-12 * abs(expected).max())
 
 
