@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from updating.blind import WRONG_FORM, Case, run
-from updating.blind_figures import figures
+from updating.blind_figures import figures, held_out_errors
 from updating.errors import StoreError
 from updating.store import write_bytes
 from updating.workers import workers
@@ -107,9 +107,18 @@ def recorded(output: Path) -> tuple[Case, ...]:
 def figures_table(cases: Sequence[Case]) -> Table:
     """Print how often the diagnosis was right, with 95 % intervals, beside the targets."""
     named = [len(c.candidates) for c in cases if c.kind == "single" and c.candidates]
-    size = f"mean size of the set {np.mean(named):.2f}, target 1.5" if named else ""
+    said = [f"mean size of the set {np.mean(named):.2f}, target 1.5"] if named else []
+    base, with_named, true = held_out_errors(cases)
+    if np.isfinite(base):
+        said.append(
+            "median error of what is held out, in standard deviations: "
+            f"refit only {base:.2f}, with what is named {with_named:.2f}, with the true effect {true:.2f}"
+        )
     table = Table(
-        title=f"{len(cases)} blind cases", title_justify="left", caption=size, caption_justify="left"
+        title=f"{len(cases)} blind cases",
+        title_justify="left",
+        caption="\n".join(said),
+        caption_justify="left",
     )
     for name in ("figure", "measured", "of", "95 %", "target"):
         table.add_column(name, justify="left" if name in ("figure", "target") else "right")

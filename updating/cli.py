@@ -14,7 +14,15 @@ from rich.text import Text
 from ema.threads import single_threaded
 from model import catalogue, find_effects
 from updating import blind_jobs, effect_jobs, jobs, tables, update_job
-from updating.cli_options import CampaignFile, Cluster, EffectFiles, Folder, ResultsFolder, SharedEffects
+from updating.cli_options import (
+    CampaignFile,
+    Cluster,
+    EffectFiles,
+    Folder,
+    ResultsFolder,
+    ScatterFile,
+    SharedEffects,
+)
 from updating.errors import LAMELLA_ERRORS
 from updating.identified import Identified
 from updating.modal_table import is_modal_table
@@ -274,12 +282,13 @@ def diagnose(
     campaign: CampaignFile,
     output: Folder,
     effect_file: EffectFiles = None,
+    scatter: ScatterFile = None,
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
     All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
     """
-    found = jobs.diagnose(campaign, output, effect_file or [], _OUT)
+    found = jobs.diagnose(campaign, output, effect_file or [], _OUT, scatter)
     for sentence in found.sentences:
         _OUT.print(sentence, highlight=False)
     _OUT.print(tables.diagnosis_table(found))
@@ -293,12 +302,13 @@ def next_test(
     campaign: CampaignFile,
     output: Folder,
     effect_file: EffectFiles = None,
+    scatter: ScatterFile = None,
 ) -> None:
     """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open.
 
     The diagnosis is made where the folder has none of this campaign.
     """
-    found = jobs.diagnose(campaign, output, effect_file or [], _OUT)
+    found = jobs.diagnose(campaign, output, effect_file or [], _OUT, scatter)
     if not found.next_tests:
         _OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
         return

@@ -34,6 +34,15 @@ EffectFiles = Annotated[
         help="Python file that ends in EFFECT = Effect(...), whose code runs; may be given several times.",
     ),
 ]
+ScatterFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--scatter",
+        metavar="FILE",
+        help="What separates a right model from a right measurement (TOML), where your laboratory knows better.",
+        show_default=False,
+    ),
+]
 Cluster = Annotated[
     str | None,
     typer.Option(

@@ -45,6 +45,7 @@ from updating.plot import as_png
 from updating.progress import progress
 from updating.report.page import write_report
 from updating.scan import MESSAGES
+from updating.scatter_file import read_scatter
 from updating.shape_class import class_grid, shape_classes
 from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, kept, read_frf, write_bytes, write_result
@@ -196,11 +197,18 @@ def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Pat
     return kept(path, TableFit, partial(fit_row, row, shape_class), inputs=inputs, options={})
 
 
-def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], console: Console) -> Diagnosis:
+def diagnose(
+    campaign_file: Path,
+    output: Path,
+    effect_files: Sequence[Path],
+    console: Console,
+    scatter_file: Path | None = None,
+) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json.
 
     What an earlier run left is read back.
     """
+    scatter = None if scatter_file is None else read_scatter(scatter_file)
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a diagnosis")
     stack, known = read_stack(stack_file), catalogue(effect_files)
@@ -222,10 +230,11 @@ def diagnose(campaign_file: Path, output: Path, effect_files: Sequence[Path], co
     def make() -> Diagnosis:
         with workers(MESSAGES) as executor, progress("diagnose", console):
             own = replace(stack, height=states[0].height)
-            return diagnose_stack(own, tested, known, executor=executor, reduced=kept_model)
+            return diagnose_stack(own, tested, known, scatter=scatter, executor=executor, reduced=kept_model)
 
     modal = (found.folder / "modal_model.json" for found in tests)
-    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *modal)
+    stated = () if scatter_file is None else (scatter_file,)
+    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
     return kept(output / "diagnosis.json", Diagnosis, make, inputs=inputs, options={})
 
 

@@ -1,0 +1,36 @@
+"""A laboratory states what separates its right models from its right measurements."""
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from updating.errors import FitError
+from updating.evidence import Scatter
+from updating.scatter_file import read_scatter
+
+
+def test_what_is_stated_counts_and_the_rest_stays(tmp_path):
+    (tmp_path / "scatter.toml").write_text("stiffness = 0.1\nheight = 0.005\n", encoding="utf-8")
+    assert read_scatter(tmp_path / "scatter.toml") == Scatter(stiffness=0.1, height=0.005)
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"), [("yung = 0.1", "did you mean 'young'"), ("young = 0.0", "greater than 0")]
+)
+def test_a_faulty_line_is_named(tmp_path, line, fault):
+    (tmp_path / "scatter.toml").write_text(line, encoding="utf-8")
+    with pytest.raises(FitError, match=fault):
+        read_scatter(tmp_path / "scatter.toml")
+
+
+def test_the_documents_list_every_number():
+    text = (Path(__file__).parents[2] / "docs/formats.md").read_text(encoding="utf-8")
+    section = text.partition("(`lamella diagnose --scatter`)")[2].partition("\n## ")[0]
+    listed = re.findall(r"`(\w+)`(?: and `(\w+)`)? ([\d.e-]*\d)(?: and `(\w+)` ([\d.e-]*\d))?", section)
+    found = {}
+    for first, second, number, other, of_other in listed:
+        found |= {name: float(number) for name in (first, second) if name}
+        found |= {other: float(of_other)} if other else {}
+    assert found == {field.name: field.default for field in fields(Scatter)}
