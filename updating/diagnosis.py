@@ -28,6 +28,7 @@ from updating.experiment import NextTest, aids, rank_tests
 from updating.explanation import Explanation, best_of
 from updating.gathering import Campaigned, Gathered, gather
 from updating.pairing import require_points
+from updating.point_change import PointChange
 from updating.ranking import Ranked, rank
 from updating.search import VISIBLE, search
 from updating.sensor_gain import SensorGain, sensor_gains
@@ -78,6 +79,8 @@ class Diagnosis:
         The explanations that the data cannot tell apart; one where identified, none where nothing is missing.
     in_doubt : tuple of str
         A second effect beside the one that is named: it leaves less, but the form of the first may account for that.
+    point_change : PointChange, optional
+        Where nothing of the catalogue is like it for this reason alone: what is left looks like this.
     p_value : float
         Probability of a misfit as large as the base model's if nothing were missing.
     block_p_value : mapping of str to float
@@ -109,6 +112,7 @@ class Diagnosis:
     verdict: Verdict
     set: tuple[tuple[str, ...], ...]
     in_doubt: tuple[str, ...]
+    point_change: PointChange | None
     p_value: float
     block_p_value: Mapping[str, float]
     chance: float
@@ -184,6 +188,7 @@ def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
         in_doubt=decision.doubt.effects if decision.doubt else (),
+        point_change=decision.point,
         p_value=p_value(base),
         block_p_value={kind: block_p_value(base, kind) for kind in ("frequency", "damping", "shape")},
         chance=chance,

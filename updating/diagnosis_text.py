@@ -10,6 +10,7 @@ from updating.adequacy import p_value
 from updating.chance import DRAWS
 from updating.experiment import NextTest
 from updating.explanation import Explanation
+from updating.point_change import PointChange
 from updating.ranking import Ranked
 from updating.sensor_gain import SensorGain
 from updating.verdict import Decision, Doubt
@@ -63,7 +64,9 @@ def sentences(
         text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
     if decision.doubt is not None:
         text.append(_doubtful(decision.doubt, left[0]))
-    if verdict == "unlike anything":
+    if decision.point is not None:
+        text.append(_at_a_point(decision.point))
+    elif verdict == "unlike anything":
         closest = [x for x in ranking if x.effects][:1]
         tail = (
             f" The closest, {_named(closest[0].effects)}, leaves {_percent(closest[0].frequency_error)}."
@@ -134,6 +137,17 @@ def _doubtful(doubt: Doubt, named: Explanation) -> str:
         f"{second} beside it would lower the squared misfit by {doubt.gain:.0f} more. What the form of "
         f"{_named(named.effects)} may be off by accounts for up to {doubt.least:.0f}, so {second} may be there "
         "and is not named."
+    )
+
+
+def _at_a_point(own: PointChange) -> str:
+    """Say where something is that no effect of the catalogue explains."""
+    size = f"{1e3 * abs(own.size):.2g} g" if own.kind == "mass" else f"{abs(own.size):.2g} N/m"
+    what = f"{size} {'more' if own.size > 0.0 else 'less'} {'mass' if own.kind == 'mass' else 'stiffness'}"
+    return (
+        f"This is unlike anything in the catalogue: what {_named(own.beside)} leaves looks like {what} at or near "
+        f"point {own.node} in the measured direction, which lowers the squared misfit by {own.gain:.0f}. Where nothing "
+        f"is missing, some point does as much in {_chance(own.chance)} cases. Look there."
     )
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 from updating.adequacy import P_ADEQUATE, p_value
 from updating.explanation import Z90, Explanation, best_of
+from updating.point_change import P_POINT, PointChange, point_change
 from updating.search import Search
 
 Verdict = Literal["nothing missing", "identified", "one of", "unlike anything"]
@@ -52,11 +53,14 @@ class Decision:
         What the data cannot tell apart, the best first; none where nothing is missing or nothing is like it.
     doubt : Doubt, optional
         Where one effect is named, a second one that would leave less, but not by enough to be named itself.
+    point : PointChange, optional
+        Where nothing is like it for this reason alone: what is left looks like a mass or a spring at one point.
     """
 
     verdict: Verdict
     left: tuple[Explanation, ...]
     doubt: Doubt | None = None
+    point: PointChange | None = None
 
 
 def decide(found: Search) -> Decision:
@@ -69,11 +73,16 @@ def decide(found: Search) -> Decision:
     if not needed and base.misfit - pair.misfit > GAIN_SINGLE + GAIN_SECOND:
         needed = second = True
     if not needed:
-        complete = p_value(base) > P_ADEQUATE and not found.evidence.lacking
-        return Decision(verdict="nothing missing" if complete else "unlike anything", left=())
+        if p_value(base) <= P_ADEQUATE or found.evidence.lacking:
+            return Decision(verdict="unlike anything", left=())
+        point = _at_a_point(found, base)
+        return Decision(verdict="unlike anything" if point else "nothing missing", left=(), point=point)
     best, among = (pair, found.pairs) if second else (single, found.singles)
     if p_value(best) < P_ADEQUATE:
         return Decision(verdict="unlike anything", left=())
+    point = _at_a_point(found, best)
+    if point is not None:
+        return Decision(verdict="unlike anything", left=(), point=point)
     left = tuple(sorted((x for x in among if x.misfit - best.misfit < SEPARATE**2), key=lambda x: x.misfit))
     beside = tuple(name for name in pair.effects if name not in single.effects)
     doubtful = not second and gain > GAIN_SECOND and len(beside) == 1
@@ -84,9 +93,17 @@ def decide(found: Search) -> Decision:
     )
 
 
+def _at_a_point(found: Search, own: Explanation) -> PointChange | None:
+    """Return the change at a point that an explanation leaves beyond chance and beyond what its form may be off by."""
+    point = point_change(found.evidence, own)
+    return point if point.chance < P_POINT and point.gain > _by_form(found, own) else None
+
+
 def _least_of_second(found: Search, single: Explanation) -> float:
     """Return the fall of the squared misfit that a second effect must bring beside the best single one."""
-    if p_value(single) <= P_ADEQUATE:
-        return GAIN_SECOND
-    fall = max(found.base.misfit - single.misfit, 0.0)
-    return GAIN_SECOND + (Z90 * found.evidence.scatter.form) ** 2 * fall
+    return GAIN_SECOND + (0.0 if p_value(single) <= P_ADEQUATE else _by_form(found, single))
+
+
+def _by_form(found: Search, own: Explanation) -> float:
+    """Return the fall of the squared misfit that may be due to the form of an explanation's effects."""
+    return (Z90 * found.evidence.scatter.form) ** 2 * max(found.base.misfit - own.misfit, 0.0)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from updating import verdict
-from updating.diagnosis_text import _doubtful
+from updating.diagnosis_text import _at_a_point, _doubtful
 from updating.evidence import Evidence
+from updating.point_change import PointChange
 from updating.verdict import decide
 
 
@@ -26,8 +27,16 @@ def found(first, second, form):
 
 
 @pytest.fixture(autouse=True)
-def every_fit_is_adequate(monkeypatch):
+def looked_at(monkeypatch):
+    """Every fit is adequate, and no point stands out: return what is said of points, to be changed."""
+    said = {"chance": 0.5}
     monkeypatch.setattr(verdict, "p_value", lambda own: 1.0)
+    monkeypatch.setattr(
+        verdict,
+        "point_change",
+        lambda _, at: PointChange(beside=at.effects, node=12, kind="mass", size=-0.0123, gain=24.0, **said),
+    )
+    return said
 
 
 def test_a_second_effect_that_brings_enough_is_named():
@@ -59,6 +68,28 @@ def test_a_model_that_lacks_a_measured_mode_is_not_complete(lacking, expected):
     nothing = found(9999.0, 9998.0, form=0.0)
     nothing.evidence.lacking = lacking
     assert decide(nothing).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("known", "beside"),
+    [(found(100.0, 99.0, 0.0), "clamp_inertia"), (found(9999.0, 9998.0, 0.0), "the base model")],
+)
+def test_what_is_left_at_one_point_is_unlike_anything_however_likely_the_whole(looked_at, known, beside):
+    looked_at["chance"] = 0.0004
+    decision = decide(known)
+    assert decision.verdict == "unlike anything"
+    assert decision.left == ()
+    assert _at_a_point(decision.point) == (
+        f"This is unlike anything in the catalogue: what {beside} leaves looks like 12 g less mass at or near point 12 "
+        "in the measured direction, which lowers the squared misfit by 24. Where nothing is missing, some point does "
+        "as much in 4 of 10000 cases. Look there."
+    )
+
+
+def test_what_the_form_of_a_strong_effect_may_be_off_by_is_nothing_at_a_point(looked_at):
+    """1.645 times 5 % of what brings 9900, squared: 67, more than the 24 of the point."""
+    looked_at["chance"] = 0.0004
+    assert decide(found(100.0, 99.0, form=0.05)).verdict == "identified"
 
 
 def test_a_mode_counts_as_lacking_amid_those_that_the_model_has():
