@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from updating import mixing
 from updating.explanation import Explanation
-from updating.residual import BLOCKS, Residual
+from updating.residual import Residual
 
 P_ADEQUATE = 0.05
 """A model that fits worse than this is not adequate: one effect asks for a second, and what stays so is unlike
@@ -48,21 +50,27 @@ def _p_value(found: Residual, inside: NDArray[np.bool_]) -> float:
     return float(chi2.sf(misfit * mean / half_variance, mean**2 / half_variance))
 
 
-def _worst_shape(found: Residual) -> float:
-    """Return the smallest probability of a misfit as large in one shape, times the number of shapes."""
-    label = np.where(found.kind == "shape", found.label, "")
-    shapes = np.setdiff1d(label, ("", *found.weak))
-    return min(1.0, shapes.size * min((_p_value(found, label == one) for one in shapes), default=1.0))
+def _worst(found: Residual, parts: Sequence[NDArray[np.bool_]]) -> float:
+    """Return the smallest probability of a misfit as large in one of some parts, times their number."""
+    return min(1.0, len(parts) * min((_p_value(found, part) for part in parts), default=1.0))
 
 
 def p_value(explanation: Explanation) -> float:
     """Return the probability of a misfit as large if the explanation were complete.
 
-    The smallest of the probabilities of each kind of data, of the worst shape alone, and of how the shapes lean towards
-    other modes, times their number (Bonferroni): what few frequencies say would be lost among the many shape
-    components, and what one shape says among those of all.
+    The smallest of the probabilities of each kind of data, of the worst shape, of the worst frequency or damping ratio
+    and of the worst nuisance alone, and of how the shapes lean towards other modes, times their number (Bonferroni):
+    what few frequencies say would be lost among the many shape components, what one shape says among those of all, and
+    that one nuisance has to leave what is known of it among those that stay.
     """
     found = explanation.residual
-    each = [*(block_p_value(explanation, kind) for kind in BLOCKS), _worst_shape(found)]
-    each.append(mixing.p_value(found.mixing))
+    shape = np.where(found.kind == "shape", found.label, "")
+    single = np.eye(found.value.size, dtype=bool)
+    each = [
+        *(block_p_value(explanation, kind) for kind in ("frequency", "damping", "shape")),
+        _worst(found, [shape == one for one in np.setdiff1d(shape, ("", *found.weak))]),
+        _worst(found, list(single[np.isin(found.kind, ("frequency", "damping"))])),
+        _worst(found, list(single[found.kind == "prior"])),
+        mixing.p_value(found.mixing),
+    ]
     return min(1.0, len(each) * min(each))
