@@ -80,6 +80,22 @@ def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confide
     assert found.set == ()
 
 
+def test_a_mass_that_no_effect_of_the_catalogue_is_shows_where_it_sits(candidates):
+    """10 g that move with the stack at the shaker: the misfit of all data together hides them."""
+    moving = model.catalogue()["stinger_mass"]
+    test = blind_test(SPECIFICATION, 15, (moving,), {moving.parameters[0].name: 0.01})
+    tested = played(test)[:2]
+    found = conclude(gather(candidates, tested))
+    assert found.verdict == "unlike anything"
+    assert found.p_value > 0.5
+    assert found.point_change.kind == "mass"
+    assert 0.002 < found.point_change.size < 0.02
+    points = dict(zip(tested[0][2].geometry.node, tested[0][2].geometry.coordinate, strict=True))
+    shaker = points[tested[0][2].input.node[0]]
+    assert np.linalg.norm(points[found.point_change.node] - shaker) < 0.03
+    assert f"at or near point {found.point_change.node}" in found.sentences[2]
+
+
 def test_what_the_mesh_is_off_by_is_taken_out(candidates):
     """Data without noise, of a mesh 5/3 times finer, hold three quarters of the fit's error, which is extrapolated."""
     test = replace(blind_test(SPECIFICATION, 14, (), {}), spread={})
