@@ -156,7 +156,7 @@ def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -
     now, modes = values[elastic], system.basis @ vectors[:, elastic]
     space, mass_space = orthonormalize(np.hstack([system.basis[:, :N_RIGID], modes]), mass)
     force, turn = assembly.apply(stiffness, space), mass_space.T @ modes
-    for step in range(_MOST_STEPS):  # noqa: B007 -- used after it
+    for step in range(_MOST_STEPS):
         answer = factor.solve(force @ turn - mass_space @ (turn * now))
         block, mass_block = orthonormalize(answer, mass, [(space, mass_space)])
         space, mass_space = np.hstack([space, block]), np.hstack([mass_space, mass_block])
@@ -165,9 +165,9 @@ def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -
         found, every = la.eigh((projected + projected.T) / 2.0)
         before, now, turn = now, found[elastic], every[:, elastic]
         if np.all(before - now < _TOLERANCE * np.abs(now)):
+            if step == 0:
+                return np.empty((space.shape[0], 0))
             break
-    if step == 0:
-        return np.empty((space.shape[0], 0))
     soft = SOFT * shear_shift(assembly.stack, theta)
     return np.asarray(space @ turn / np.sqrt(np.maximum(now, soft)))
 

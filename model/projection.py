@@ -22,10 +22,8 @@ from model.threads import threaded
 Vector = NDArray[np.float64]
 
 _DENSE = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
-_COLUMNS, _IMAGES = (
-    48,
-    256,
-)  # vectors that a term is applied to at once, and images in one product with a basis
+_COLUMNS = 48  # vectors that a term is applied to at once
+_IMAGES = 256  # in one product with a basis
 _STRIPS = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
 
 

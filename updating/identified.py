@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+from rich.console import Console
 
 from ema import Campaign, Configuration, ModalModel, identify
 from ema.picking import read_poles
 from updating.errors import StoreError
 from updating.quality import Quality, quality
 from updating.store import folder_name, read_current, write_frf, write_result
+from updating.workers import in_parallel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,6 +114,24 @@ def identified(assigned: Assignment) -> Identified:
     # last, for it tells that the others are there
     write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
     return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
+
+
+def every_identified(
+    assigned: Sequence[Assignment], text: str, console: Console, cluster: str | None = None
+) -> tuple[Identified, ...]:
+    """Identify configurations in parallel, but read back what an earlier run left: processes take longer to start.
+
+    Parameters
+    ----------
+    assigned : sequence of Assignment
+        The configurations.
+    text, console, cluster
+        As in `in_parallel`.
+    """
+    earlier = [read_back(each) for each in assigned]
+    new = [each for each, found in zip(assigned, earlier, strict=True) if found is None]
+    made = iter(tuple(in_parallel(identified, new, text, console, cluster)))
+    return tuple(next(made) if found is None else found for found in earlier)
 
 
 def read_back(assigned: Assignment) -> Identified | None:

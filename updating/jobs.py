@@ -38,7 +38,7 @@ from updating.effect_option import with_named_effects
 from updating.errors import FitError
 from updating.fit import Fit
 from updating.fit import fit as fit_configuration
-from updating.identified import Assignment, Identified, assignments, identified, read_back
+from updating.identified import Assignment, Identified, assignments, every_identified, identified
 from updating.kept_model import kept_model
 from updating.modal_table import TableFit, TableRow, fit_row, read_modal_table
 from updating.plot import as_png
@@ -221,7 +221,7 @@ def diagnose(
         )
         raise FitError(message)
     assigned = assignments(campaign, output)
-    tests = _identified(assigned, console)
+    tests = every_identified(assigned, "identify", console)
     tested = [
         (found.configuration.name, state.contact.pressure, found.modal_model)
         for state, found in zip(states, tests, strict=True)
@@ -236,14 +236,6 @@ def diagnose(
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
     return kept(output / "diagnosis.json", Diagnosis, make, inputs=inputs, options={})
-
-
-def _identified(assigned: Sequence[Assignment], console: Console) -> tuple[Identified, ...]:
-    """Read back what an earlier run left, and identify the others in parallel, for which processes have to start."""
-    earlier = [read_back(each) for each in assigned]
-    new = [each for each, found in zip(assigned, earlier, strict=True) if found is None]
-    made = iter(tuple(in_parallel(identified, new, "identify", console)))
-    return tuple(next(made) if found is None else found for found in earlier)
 
 
 def report(folder: Path) -> Path:

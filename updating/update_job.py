@@ -20,7 +20,7 @@ from model.stack_file import stack_inputs
 from updating.effect_jobs import write_ledger
 from updating.errors import FitError
 from updating.fit import G_F_BOUNDS
-from updating.identified import assignments, identified
+from updating.identified import assignments, every_identified
 from updating.intervals import N_DRAW
 from updating.joint_fit import JointFit, joint_fit
 from updating.joint_plot import convergence_figure, correlation_figure
@@ -40,7 +40,7 @@ from updating.target import (
     target_of_table,
 )
 from updating.update_file import CampaignSection, UpdateFile, read_update_file
-from updating.workers import in_parallel, workers
+from updating.workers import workers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -179,7 +179,7 @@ def _targets(
             name=f"{name}/{one.configuration.name}" if several else one.configuration.name,
         )
         for state, one in zip(
-            states, in_parallel(identified, assigned, f"identify {name}", console, cluster), strict=True
+            states, every_identified(assigned, f"identify {name}", console, cluster), strict=True
         )
     ]
     return found, [file, *stack_inputs(stack_file)]
