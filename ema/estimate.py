@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
-from scipy import signal
 
 from ema.arrays import readonly
 from ema.errors import MeasurementError
@@ -126,6 +125,8 @@ def estimate_frf(
     MeasurementError
         Shapes do not fit, a block is longer than the records, or the force is zero.
     """
+    from scipy import signal  # here: it takes long to import, and most tests come as FRFs
+
     force, response = np.asarray(force, float), np.asarray(response, float)
     if force.ndim != 2 or response.ndim != 3 or response.shape[1:] != force.shape:
         message = (

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from ema.frf import FRF
 
@@ -47,6 +46,8 @@ def peaks(frf: FRF, channels: NDArray[np.int64]) -> list[Peak]:
     """
     if frf.frequency.size < 5 or not channels.size:
         return []
+    from scipy import signal  # here: it takes long to import, and few commands need it
+
     power = summed_power(frf, channels)
     power = np.maximum(power, 1e-12 * power.max())
     step = float(np.median(np.diff(frf.frequency)))

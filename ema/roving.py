@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
+import scipy.special as special
 from numpy.typing import NDArray
 
 from ema.frf import Quantity
@@ -159,8 +159,8 @@ def _visible(fit: Fit) -> NDArray[np.bool_]:
     # Per unit noise the two parts of a residue have nearly equal variance and no correlation.
     diagonal = np.diagonal(fit.linear_covariance, axis1=1, axis2=2)
     variance = 0.5 * (diagonal[:, index] + diagonal[:, index + 1]) * fit.noise[:, None] ** 2
-    return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > scipy.stats.chi2.isf(
-        VISIBLE, 2 * fit.residue.shape[0]
+    return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > special.chdtri(
+        2 * fit.residue.shape[0], VISIBLE
     )
 
 
@@ -186,5 +186,5 @@ def _disagreement(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArr
             centre = value[rank[np.searchsorted(weight, 0.5 * weight[-1])], r]
             # A median is pi / 2 times as uncertain, in variance, as the mean of normal numbers.
             spread = std[k, r] ** 2 + (0.5 * np.pi if others.size > 2 else 1.0) / weight[-1]
-            probability[k, r] = 2.0 * scipy.stats.norm.sf(abs(value[k, r] - centre) / np.sqrt(spread))
+            probability[k, r] = 2.0 * special.ndtr(-abs(value[k, r] - centre) / np.sqrt(spread))
     return np.minimum(1.0, probability * probability.size)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
-import scipy.stats
+import scipy.special as special
 from numpy.typing import NDArray
 
 from ema.frf import DERIVATIVE, Quantity
@@ -80,7 +80,7 @@ def significance_threshold(n_function: int, n_frequency: int) -> float:
 
     The pole itself is searched for: it adds two unknowns, and about as many independent places as lines.
     """
-    return float(scipy.stats.chi2.isf(FALSE_ALARM / n_frequency, 2 * n_function + 2))
+    return float(special.chdtri(2 * n_function + 2, FALSE_ALARM / n_frequency))
 
 
 def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdicts:

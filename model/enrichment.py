@@ -48,13 +48,20 @@ def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mo
     n_mode : int
         Modes of each sample, the six rigid-body modes included.
     """
-    known, modes = _Known(system), [np.empty((system.assembly.size, 0))]
+    known, corrections = _Known(system), []
     for sample in samples:
         with contextlib.suppress(SolveError):
-            modes.append(_corrected(system, {**system.theta, **sample}, n_mode))
-    together = np.hstack(modes)
-    if together.shape[1]:
-        known.add(leading(known.beside(together), system.assembly, system.theta))
+            corrections.append(_Correction(system, {**system.theta, **sample}, n_mode))
+    wrong = corrections
+    for _ in range(_MOST_STEPS):
+        if wrong:  # all at once, for the factor is large, and reading it takes longest
+            answers = nominal_factor(system.assembly).solve(np.hstack([c.unbalanced() for c in wrong]))
+            for correction, answer in zip(wrong, np.split(answers, len(wrong), axis=1), strict=True):
+                correction.improve(answer)
+            wrong = [c for c in wrong if not c.right]
+    better = [c.modes() for c in corrections if c.improved]
+    if better:
+        known.add(leading(known.beside(np.hstack(better)), system.assembly, system.theta))
     return known.extended()
 
 
@@ -137,41 +144,57 @@ class _Known:
         return system.rebased(basis, grown)
 
 
-def _corrected(system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> NDArray[np.float64]:
-    """Return the elastic modes at `theta` of all equations, of unit energy; none where those of the basis are right.
+class _Correction:
+    """The elastic modes of all equations at some parameters, sought in a space that grows from those of the basis.
 
     Raises
     ------
     SolveError
         The stiffness is negative.
     """
-    values, vectors, _ = reduced_eigenpairs(system, theta, n_mode)
-    assembly = acting(system.assembly, [theta])
-    stiffness, inertia = (assembly.krons(target, theta) for target in ("K", "M"))
 
-    def mass(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return assembly.apply(inertia, x)
+    right = False
+    """Whether the last improvement changed next to nothing."""
+    improved = False
+    """Whether any did more: the modes of the basis were not right."""
 
-    factor, elastic = _nominal_factor(system.assembly), slice(N_RIGID, n_mode)
-    now, modes = values[elastic], system.basis @ vectors[:, elastic]
-    space, mass_space = orthonormalize(np.hstack([system.basis[:, :N_RIGID], modes]), mass)
-    force, turn = assembly.apply(stiffness, space), mass_space.T @ modes
-    for step in range(_MOST_STEPS):
-        answer = factor.solve(force @ turn - mass_space @ (turn * now))
-        block, mass_block = orthonormalize(answer, mass, [(space, mass_space)])
-        space, mass_space = np.hstack([space, block]), np.hstack([mass_space, mass_block])
-        force = np.hstack([force, assembly.apply(stiffness, block)])
-        projected = space.T @ force
+    def __init__(self, system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> None:
+        values, vectors, _ = reduced_eigenpairs(system, theta, n_mode)
+        self._assembly = acting(system.assembly, [theta])
+        self._stiffness, self._inertia = (self._assembly.krons(target, theta) for target in ("K", "M"))
+        self._soft = SOFT * shear_shift(system.assembly.stack, theta)
+        self._elastic = slice(N_RIGID, n_mode)
+        self._now, modes = values[self._elastic], system.basis @ vectors[:, self._elastic]
+        start = np.hstack([system.basis[:, :N_RIGID], modes])
+        self._space, self._mass_space = orthonormalize(start, self._mass)
+        self._force = self._assembly.apply(self._stiffness, self._space)
+        self._turn = self._mass_space.T @ modes
+
+    def unbalanced(self) -> NDArray[np.float64]:
+        """Return the forces that the modes as they are leave unbalanced, (size, n)."""
+        return np.asarray(self._force @ self._turn - self._mass_space @ (self._turn * self._now))
+
+    def improve(self, answer: NDArray[np.float64]) -> None:
+        """Let the modes have what was answered to the unbalanced forces."""
+        block, mass_block = orthonormalize(answer, self._mass, [(self._space, self._mass_space)])
+        self._space = np.hstack([self._space, block])
+        self._mass_space = np.hstack([self._mass_space, mass_block])
+        self._force = np.hstack([self._force, self._assembly.apply(self._stiffness, block)])
+        projected = self._space.T @ self._force
         found, every = la.eigh((projected + projected.T) / 2.0)
-        before, now, turn = now, found[elastic], every[:, elastic]
-        if np.all(before - now < _TOLERANCE * np.abs(now)):
-            if step == 0:
-                return np.empty((space.shape[0], 0))
-            break
-    soft = SOFT * shear_shift(assembly.stack, theta)
-    return np.asarray(space @ turn / np.sqrt(np.maximum(now, soft)))
+        before, self._now, self._turn = self._now, found[self._elastic], every[:, self._elastic]
+        self.right = bool(np.all(before - self._now < _TOLERANCE * np.abs(self._now)))
+        self.improved = self.improved or not self.right
+
+    def modes(self) -> NDArray[np.float64]:
+        """Return the modes, of unit energy, (size, n)."""
+        return np.asarray(self._space @ self._turn / np.sqrt(np.maximum(self._now, self._soft)))
+
+    def _mass(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._assembly.apply(self._inertia, x)
 
 
 @functools.lru_cache(maxsize=1)  # a search asks for it again and again
-def _nominal_factor(assembly: Assembly) -> Factor:
+def nominal_factor(assembly: Assembly) -> Factor:
+    """Return the factor of the nominal stack that `enriched` corrects modes with: worth a call in an idle moment."""
     return shifted_factor(assembly, assembly.theta)

@@ -112,22 +112,18 @@ def mode_derivatives(
     slopes, damped = _images(
         system, theta, names, lambda matrix: vectors.T @ (matrix @ chosen), lam.size, omega
     )
-    d_eigenvalue, d_modal = np.zeros((2, lam.size, len(names)))
-    mixing = np.zeros((eigenvalues.size, lam.size, len(names)))
-    for j in range(len(names)):
-        coupling = slopes["K"][j] - slopes["M"][j] * lam
-        mixing[:, :, j] = coupling / apart
-        mixing[row, column, j] = -0.5 * slopes["M"][j][row, column]
-        d_eigenvalue[:, j] = coupling[row, column]
-        d_modal[:, j] = 2.0 * np.sum(mixing[:, :, j] * damped, axis=0) + slopes["C"][j][row, column]
+    coupling = slopes["K"] - slopes["M"] * lam  # (n_parameter, n, n_mode), as all below
+    mixing = coupling / apart
+    mixing[:, row, column] = -0.5 * slopes["M"][:, row, column]
+    d_modal = 2.0 * np.sum(mixing * damped, axis=1) + slopes["C"][:, row, column]
     return Derivatives(
         eigenvalue=lam,
         coordinate=chosen,
         modal_damping=damped[row, column],
         coupling=-np.sum(damped**2 / apart, axis=0),
-        d_eigenvalue=d_eigenvalue,
-        d_coordinate=(vectors @ mixing.reshape(eigenvalues.size, -1)).reshape(mixing.shape),
-        d_modal_damping=d_modal,
+        d_eigenvalue=coupling[:, row, column].T,
+        d_coordinate=np.moveaxis(vectors @ mixing, 0, -1),
+        d_modal_damping=d_modal.T,
     )
 
 

@@ -77,10 +77,10 @@ class ReducedEquations:
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
-        total = np.zeros((self.size, self.size))
+        total, share = np.zeros((2, self.size, self.size))
         for term in self.terms:
             if term.target == target and (factor := term.factor(theta)):  # most effects are neutral
-                total += factor * term.matrix
+                total += np.multiply(factor, term.matrix, out=share)
         return total
 
     def derivative(self, target: Target, theta: Mapping[str, float], name: str) -> NDArray[np.float64]:

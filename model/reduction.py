@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.stats
 from numpy.typing import NDArray
 
 from model.arrays import readonly
@@ -30,6 +28,7 @@ from model.mesh import Field
 from model.projection import projected_terms
 from model.reduced_equations import ReducedEquations, ReducedTerm
 from model.rigid import rigid_body_modes
+from model.sobol import sobol
 from model.solver import solver_over_plan
 from model.stack import Stack
 from model.system import Assembly, Term
@@ -291,9 +290,7 @@ def _samples(
     n_first = n if len(ranges) == 1 else max(n // (len(ranges) + 1), 1)
     nodes = (1.0 + np.cos((np.arange(n_first) + 0.5) * np.pi / n_first)) / 2.0
     order = [*range(n_first)[:: max(n_first - 1, 1)], *range(n_first)[1:-1]]
-    with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
-        warnings.simplefilter("ignore", UserWarning)
-        unit = scipy.stats.qmc.Sobol(len(ranges), rng=np.random.default_rng(0)).random(n - n_first)
+    unit = sobol(n - n_first, len(ranges))
 
     def place(low: float, high: float, part: float) -> float:
         return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**1.5)

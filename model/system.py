@@ -8,6 +8,7 @@ replaces Z by Phi' Z Phi and leaves everything else as it is.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
@@ -59,7 +60,7 @@ class Monomial:
 
     def __call__(self, theta: Mapping[str, float]) -> float:
         """Return the value at the parameters `theta`."""
-        return float(np.prod([theta[name] ** n for name, n in self.exponent.items()]))
+        return float(math.prod(theta[name] ** n for name, n in self.exponent.items()))
 
     def derivative(self, theta: Mapping[str, float], name: str) -> float:
         """Return the derivative by the parameter `name` at `theta`."""

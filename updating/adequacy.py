@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from updating import mixing
 from updating.explanation import Explanation
@@ -47,7 +47,7 @@ def _p_value(found: Residual, inside: NDArray[np.bool_]) -> float:
     if mean <= _FREE * max(int(inside.sum()), 1):
         return 1.0
     misfit = float(np.sum(found.value[inside] ** 2))
-    return float(chi2.sf(misfit * mean / half_variance, mean**2 / half_variance))
+    return float(chdtrc(mean**2 / half_variance, misfit * mean / half_variance))
 
 
 def _worst(found: Residual, parts: Sequence[NDArray[np.bool_]]) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest, norm
+from scipy.special import ndtr, ndtri
 
 from model import catalogue
 from updating.blind import DETECTABLE, WRONG_FORM, Case
@@ -18,7 +18,7 @@ _NOTABLE = (
 )
 _WORSE = 1.05  # ratio of errors
 _FAR = 5.0  # standard deviations of the data
-_ALARM = float(norm.isf(0.05))
+_ALARM = float(-ndtri(0.05))
 """Distance from which the best test says so that is wrong in 5 of 100 (Neyman and Pearson 1933)."""
 
 
@@ -36,6 +36,8 @@ class Figure:
         """Lower and upper end; (0, 1) without cases."""
         if not self.total:
             return 0.0, 1.0
+        from scipy.stats import binomtest  # here: it takes long, and few ask for figures
+
         found = binomtest(self.hits, self.total).proportion_ci(method="exact")
         return float(found.low), float(found.high)
 
@@ -103,7 +105,7 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
         Figure(
             name="  a test that knew what is withheld would say so, at most",
             target="baseline",
-            hits=round(sum(float(norm.sf(_ALARM - c.rival)) for c in withheld)),
+            hits=round(sum(float(ndtr(c.rival - _ALARM)) for c in withheld)),
             total=len(withheld),
         ),
         share(

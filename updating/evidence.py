@@ -21,6 +21,7 @@ from updating.candidates import N_SOLVED
 
 Vector = NDArray[np.float64]
 
+_ROUGH = 100  # directions of the basis that do for a look: frequencies are off by 1 % at most
 SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 """Nuisances that all configurations share; the deviations of G_f and d_f of each follow them."""
 D_F_START = 2e-11
@@ -196,10 +197,11 @@ class Evidence:
             for r in np.setdiff1d(np.arange(used.max(initial=0)), used).tolist()
         )
 
-    def leading(self, n: int) -> Evidence:
-        """Return the evidence beside the first n directions of the basis alone: quick, and rough."""
-        observed = tuple(replace(o, reduced_rows=o.reduced_rows[:, :n]) for o in self.observed)
-        return replace(self, equations=self.equations.leading(n), observed=observed)
+    @property
+    def rough(self) -> Evidence:
+        """The evidence beside the first directions of the basis alone: for a quick look."""
+        observed = tuple(replace(o, reduced_rows=o.reduced_rows[:, :_ROUGH]) for o in self.observed)
+        return replace(self, equations=self.equations.leading(_ROUGH), observed=observed)
 
     @property
     def nuisances(self) -> tuple[str, ...]:

@@ -112,27 +112,13 @@ def explain(
             np.clip(np.zeros(len(parameters)) if coordinate is None else coordinate, low + 1e-9, high - 1e-9),
         ]
     )
-    seen: dict[bytes, Residual] = {}
-
-    def at(x: Vector) -> Residual:
-        key = x.tobytes()
-        if key not in seen:
-            last = next(iter(seen.values()), None)
-            try:
-                found = residual(evidence, x[:n_own], parameters, x[n_own:])
-            except SolveError:
-                if last is None:
-                    raise
-                found = replace(last, value=np.full(last.value.size, _FORBIDDEN))
-            seen.clear()
-            seen[key] = found
-        return seen[key]
-
     nuisance_low, nuisance_high = _nuisance_bounds(evidence)
     first[:n_own] = np.clip(first[:n_own], nuisance_low + 1e-9, nuisance_high - 1e-9)
     bounds = (np.concatenate([nuisance_low, low]), np.concatenate([nuisance_high, high]))
 
-    def minimum(start: Vector, loss: str) -> Vector:
+    at = _Residuals(evidence, parameters)
+
+    def minimum(at: _Residuals, start: Vector, loss: str) -> Vector:
         found = least_squares(
             lambda x: at(x).value,
             start,
@@ -148,8 +134,8 @@ def explain(
         return np.asarray(found.x)
 
     if np.mean(at(first).value ** 2) > _ASTRAY:  # modes that are still taken for others must not decide
-        first = minimum(first, "cauchy")
-    solution = minimum(first, "linear")
+        first = minimum(_Residuals(evidence.rough, parameters), first, "cauchy")
+    solution = minimum(at, first, "linear")
     best = at(solution)
     z = solution[n_own:]
     hessian = best.jacobian.T @ best.jacobian
@@ -177,6 +163,26 @@ def explain(
         log_evidence=0.5 * (z.size * float(np.log(2.0 * np.pi)) - logdet - misfit),
         residual=best,
     )
+
+
+class _Residuals:
+    """Residuals at coordinates, nuisances first; the last is kept, for its value and Jacobian are asked for apart."""
+
+    def __init__(self, evidence: Evidence, parameters: Sequence[Parameter]) -> None:
+        self._evidence, self._parameters = evidence, parameters
+        self._last: tuple[bytes, Residual] | None = None
+
+    def __call__(self, x: Vector) -> Residual:
+        key, n = x.tobytes(), len(self._evidence.nuisances)
+        if self._last is None or self._last[0] != key:
+            try:
+                found = residual(self._evidence, x[:n], self._parameters, x[n:])
+            except SolveError:
+                if self._last is None:
+                    raise
+                found = replace(self._last[1], value=np.full(self._last[1].value.size, _FORBIDDEN))
+            self._last = key, found
+        return self._last[1]
 
 
 def _nuisance_bounds(evidence: Evidence) -> tuple[Vector, Vector]:

@@ -214,22 +214,26 @@ def _slope(
 
 def _started(evidence: Gathered) -> Gathered:
     """Scan G_f for the value that explains most modes, and keep the measured modes that the model has there."""
-    best: tuple[float, float, tuple[NDArray[np.int64], ...]] | None = None
-    for G_f in np.geomspace(*G_F_RANGE, _TRIALS):
-        cost, used = 0.0, []
-        for c, tested in enumerate(evidence.tested):
-            modes = solved(evidence, c, {"G_f": float(G_f), "d_f": D_F_START}, (), N_MODEL)
-            row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
-            alike = mac(tested.modes.shape, modes.shape)[row, column]
-            far = np.log(tested.modes.frequency[row] / modes.frequency[column])
-            cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
-            used.append(row[alike >= _MAC_USED])
-        if best is None or cost < best[0]:
-            best = (cost, float(G_f), tuple(used))
-    if best is None or not sum(u.size for u in best[2]):
+    rough = evidence.rough
+    G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _met(rough, trial)[0])
+    used = _met(evidence, G_f)[1]
+    if not sum(u.size for u in used):
         message = "no measured mode resembles one of the model; check points, directions and signs"
         raise FitError(message)
     start = np.zeros(len(evidence.nuisances))
-    start[0] = np.log(best[1] / evidence.stack.contact.G_f)
+    start[0] = np.log(G_f / evidence.stack.contact.G_f)
     start[1] = np.log(D_F_START / evidence.stack.contact.d_f) if evidence.stack.contact.d_f > 0 else 0.0
-    return replace(evidence, used=best[2], start=start)
+    return replace(evidence, used=used, start=start)
+
+
+def _met(evidence: Evidence, G_f: float) -> tuple[float, tuple[NDArray[np.int64], ...]]:
+    """Return how far the measured modes are from the base model's in all, and those that it has."""
+    cost, used = 0.0, []
+    for c, tested in enumerate(evidence.tested):
+        modes = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
+        row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
+        alike = mac(tested.modes.shape, modes.shape)[row, column]
+        far = np.log(tested.modes.frequency[row] / modes.frequency[column])
+        cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
+        used.append(row[alike >= _MAC_USED])
+    return cost, tuple(used)

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtri
 
 from updating.descent import Descent, at_bound, descend
 from updating.joint_problem import Problem
@@ -26,8 +26,8 @@ Method = Literal["normal", "profile", "bootstrap"]
 LEVEL = 0.95
 N_DRAW = 200
 """Simulated sets of data of a bootstrap."""
-_NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))
-_RISE = float(chi2.ppf(LEVEL, 1))
+_NORMAL = float(ndtri(0.5 + LEVEL / 2.0))
+_RISE = float(chdtri(1, 1.0 - LEVEL))
 _PARABOLA = 0.15  # relative deviation of the profile's rise up to which the normal interval stands
 _STEP = 1e-3  # of the range: accuracy of a profile's ends
 

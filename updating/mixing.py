@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 Vector = NDArray[np.float64]
 
@@ -103,4 +103,4 @@ def p_value(configurations: Sequence[Mixing]) -> float:
     """Return the probability of as much mixing if the model were complete."""
     found = [own.misfit() for own in configurations]
     number = sum(n for _, n in found)
-    return float(chi2.sf(sum(misfit for misfit, _ in found), number)) if number else 1.0
+    return float(chdtrc(number, sum(misfit for misfit, _ in found))) if number else 1.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from ema.arrays import readonly
 from updating.intervals import Method
@@ -106,7 +106,7 @@ def pressure_law(
         linear.append(_fit([weak, strong], effects, scatter, fixed, held=held).configuration[0].frequency)
         power.append(_fit([weak, strong], effects, scatter, known, held=held).configuration[0].frequency)
         refitted.append(_fit([weak], effects, scatter, known).configuration[0].frequency)
-    spread = float(np.sqrt((len(stacks) - 1) * np.var(without)) * student_t.ppf(0.975, len(stacks) - 1))
+    spread = float(np.sqrt((len(stacks) - 1) * np.var(without)) * stdtrit(len(stacks) - 1, 0.975))
     return PressureLaw(
         exponent=n,
         std=estimate.std,

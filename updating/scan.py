@@ -31,7 +31,6 @@ MESSAGES = 8
 _SHARES = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the way from neutral to an end of the range
 _PLACES = 11
 _STIFFNESS = 3
-_ROUGH = 100  # directions of the basis that do for a look: frequencies are off by 1 % at most
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
 _SETTLE = 0.15  # of a range, by which a place of the scan is varied
 _GENERATIONS, _POPULATION = 12, 12  # of a search over several parameters, the population for each of them
@@ -77,7 +76,7 @@ def nearest(evidence: Evidence, executor: Executor | None = None) -> tuple[Place
         What takes a part of the work.
     """
     _LOG.info("look over the whole ranges of %d effects", len(evidence.effects))
-    rough = evidence.leading(_ROUGH)
+    rough = evidence.rough
     seen = distribute(partial(_scan, rough), evidence.effects, executor, MESSAGES)
     best = sorted(seen, key=lambda found: found.cost)[:N_NEAREST]
     places = distribute(partial(_settled, rough), best, executor, MESSAGES)

@@ -169,5 +169,5 @@ def _bounded(c: Vector, r: Vector, low: Vector, high: Vector) -> Vector:
     small = gram / np.outer(scale, scale) + 1e-10 * np.eye(scale.size)
     root = np.linalg.cholesky(small)
     target = np.linalg.solve(root, -(c.T @ r) / scale)
-    solution = lsq_linear(root.T, target, bounds=(low * scale - 1e-12, high * scale + 1e-12))
+    solution = lsq_linear(root.T, target, bounds=(low * scale - 1e-12, high * scale + 1e-12), method="bvls")
     return np.asarray(solution.x / scale)

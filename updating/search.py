@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError, enriched
+from model.enrichment import nominal_factor
 from model.z_basis import N_RIGID
 from updating.adequacy import P_ADEQUATE, p_value
 from updating.candidates import N_MODEL
@@ -25,7 +27,6 @@ from updating.workers import distribute
 
 Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
-Start = tuple[Sequence[str], Vector, Vector]  # effects, nuisances, coordinates of the effects' parameters
 
 N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
 """Effects that are fitted in full; pairs by their linear step; second effects beside each of the best first ones."""
@@ -42,7 +43,17 @@ _ASTRAY = 30.0  # squared misfit of a value, in the mean, beyond which a model i
 _NEAR = 2.0  # misfit over the best beyond which an explanation has lost
 _LOST = 30.0  # misfit over the best beyond which other weights cannot bring an explanation back
 _CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
-_REFIT = 8  # evaluations after the basis has grown
+_STEPS = 12  # evaluations of a fit
+_REFIT = 8  # the same after the basis or weights have changed, and of pairs
+
+
+class Start(NamedTuple):
+    """Effects, and where their fit starts: nuisances, coordinates of parameters, evaluations at most."""
+
+    effects: Sequence[str]
+    nuisance: Vector
+    coordinate: Vector
+    most: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,7 +108,9 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     screened = screen(evidence, base)
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     _LOG.info("fit %d effects, each alone", len(promising))
-    singles = _fitted(evidence, [([s.effect], base.nuisance, s.start) for s in promising], executor)
+    alone = _begun(evidence, [Start([s.effect], base.nuisance, s.start, _STEPS) for s in promising], executor)
+    nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
+    singles = _done(alone)
     afar = _astray(best_of(singles, base))  # even the best effect is: pairs with it would be in vain
     if afar:
         evidence, singles = _from_afar(evidence, places, singles, executor)
@@ -127,21 +140,19 @@ def _with_pairs(
     best = best_of(singles, base)
     if base.misfit - best.misfit > worth:
         evidence = _weighed(evidence, base, best)
-        base = explain(evidence, nuisance=base.nuisance)
-        singles = _reweighed(evidence, singles, executor)
+        base, singles = _reweighed(evidence, base, singles, executor)
     pairs: list[Explanation] = []
     best = best_of(singles, base)
     if base.misfit - best.misfit > worth:
+        others = distribute(partial(screen, evidence.alone), singles[1:N_FIRST], executor)  # begins at once
         beside = screen(evidence, best)
         # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
         if p_value(best) < P_ADEQUATE or max((s.gain for s in beside), default=0.0) > _PROMISING:
-            starts = _pair_starts(evidence, base, screened, singles, beside)
+            starts = _pair_starts(base, screened, singles, [beside, *others])
             _LOG.info("fit %d pairs", len(starts))
-            evidence, pairs = _exact(evidence, _fitted(evidence, starts, executor, _REFIT), executor)
-            if pairs:
-                members = _fitted(evidence, _members(evidence, pairs[0]), executor)
-                singles = _best_of_each([*singles, *members])
-            singles = _again(evidence, singles, executor)
+            pairs = _fitted(evidence, starts, executor)
+            evidence = _richer(evidence, pairs)
+            singles, pairs = _all_again(evidence, singles, pairs, executor)
     return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
 
 
@@ -162,34 +173,38 @@ def _weighed(evidence: Gathered, base: Explanation, best: Explanation | None = N
 
 
 def _pair_starts(
-    evidence: Evidence,
     base: Explanation,
     screened: Sequence[Screened],
     singles: Sequence[Explanation],
-    beside: Sequence[Screened],
+    beside: Sequence[Sequence[Screened]],
 ) -> list[Start]:
-    """Return pairs worth a fit, and from where; `beside` is what was screened beside the best single effect."""
-    starts: dict[frozenset[str], Start] = {}
-    for i, first in enumerate(singles[:N_FIRST]):
-        every = screen(evidence, first) if i else beside
-        for second in sorted(every, key=lambda s: -s.gain)[:N_BESIDE]:
+    """Return pairs worth a fit, and from where; `beside` is what was screened beside each of the best effects."""
+    # where a pair has several starts, that from the best first effect stands
+    near: dict[frozenset[str], Start] = {}
+    worthy: list[frozenset[str]] = []
+    for first, others in zip(singles, beside, strict=False):
+        for i, second in enumerate(sorted(others, key=lambda s: -s.gain)):
             names = (first.effects[0], second.effect)
             start = np.concatenate([first.coordinate, second.start])
-            # where a pair has several starts, that from the best first effect stands
-            starts.setdefault(frozenset(names), (names, first.nuisance, start))
+            near.setdefault(frozenset(names), Start(names, first.nuisance, start, _REFIT))
+            worthy += [frozenset(names)] * (i < N_BESIDE)
     visible = [s for s in screened if s.reach >= VISIBLE]
     for _, names, coordinate in pair_steps(base, visible)[:N_PAIR]:
-        starts.setdefault(frozenset(names), (names, base.nuisance, np.concatenate(coordinate)))
-    return list(starts.values())
+        start = np.concatenate(coordinate)
+        near.setdefault(frozenset(names), Start(names, base.nuisance, start, _REFIT))
+        worthy.append(frozenset(names))
+    return [near[names] for names in dict.fromkeys(worthy)]
 
 
-def _members(evidence: Evidence, own: Explanation) -> list[Start]:
-    """Return each effect of an explanation alone, from where it stands there: a pair may find what a step missed."""
-    coordinate = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
-    return [
-        ((name,), own.nuisance, np.array([coordinate[p.name] for p in evidence.parameters((name,))]))
-        for name in own.effects
-    ]
+def _members(evidence: Evidence, pairs: Sequence[Explanation]) -> list[Start]:
+    """Return each effect of pairs alone, from where it stands there: a pair may find what a step missed."""
+    starts = []
+    for own in pairs:
+        coordinate = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
+        for name in own.effects:
+            alone = np.array([coordinate[p.name] for p in evidence.parameters((name,))])
+            starts.append(Start((name,), own.nuisance, alone, _STEPS))
+    return starts
 
 
 def _from_afar(
@@ -200,8 +215,8 @@ def _from_afar(
     for place in places or nearest(evidence.alone, executor):
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
-        starts.append(([place.effect], nuisance, place.coordinate))
-    first = _fitted(evidence, starts, executor, N_FIRST_STEPS)
+        starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
+    first = _fitted(evidence, starts, executor)
     afar = _again(evidence, first, executor, N_AFAR, N_AFAR_STEPS)
     return _exact(evidence, _best_of_each([*afar, *singles]), executor)
 
@@ -212,16 +227,25 @@ def _state(evidence: Gathered, own: Explanation) -> dict[str, float]:
     return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **own.effect_values}
 
 
-def _fitted(
-    evidence: Gathered, starts: Sequence[Start], executor: Executor | None, most: int = 12
-) -> list[Explanation]:
+def _fitted(evidence: Gathered, starts: Sequence[Start], executor: Executor | None) -> list[Explanation]:
     """Fit explanations from where they start; one that starts where the model has no modes is left out."""
-    found = distribute(partial(_explained, evidence.alone, most), starts, executor, MESSAGES)
-    return [own for own in found if own is not None]
+    return _done(_begun(evidence, starts, executor))
 
 
-def _explained(evidence: Evidence, most: int, start: Start) -> Explanation | None:
-    names, nuisance, coordinate = start
+def _begun(
+    evidence: Gathered, starts: Sequence[Start], executor: Executor | None
+) -> Iterator[Explanation | None]:
+    """Begin to fit explanations, where there is an executor at once."""
+    return distribute(partial(_explained, evidence.alone), starts, executor, MESSAGES)
+
+
+def _done(begun: Iterator[Explanation | None]) -> list[Explanation]:
+    """Wait for the fits that were begun."""
+    return [own for own in begun if own is not None]
+
+
+def _explained(evidence: Evidence, start: Start) -> Explanation | None:
+    names, nuisance, coordinate, most = start
     try:
         return explain(evidence, names, nuisance=nuisance, coordinate=coordinate, most=most)
     except SolveError:
@@ -241,25 +265,38 @@ def _exact(
     evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None
 ) -> tuple[Gathered, list[Explanation]]:
     """Take the modes at the best explanations into the basis and fit these again; return all, the best first."""
-    ordered = sorted(fitted, key=lambda x: x.misfit)
-    near = [x for x in ordered[:N_EXACT] if x.misfit < _NEAR * ordered[0].misfit]
+    richer = _richer(evidence, fitted)
+    return richer, _again(richer, fitted, executor, len(_near(fitted)))
+
+
+def _richer(evidence: Gathered, fitted: Sequence[Explanation]) -> Gathered:
+    """Take the modes at the best explanations into the basis."""
+    near = _near(fitted)
     places = [_state(evidence, own) for own in near]
     last = max((int(x.residual.partner.max()) for x in near), default=0)  # elastic mode that has a partner
-    richer = evidence.with_system(enriched(evidence.system, places, max(N_MODEL, N_RIGID + last + 1)))
-    return richer, _again(richer, ordered, executor, len(near))
+    return evidence.with_system(enriched(evidence.system, places, max(N_MODEL, N_RIGID + last + 1)))
+
+
+def _near(fitted: Sequence[Explanation]) -> list[Explanation]:
+    """Return the best explanations, those that are not far behind the first."""
+    ordered = sorted(fitted, key=lambda x: x.misfit)
+    return [x for x in ordered[:N_EXACT] if x.misfit < _NEAR * ordered[0].misfit]
 
 
 def _reweighed(
-    evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None
-) -> list[Explanation]:
-    """Fit all again with other weights, but those that have lost by far, which are compared only; the best first."""
-    ordered = sorted(fitted, key=lambda x: x.misfit)
-    hopeful = sum(own.misfit < _LOST * ordered[0].misfit for own in ordered)
-    again = [
-        *_fitted(evidence, _from(ordered[:hopeful]), executor, _REFIT),
-        *_fitted(evidence, _from(ordered[hopeful:]), executor, 1),
+    evidence: Gathered, base: Explanation, fitted: Sequence[Explanation], executor: Executor | None
+) -> tuple[Explanation, list[Explanation]]:
+    """Fit the base model and all others again with other weights; return these with the best first.
+
+    Those that have lost by far are compared only.
+    """
+    best = min(own.misfit for own in fitted)
+    starts = [
+        _from(base, _STEPS),
+        *(_from(own, _REFIT if own.misfit < _LOST * best else 1) for own in fitted),
     ]
-    return sorted(again, key=lambda x: x.misfit)
+    base, *again = _fitted(evidence, starts, executor)
+    return base, sorted(again, key=lambda x: x.misfit)
 
 
 def _again(
@@ -270,13 +307,36 @@ def _again(
     most: int = _REFIT,
 ) -> list[Explanation]:
     """Fit the best again, with another basis or more steps, and those that are close to them; the best first."""
-    ordered = sorted(fitted, key=lambda x: x.misfit)
-    close = sum(x.misfit < ordered[0].misfit + _CLOSE for x in ordered)
-    first, rest = ordered[: max(least, close)], ordered[max(least, close) :]
-    again = _fitted(evidence, _from(first), executor, most)
+    first, rest = _parted(fitted, least)
+    again = _fitted(evidence, [_from(own, most) for own in first], executor)
     return sorted([*again, *rest], key=lambda x: x.misfit)
 
 
-def _from(fitted: Sequence[Explanation]) -> list[Start]:
-    """Return where explanations stand."""
-    return [(own.effects, own.nuisance, own.coordinate) for own in fitted]
+def _all_again(
+    evidence: Gathered,
+    singles: Sequence[Explanation],
+    pairs: Sequence[Explanation],
+    executor: Executor | None,
+) -> tuple[list[Explanation], list[Explanation]]:
+    """Fit the best singles and pairs again, with another basis, and the effects of the best pair each alone."""
+    (first, rest), (first_pairs, rest_pairs) = (_parted(own, len(_near(own))) for own in (singles, pairs))
+    starts = [
+        *_members(evidence, first_pairs[:1]),  # first, for they take most steps
+        *(_from(own, _REFIT) for own in (*first_pairs, *first)),
+    ]
+    found = sorted(
+        _best_of_each([*_fitted(evidence, starts, executor), *rest, *rest_pairs]), key=lambda x: x.misfit
+    )
+    return [x for x in found if len(x.effects) == 1], [x for x in found if len(x.effects) > 1]
+
+
+def _parted(fitted: Sequence[Explanation], least: int) -> tuple[list[Explanation], list[Explanation]]:
+    """Part fits into the best with those that are close to them, and the rest."""
+    ordered = sorted(fitted, key=lambda x: x.misfit)
+    close = max(least, sum(x.misfit < ordered[0].misfit + _CLOSE for x in ordered))
+    return ordered[:close], ordered[close:]
+
+
+def _from(own: Explanation, most: int) -> Start:
+    """Return a start where an explanation stands."""
+    return Start(own.effects, own.nuisance, own.coordinate, most)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.stats
 from numpy.typing import NDArray
 
+from model.sobol import sobol
 from updating.joint_problem import Problem
 from updating.sensitivity import whitened_residual
 
@@ -25,13 +25,7 @@ def starts(
     shared = problem.of_effects
     stiffness = [j for j, f in enumerate(problem.free) if f.name == "G_f"]
     inside = 1e-3 * (problem.high - problem.low)
-    sobol = (
-        scipy.stats.qmc.Sobol(len(shared), rng=np.random.default_rng(0)).random(
-            1 << max(0, n - 2).bit_length()
-        )
-        if shared and n > 2
-        else np.empty((0, len(shared)))
-    )
+    points = sobol(1 << (n - 2).bit_length() if n > 2 else 0, len(shared))
     found = []
     for k in range(n):
         x = np.array([f.inward(f.nominal) for f in problem.free])
@@ -42,7 +36,7 @@ def starts(
             elif k == 1:
                 x[j] = neutral + 0.05 * (nominal - neutral)
             elif k > 1:
-                x[j] = problem.low[j] + sobol[k - 2, m] * (problem.high[j] - problem.low[j])
+                x[j] = problem.low[j] + points[k - 2, m] * (problem.high[j] - problem.low[j])
         at = {j: near[f.name, f.group] for j, f in enumerate(problem.free) if (f.name, f.group) in near}
         if k == 0 and near:
             for j in shared:

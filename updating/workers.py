@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext
+from multiprocessing.context import BaseContext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
@@ -29,6 +30,7 @@ from updating.errors import WorkerError
 
 T = TypeVar("T")
 R = TypeVar("R")
+_OWN = ("ema", "model", "updating")
 _MESSAGES = 32  # in which the items of `distribute` are sent at most
 
 
@@ -155,7 +157,7 @@ class _ThisProcess(Executor):
 class _Processes(ProcessPoolExecutor):
     """Processes of this machine, with a folder in which tasks are left for them: a pipe is slow for large ones."""
 
-    def __init__(self, n_process: int, context: SpawnContext, ended: Connection) -> None:
+    def __init__(self, n_process: int, context: BaseContext, ended: Connection) -> None:
         super().__init__(n_process, context, initializer=_begin, initargs=(ended,))
         self.folder = TemporaryDirectory(prefix="lamella-", ignore_cleanup_errors=True)
 
@@ -168,11 +170,13 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _pool(n_process: int) -> Iterator[Executor]:
-    context = get_context("spawn")
+    context = _context()
     ended, end = context.Pipe(duplex=False)
     executor = _Processes(n_process, context, ended)
-    for _ in range(n_process):  # start them now, for they import long
-        executor.submit(os.getpid)
+    starting = Thread(
+        target=executor.submit, args=(os.getpid,)
+    )  # starts all now, and waits while they import
+    starting.start()
     try:
         yield executor
         executor.shutdown()
@@ -183,10 +187,23 @@ def _pool(n_process: int) -> Iterator[Executor]:
         )
         raise WorkerError(message) from error
     finally:
+        starting.join()
         end.close()
         executor.shutdown(cancel_futures=True)
         executor.folder.cleanup()
         ended.close()
+
+
+def _context() -> BaseContext:
+    """Return how processes start: on Linux as copies of one that has imported, once for all, what this one has.
+
+    Elsewhere each imports for itself, as copies are not safe beside the system's libraries.
+    """
+    if sys.platform != "linux":
+        return get_context("spawn")
+    context = get_context("forkserver")
+    context.set_forkserver_preload([name for name in sys.modules if name.partition(".")[0] in _OWN])
+    return context
 
 
 def _begin(ended: Connection) -> None:
