@@ -80,7 +80,7 @@ class Diagnosis:
     in_doubt : tuple of str
         A second effect beside the one that is named: it leaves less, but the form of the first may account for that.
     point_change : PointChange, optional
-        Where nothing of the catalogue is like it for this reason alone: what is left looks like this.
+        Where nothing of the catalogue is like it: what is left looks like this.
     p_value : float
         Probability of a misfit as large as the base model's if nothing were missing.
     block_p_value : mapping of str to float

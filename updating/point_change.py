@@ -15,16 +15,18 @@ import numpy as np
 from model import Effect, Parameter
 from model.reduced_equations import ReducedTerm
 from model.system import Monomial, Target
+from updating.adequacy import block_p_value
 from updating.chance import chance_of_gain
 from updating.coordinates import scaled
 from updating.evidence import Evidence
 from updating.explanation import Explanation
-from updating.screening import screen
+from updating.screening import screen, stepped
 
 Kind = Literal["mass", "spring"]
 
 P_POINT = 0.005
 """Probability of as good an explanation by chance, below which something is there."""
+_DATA = ("frequency", "damping", "shape")
 _MOST: dict[Kind, tuple[Target, str, float]] = {"mass": ("M", "kg", 1.0), "spring": ("K", "N/m", 1e7)}
 """Of each kind the matrix that it adds to, its unit, and the most that is tried, less or more."""
 
@@ -47,6 +49,9 @@ class PointChange:
         Fall of the squared misfit.
     chance : float
         Probability that the best of all points explains as much where the model is complete.
+    p_value : float
+        Probability of a misfit as large as what the step leaves, if nothing else were missing: the smallest of those of
+        frequencies, damping ratios and shapes, times three (Bonferroni).
     """
 
     beside: tuple[str, ...]
@@ -55,6 +60,7 @@ class PointChange:
     size: float
     gain: float
     chance: float
+    p_value: float
 
 
 def point_change(evidence: Evidence, at: Explanation) -> PointChange:
@@ -83,6 +89,7 @@ def point_change(evidence: Evidence, at: Explanation) -> PointChange:
     )
     screened = screen(replace(evidence, equations=richer, effects=effects), at)
     best = max(screened, key=lambda own: own.gain)
+    left = stepped(at, best)
     return PointChange(
         beside=at.effects,
         node=int(observed.node[int(best.effect.partition("_")[2])]),
@@ -90,6 +97,7 @@ def point_change(evidence: Evidence, at: Explanation) -> PointChange:
         size=scaled(best.parameter[0], float(best.start[0]))[0],
         gain=best.gain,
         chance=chance_of_gain(screened, best.gain),
+        p_value=min(1.0, len(_DATA) * min(block_p_value(left, kind) for kind in _DATA)),
     )
 
 

@@ -106,6 +106,13 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
     return tuple(found)
 
 
+def stepped(at: Explanation, own: Screened) -> Explanation:
+    """Return an explanation with the residual that the linear step of an effect beside it leaves."""
+    value = _projection(at)(at.residual.value) + own.column @ own.start[own.strength]
+    jacobian = np.hstack([at.residual.jacobian, own.column])
+    return replace(at, residual=replace(at.residual, value=value, jacobian=jacobian))
+
+
 def pair_steps(
     at: Explanation, screened: Sequence[Screened]
 ) -> list[tuple[float, tuple[str, str], tuple[Vector, Vector]]]:

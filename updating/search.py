@@ -180,20 +180,20 @@ def _pair_starts(
 ) -> list[Start]:
     """Return pairs worth a fit, and from where; `beside` is what was screened beside each of the best effects."""
     # where a pair has several starts, that from the best first effect stands
-    near: dict[frozenset[str], Start] = {}
+    start_of: dict[frozenset[str], Start] = {}
     worthy: list[frozenset[str]] = []
     for first, others in zip(singles, beside, strict=False):
         for i, second in enumerate(sorted(others, key=lambda s: -s.gain)):
             names = (first.effects[0], second.effect)
             start = np.concatenate([first.coordinate, second.start])
-            near.setdefault(frozenset(names), Start(names, first.nuisance, start, _REFIT))
+            start_of.setdefault(frozenset(names), Start(names, first.nuisance, start, _REFIT))
             worthy += [frozenset(names)] * (i < N_BESIDE)
     visible = [s for s in screened if s.reach >= VISIBLE]
     for _, names, coordinate in pair_steps(base, visible)[:N_PAIR]:
         start = np.concatenate(coordinate)
-        near.setdefault(frozenset(names), Start(names, base.nuisance, start, _REFIT))
+        start_of.setdefault(frozenset(names), Start(names, base.nuisance, start, _REFIT))
         worthy.append(frozenset(names))
-    return [near[names] for names in dict.fromkeys(worthy)]
+    return [start_of[names] for names in dict.fromkeys(worthy)]
 
 
 def _members(evidence: Evidence, pairs: Sequence[Explanation]) -> list[Start]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -54,7 +55,7 @@ class Decision:
     doubt : Doubt, optional
         Where one effect is named, a second one that would leave less, but not by enough to be named itself.
     point : PointChange, optional
-        Where nothing is like it for this reason alone: what is left looks like a mass or a spring at one point.
+        Where nothing is like it: what is left looks like a mass or a spring at one point.
     """
 
     verdict: Verdict
@@ -74,12 +75,14 @@ def decide(found: Search) -> Decision:
         needed = second = True
     if not needed:
         if p_value(base) <= P_ADEQUATE or found.evidence.lacking:
-            return Decision(verdict="unlike anything", left=())
+            return Decision(verdict="unlike anything", left=(), point=_all_at_a_point(found, [base]))
         point = _at_a_point(found, base)
         return Decision(verdict="unlike anything" if point else "nothing missing", left=(), point=point)
     best, among = (pair, found.pairs) if second else (single, found.singles)
     if p_value(best) < P_ADEQUATE:
-        return Decision(verdict="unlike anything", left=())
+        return Decision(
+            verdict="unlike anything", left=(), point=_all_at_a_point(found, [base, single, pair])
+        )
     point = _at_a_point(found, best)
     if point is not None:
         return Decision(verdict="unlike anything", left=(), point=point)
@@ -97,6 +100,12 @@ def _at_a_point(found: Search, own: Explanation) -> PointChange | None:
     """Return the change at a point that an explanation leaves beyond chance and beyond what its form may be off by."""
     point = point_change(found.evidence, own)
     return point if point.chance < P_POINT and point.gain > _by_form(found, own) else None
+
+
+def _all_at_a_point(found: Search, beside: Sequence[Explanation]) -> PointChange | None:
+    """Return the change at a point that explains all that the first of some explanations leaves for which it does."""
+    points = (_at_a_point(found, own) for own in beside)
+    return next((point for point in points if point and point.p_value > P_ADEQUATE), None)
 
 
 def _least_of_second(found: Search, single: Explanation) -> float:

@@ -30,7 +30,7 @@ from updating.errors import WorkerError
 
 T = TypeVar("T")
 R = TypeVar("R")
-_OWN = ("ema", "model", "updating")
+_OWN = ("ema", "model", "updating")  # packages, which take long to import
 _MESSAGES = 32  # in which the items of `distribute` are sent at most
 
 
@@ -179,6 +179,7 @@ def _pool(n_process: int) -> Iterator[Executor]:
     starting.start()
     try:
         yield executor
+        starting.join()
         executor.shutdown()
     except BrokenProcessPool as error:
         message = (

@@ -22,6 +22,15 @@ def lamella(*arguments, cwd=ROOT):
     )
 
 
+def test_a_command_starts_without_libraries_that_few_commands_need():
+    """They make half a second each time, and again in each process."""
+    code = (
+        "import sys, updating.cli; print(sorted({'scipy.stats', 'scipy.signal', 'vtk'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_ema_prints_a_table_and_writes_results(tmp_path):
     done = lamella("ema", "data/demo_stack/campaign.toml", "-o", tmp_path)
     assert done.returncode == 0, done.stderr

@@ -70,6 +70,14 @@ def test_results_come_in_order_from_tasks_that_none_can_import_and_no_file_stays
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="each process imports for itself there")
+def test_processes_are_copies_of_one_that_has_imported_what_this_one_has():
+    with workers(2) as executor:
+        parents = {executor.submit(os.getppid).result() for _ in range(4)}
+    assert len(parents) == 1
+    assert parents != {os.getpid()}
+
+
 @pytest.mark.parametrize(
     ("address", "words"), [("tcp://127.0.0.1:1", "no Dask scheduler answers"), ("nowhere", "nowhere")]
 )

@@ -80,20 +80,25 @@ def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confide
     assert found.set == ()
 
 
-def test_a_mass_that_no_effect_of_the_catalogue_is_shows_where_it_sits(candidates):
-    """10 g that move with the stack at the shaker: the misfit of all data together hides them."""
+@pytest.mark.parametrize(
+    ("mass", "hidden"),
+    [(0.01, True), (0.02, False)],
+    ids=["the misfit of all data together hides it", "the misfit shows it"],
+)
+def test_a_mass_that_no_effect_of_the_catalogue_is_shows_where_it_sits(candidates, mass, hidden):
+    """It moves with the stack at the shaker."""
     moving = model.catalogue()["stinger_mass"]
-    test = blind_test(SPECIFICATION, 15, (moving,), {moving.parameters[0].name: 0.01})
+    test = blind_test(SPECIFICATION, 15, (moving,), {moving.parameters[0].name: mass})
     tested = played(test)[:2]
     found = conclude(gather(candidates, tested))
     assert found.verdict == "unlike anything"
-    assert found.p_value > 0.5
+    assert (found.p_value > 0.5) == hidden
     assert found.point_change.kind == "mass"
-    assert 0.002 < found.point_change.size < 0.02
+    assert 0.2 * mass < found.point_change.size < 2.0 * mass
     points = dict(zip(tested[0][2].geometry.node, tested[0][2].geometry.coordinate, strict=True))
     shaker = points[tested[0][2].input.node[0]]
     assert np.linalg.norm(points[found.point_change.node] - shaker) < 0.03
-    assert f"at or near point {found.point_change.node}" in found.sentences[2]
+    assert any(f"at or near point {found.point_change.node}" in own for own in found.sentences)
 
 
 def test_what_the_mesh_is_off_by_is_taken_out(candidates):

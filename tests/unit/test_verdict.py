@@ -29,7 +29,7 @@ def found(first, second, form):
 @pytest.fixture(autouse=True)
 def looked_at(monkeypatch):
     """Every fit is adequate, and no point stands out: return what is said of points, to be changed."""
-    said = {"chance": 0.5}
+    said = {"chance": 0.5, "p_value": 0.5}
     monkeypatch.setattr(verdict, "p_value", lambda own: 1.0)
     monkeypatch.setattr(
         verdict,
@@ -84,6 +84,19 @@ def test_what_is_left_at_one_point_is_unlike_anything_however_likely_the_whole(l
         "in the measured direction, which lowers the squared misfit by 24. Where nothing is missing, some point does "
         "as much in 4 of 10000 cases. Look there."
     )
+
+
+@pytest.mark.parametrize(("left", "told"), [(0.5, True), (0.01, False)])
+def test_a_point_is_told_of_a_model_that_is_not_adequate_if_it_explains_all_that_is_left(
+    looked_at, monkeypatch, left, told
+):
+    monkeypatch.setattr(verdict, "p_value", lambda own: 1e-9)
+    looked_at.update(chance=0.0004, p_value=left)
+    decision = decide(found(100.0, 79.0, form=0.0))
+    assert decision.verdict == "unlike anything"
+    assert decision.left == ()
+    assert (decision.point is not None) == told
+    assert not told or decision.point.beside == ()  # the fewest effects beside it
 
 
 def test_what_the_form_of_a_strong_effect_may_be_off_by_is_nothing_at_a_point(looked_at):
