@@ -266,7 +266,7 @@ def _exact(
 ) -> tuple[Gathered, list[Explanation]]:
     """Take the modes at the best explanations into the basis and fit these again; return all, the best first."""
     richer = _richer(evidence, fitted)
-    return richer, _again(richer, fitted, executor, len(_near(fitted)))
+    return richer, _again(richer, fitted, executor, len(_near(fitted)), _REFIT)
 
 
 def _richer(evidence: Gathered, fitted: Sequence[Explanation]) -> Gathered:
@@ -303,8 +303,8 @@ def _again(
     evidence: Gathered,
     fitted: Sequence[Explanation],
     executor: Executor | None,
-    least: int = N_EXACT,
-    most: int = _REFIT,
+    least: int,
+    most: int,
 ) -> list[Explanation]:
     """Fit the best again, with another basis or more steps, and those that are close to them; the best first."""
     first, rest = _parted(fitted, least)

@@ -173,10 +173,8 @@ def _pool(n_process: int) -> Iterator[Executor]:
     context = _context()
     ended, end = context.Pipe(duplex=False)
     executor = _Processes(n_process, context, ended)
-    starting = Thread(
-        target=executor.submit, args=(os.getpid,)
-    )  # starts all now, and waits while they import
-    starting.start()
+    starting = Thread(target=executor.submit, args=(os.getpid,))
+    starting.start()  # of all processes, now, beside what is done before they are needed: they import long
     try:
         yield executor
         starting.join()
