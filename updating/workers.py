@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -110,9 +111,8 @@ def distribute(
     listed = list(items)
     n = min(messages, len(listed))
     parts = [listed[i::n] for i in range(n)]  # neighbours, often alike in cost, go to different processes
-    content = cloudpickle.dumps(task)
-    left = executor.leave(content) if isinstance(executor, _Processes) else None
-    sent = executor.map(_Sent(content if left is None else left), parts)  # begins at once
+    left = executor.leave(task) if isinstance(executor, _Processes) else None
+    sent = executor.map(_Sent(cloudpickle.dumps(task) if left is None else left), parts)  # begins at once
     return _in_order(sent, len(listed), left)
 
 
@@ -136,7 +136,14 @@ class _Sent:
 
 @lru_cache(maxsize=1)
 def _read(content: bytes | Path) -> Callable[[Any], Any]:
-    return cloudpickle.loads(content.read_bytes() if isinstance(content, Path) else content)
+    if not isinstance(content, Path):
+        return cloudpickle.loads(content)
+    with content.open("rb") as file:
+        task, sizes = pickle.load(file)
+        arrays = [bytearray(size) for size in sizes]
+        for array in arrays:
+            file.readinto(array)
+    return pickle.loads(task, buffers=arrays)
 
 
 class _ThisProcess(Executor):
@@ -161,10 +168,13 @@ class _Processes(ProcessPoolExecutor):
         super().__init__(n_process, context, initializer=_begin, initargs=(ended,))
         self.folder = TemporaryDirectory(prefix="lamella-", ignore_cleanup_errors=True)
 
-    def leave(self, content: bytes) -> Path:
-        """Write a file for the processes and return its path."""
-        path = Path(self.folder.name) / uuid4().hex
-        path.write_bytes(content)
+    def leave(self, task: Callable[..., Any]) -> Path:
+        """Write a task to a file for the processes, its arrays behind it as they are, and return its path."""
+        path, arrays = Path(self.folder.name) / uuid4().hex, list[pickle.PickleBuffer]()
+        content = cloudpickle.dumps(task, protocol=5, buffer_callback=arrays.append)
+        with path.open("wb") as file:
+            pickle.dump((content, [array.raw().nbytes for array in arrays]), file)
+            file.writelines(array.raw() for array in arrays)
         return path
 
 
