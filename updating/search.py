@@ -109,7 +109,8 @@ def search(evidence: Gathered, worth: float, executor: Executor | None = None) -
     promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
     _LOG.info("fit %d effects, each alone", len(promising))
     alone = _begun(evidence, [Start([s.effect], base.nuisance, s.start, _STEPS) for s in promising], executor)
-    nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
+    if promising:
+        nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
     singles = _done(alone)
     afar = _astray(best_of(singles, base))  # even the best effect is: pairs with it would be in vain
     if afar:
