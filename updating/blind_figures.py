@@ -85,6 +85,7 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
     fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
     return (
         share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
+        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in null]),
         share("named or in the set, detectable singles", "95 %", [within(c) for c in seen]),
         share("top choice right, detectable singles", "90 %", [top(c) for c in seen]),
         share("  of these not aliased", "reported", [top(c) for c in plain]),
@@ -108,6 +109,8 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
             hits=round(sum(float(ndtr(c.rival - _ALARM)) for c in withheld)),
             total=len(withheld),
         ),
+        share("another's name given, all withheld", "reported", [bool(c.candidates) for c in withheld]),
+        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in withheld]),
         share(
             "wrong form: the effect or its family named",
             "reported",

@@ -1,7 +1,7 @@
 """The blind benchmark of the diagnosis, `make blind`: sealed cases, resumable, scored when all are done."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -73,6 +73,14 @@ def test_a_planted_effect_is_ruled_out_wrongly_only_at_its_usual_strength():
     )
     (figure,) = (f for f in figures((right, weak, wrong)) if "ruled out" in f.name)
     assert (figure.hits, figure.total) == (1, 2)
+
+
+def test_names_for_a_withheld_effect_are_counted_beside_those_of_bic():
+    named = case(1, "withheld")
+    refused = replace(named, verdict="unlike anything", candidates=(), bic=("stinger_mass",))
+    found = figures((named, refused, refused))
+    at = next(i for i, own in enumerate(found) if own.name.startswith("another's name"))
+    assert [(own.hits, own.total) for own in found[at : at + 2]] == [(1, 3), (2, 3)]
 
 
 def test_cases_go_on_after_the_last_whole_line(tmp_path, monkeypatch):
