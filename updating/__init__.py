@@ -1,28 +1,28 @@
 """Measurement and model side by side: pairing, correlation, fitting, diagnosis, reports."""
 
-from updating.correlation import Correlation, correlate
-from updating.diagnosis import Diagnosis, diagnose
-from updating.energy import Regions, modal_energy, regions
+from updating.correlation.correlation import Correlation, correlate
+from updating.correlation.energy import Regions, modal_energy, regions
+from updating.correlation.expansion import Expansion, expand, expanded_modes
+from updating.correlation.frf_correlation import FrfCorrelation, correlate_frf, fdac
+from updating.correlation.localization import ErrorMap, map_error
+from updating.correlation.macxp import macx, macxp, poles
+from updating.correlation.orthogonality import cross_orthogonality
+from updating.correlation.pairing import Pairing, pair
+from updating.correlation.point_correlation import PointCorrelation, correlate_points
+from updating.correlation.registration import Registration, register
+from updating.correlation.subspace import subspace_mac
+from updating.correlation.tracking import Track, track
+from updating.diagnosis.diagnosis import Diagnosis, diagnose
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
-from updating.expansion import Expansion, expand, expanded_modes
-from updating.fit import Estimate, Fit, fit
-from updating.frf_correlation import FrfCorrelation, correlate_frf, fdac
-from updating.joint_fit import FittedParameter, JointFit, joint_fit
-from updating.ledger import Entry, ledger
-from updating.localization import ErrorMap, map_error
-from updating.macxp import macx, macxp, poles
-from updating.objective import frequency_error, opt_d, opt_G
-from updating.orthogonality import cross_orthogonality
-from updating.pairing import Pairing, pair
-from updating.point_correlation import PointCorrelation, correlate_points
-from updating.prepared import Prepared, prepare
-from updating.registration import Registration, register
+from updating.fitting.fit import Estimate, Fit, fit
+from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
+from updating.fitting.ledger import Entry, ledger
+from updating.fitting.objective import frequency_error, opt_d, opt_G
+from updating.fitting.prepared import Prepared, prepare
+from updating.fitting.sensitivity import Scatter
+from updating.fitting.target import Target, target_of_modes, target_of_table
 from updating.report.page import write_report
-from updating.sensitivity import Scatter
 from updating.store import read_result, write_result
-from updating.subspace import subspace_mac
-from updating.target import Target, target_of_modes, target_of_table
-from updating.tracking import Track, track
 
 __all__ = [
     "LAMELLA_ERRORS",

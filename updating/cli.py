@@ -13,7 +13,8 @@ from rich.text import Text
 
 from ema.threads import single_threaded
 from model import catalogue, find_effects
-from updating import blind_jobs, effect_jobs, jobs, tables, update_job
+from updating import jobs, ledger_jobs, tables, update_job
+from updating.blind import jobs as blind_jobs
 from updating.cli_options import (
     CampaignFile,
     Cluster,
@@ -24,11 +25,12 @@ from updating.cli_options import (
     SharedEffects,
 )
 from updating.errors import LAMELLA_ERRORS
+from updating.fitting.modal_table import is_modal_table
 from updating.identified import Identified
-from updating.modal_table import is_modal_table
-from updating.published import CALIBRATIONS, read_published
-from updating.published_tables import screening_table, summary_table
-from updating.published_verdict import published_verdict
+from updating.published import jobs as published_jobs
+from updating.published.campaign import CALIBRATIONS, read_published
+from updating.published.tables import screening_table, summary_table
+from updating.published.verdict import published_verdict
 from updating.report.pdf import print_pdf
 from updating.view import view as view_results
 
@@ -198,7 +200,7 @@ def fit(
         _OUT.print(tables.modal_table(rows))
         if effect:
             _OUT.print(
-                effect_jobs.ledger_table(effect_jobs.table_ledger(rows, effect, campaign, output, cluster))
+                ledger_jobs.ledger_table(ledger_jobs.table_ledger(rows, effect, campaign, output, cluster))
             )
         _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
         return
@@ -210,7 +212,7 @@ def fit(
             fits.append((found, fitted))
     if effect:
         _OUT.print(
-            effect_jobs.ledger_table(effect_jobs.campaign_ledger(fits, effect, campaign, output, cluster))
+            ledger_jobs.ledger_table(ledger_jobs.campaign_ledger(fits, effect, campaign, output, cluster))
         )
     _OUT.print(f"Report: [bold]{jobs.report(output)}[/bold]")
 
@@ -231,7 +233,7 @@ def update(
     """
     updated = update_job.update(specification, output, _OUT, effect_file or (), cluster)
     _OUT.print(update_job.parameter_table(updated.fit))
-    _OUT.print(effect_jobs.ledger_table(updated.ledger))
+    _OUT.print(ledger_jobs.ledger_table(updated.ledger))
     _OUT.print(f"Results in [bold]{output}[/bold]")
 
 
@@ -267,11 +269,11 @@ def published(
     calibrations = calibration or list(CALIBRATIONS)
     _OUT.print(
         summary_table(
-            effect_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT, cluster)
+            published_jobs.published(data, calibrations, effect or ["clamp_inertia"], output, _OUT, cluster)
         )
     )
     if screen is not None:
-        found = effect_jobs.screen_published(data, calibrations, screen, output, _OUT, cluster)
+        found = published_jobs.screen_published(data, calibrations, screen, output, _OUT, cluster)
         _OUT.print(screening_table(found))
         _OUT.print(published_verdict(found, read_published(data).table), highlight=False)
     _OUT.print(f"Results in [bold]{output}[/bold]")

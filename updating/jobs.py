@@ -32,26 +32,26 @@ from model.stack import Pressing
 from model.stack_file import stack_inputs
 from model.static import press
 from model.verified import Verification, solve_verified
-from updating.diagnosis import Diagnosis
-from updating.diagnosis import diagnose as diagnose_stack
+from updating.correlation.shape_class import class_grid, shape_classes
+from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.diagnosis import diagnose as diagnose_stack
+from updating.diagnosis.kept_model import kept_model
+from updating.diagnosis.scan import MESSAGES
+from updating.diagnosis.scatter_file import read_scatter
+from updating.diagnosis.signature import Signature, signature, signature_figure
 from updating.effect_option import with_named_effects
 from updating.errors import FitError
-from updating.fit import Fit
-from updating.fit import fit as fit_configuration
+from updating.fitting.fit import Fit
+from updating.fitting.fit import fit as fit_configuration
+from updating.fitting.fit_plot import as_png
+from updating.fitting.modal_table import TableFit, TableRow, fit_row, read_modal_table
+from updating.fitting.target import model_file, stack_in_state
 from updating.identified import Assignment, Identified, assignments, every_identified, identified
-from updating.kept_model import kept_model
-from updating.modal_table import TableFit, TableRow, fit_row, read_modal_table
-from updating.plot import as_png
 from updating.progress import progress
 from updating.report.page import write_report
-from updating.scan import MESSAGES
-from updating.scatter_file import read_scatter
-from updating.shape_class import class_grid, shape_classes
-from updating.signature import Signature, signature, signature_figure
 from updating.store import folder_name, kept, read_frf, write_bytes, write_result
-from updating.target import model_file, stack_in_state
-from updating.virtual_campaign import write_virtual_test
-from updating.virtual_test_file import read_virtual_test
+from updating.virtual.campaign import write_virtual_test
+from updating.virtual.vibration_test_file import read_virtual_test
 from updating.workers import in_parallel, workers
 
 

@@ -13,11 +13,11 @@ from model import Effect, Modes, Parameter, Stack
 from model.effect import Family
 from model.pressure import PressureSummary
 from model.verified import Verification
-from updating.correlation import correlate
-from updating.diagnosis import Diagnosis
-from updating.fit import Estimate, Fit
-from updating.modal_table import TableFit
-from updating.signature import Signature
+from updating.correlation.correlation import correlate
+from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.signature import Signature
+from updating.fitting.fit import Estimate, Fit
+from updating.fitting.modal_table import TableFit
 
 _WIDTH = 98
 _SAME_SHAPE = 0.95  # cross-orthogonality of a mode with itself

@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 
 from ema.form import Section, read_form
 from updating.errors import FitError
-from updating.intervals import Method
-from updating.joint_problem import RATIOS, Scope
-from updating.sensitivity import Scatter
+from updating.fitting.intervals import Method
+from updating.fitting.joint_problem import RATIOS, Scope
+from updating.fitting.sensitivity import Scatter
 
 
 class CampaignSection(Section):

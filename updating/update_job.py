@@ -17,21 +17,18 @@ import model
 from ema import read_campaign
 from model import Effect
 from model.stack_file import stack_inputs
-from updating.effect_jobs import write_ledger
 from updating.errors import FitError
-from updating.fit import G_F_BOUNDS
-from updating.identified import assignments, every_identified
-from updating.intervals import N_DRAW
-from updating.joint_fit import JointFit, joint_fit
-from updating.joint_plot import convergence_figure, correlation_figure
-from updating.joint_problem import require_known
-from updating.ledger import Entry, ledger
-from updating.modal_table import is_modal_table, read_modal_table
-from updating.plot import as_png
-from updating.prepared import prepare
-from updating.sensitivity import Scatter
-from updating.store import folder_name, write_bytes, write_result
-from updating.target import (
+from updating.fitting.fit import G_F_BOUNDS
+from updating.fitting.fit_plot import as_png
+from updating.fitting.intervals import N_DRAW
+from updating.fitting.joint_fit import JointFit, joint_fit
+from updating.fitting.joint_plot import convergence_figure, correlation_figure
+from updating.fitting.joint_problem import require_known
+from updating.fitting.ledger import Entry, ledger
+from updating.fitting.modal_table import is_modal_table, read_modal_table
+from updating.fitting.prepared import prepare
+from updating.fitting.sensitivity import Scatter
+from updating.fitting.target import (
     Target,
     model_file,
     specimen_name,
@@ -39,6 +36,9 @@ from updating.target import (
     target_of_modes,
     target_of_table,
 )
+from updating.identified import assignments, every_identified
+from updating.ledger_jobs import write_ledger
+from updating.store import folder_name, write_bytes, write_result
 from updating.update_file import CampaignSection, UpdateFile, read_update_file
 from updating.workers import workers
 

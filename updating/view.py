@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ema.plot import stabilization_figure
 from ema.stabilization import stabilization
 from updating.errors import StoreError
+from updating.fitting.shape_plot import MEASURED, MODEL, REST, SWELL, ShapePair, shape_pairs
 from updating.report.frf_part import frf_section
 from updating.report.page import render
 from updating.report.results import Tested, read_results
 from updating.report.shape_part import shape_section
-from updating.shape_plot import MEASURED, MODEL, REST, SWELL, ShapePair, shape_pairs
 from updating.store import write_bytes
 
 if TYPE_CHECKING:

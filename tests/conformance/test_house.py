@@ -8,6 +8,15 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("ema", "model", "updating")
 FORBIDDEN = {"ema": {"model", "updating"}, "model": {"ema", "updating"}, "updating": set()}
+ROOMS = {
+    "correlation": set(),
+    "fitting": {"correlation"},
+    "diagnosis": {"correlation"},
+    "virtual": set(),
+    "blind": {"diagnosis", "virtual"},
+    "published": {"fitting", "diagnosis"},
+    "report": {"correlation", "fitting", "diagnosis"},
+}  # folders of `updating`, with those that each may import
 SOLE_IMPORTERS = {"pyuff": {"ema/uff.py"}, "sdypy": set()}
 DRAWING = {"matplotlib", "pyvista", "vtk", "tkinter"}
 
@@ -25,6 +34,12 @@ def imported(tree):
             yield (node.module or "").split(".")[0]
 
 
+def rooms(tree):
+    """Folders of `updating` that a module imports from."""
+    modules = (n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom))
+    return {m.split(".")[1] for m in modules if m.startswith("updating.")} & ROOMS.keys()
+
+
 def imported_on_load(tree):
     """Top-level names of what a module imports when it is itself imported."""
     for node in tree.body:
@@ -39,6 +54,16 @@ def parse(path):
 def test_packages_import_in_one_direction(package):
     for path in sources(package):
         assert not FORBIDDEN[package] & set(imported(parse(path))), path
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_folders_of_updating_import_in_one_direction(room):
+    for path in sources(f"updating/{room}"):
+        assert rooms(parse(path)) <= ROOMS[room] | {room}, path
+
+
+def test_every_folder_of_updating_has_its_place():
+    assert {path.parent.name for path in (ROOT / "updating").glob("*/__init__.py")} == ROOMS.keys()
 
 
 def test_every_package_has_sources():

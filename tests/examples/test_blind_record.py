@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from updating.blind_figures import Figure, figures
-from updating.blind_jobs import planned, recorded
+from updating.blind.figures import Figure, figures
+from updating.blind.jobs import planned, recorded
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,8 +6,9 @@ import pytest
 from rich.console import Console
 
 import model
-from updating import jobs, kept_model
-from updating.diagnosis import diagnose
+from updating import jobs
+from updating.diagnosis import kept_model
+from updating.diagnosis.diagnosis import diagnose
 from updating.errors import FitError
 
 CONSIDERED = ("clamp_mass", "pressure_exponent")

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from updating.published import (
+from updating.published.campaign import (
     base_rows,
     fit_shared,
     prepare_published,
     read_published,
     reproduce,
 )
-from updating.published_tables import TARGET
+from updating.published.tables import TARGET
 
 DATA = read_published(Path(__file__).parents[2] / "data/pirnat2013")
 

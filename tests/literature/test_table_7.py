@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from updating.modal_table import fit_row, read_modal_table
+from updating.fitting.modal_table import fit_row, read_modal_table
 
 TABLE = read_modal_table(Path(__file__).parents[2] / "data/pirnat2013/campaign.toml")
 

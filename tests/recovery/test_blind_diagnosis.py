@@ -8,10 +8,10 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from updating import blind_jobs
-from updating.blind import Case, run
-from updating.blind_figures import figures
-from updating.blind_jobs import figures_table, planned, run_blind
+from updating.blind import jobs as blind_jobs
+from updating.blind.case import Case, run
+from updating.blind.figures import figures
+from updating.blind.jobs import figures_table, planned, run_blind
 from updating.cli import app
 from updating.errors import StoreError
 

@@ -27,11 +27,11 @@ from ema.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.units import parse_unit
 from updating import LAMELLA_ERRORS
 from updating.errors import StoreError
-from updating.modal_table import read_modal_table
-from updating.published import read_published
+from updating.fitting.modal_table import read_modal_table
+from updating.published.campaign import read_published
 from updating.store import read_document, read_frf, write_frf
 from updating.update_file import read_update_file
-from updating.virtual_test_file import read_virtual_test
+from updating.virtual.vibration_test_file import read_virtual_test
 
 DATA = Path(__file__).parents[2] / "data"
 REAL = Path(__file__).parents[2].parent / "shared/realdata"

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import model
-from updating.blind import blind_test, candidates_of, played
-from updating.diagnosis import conclude
-from updating.evidence import Scatter
-from updating.explanation import explain
-from updating.gathering import gather
-from updating.residual import residual
-from updating.virtual_measurement import ModalNoise, play_modes
+from updating.blind.case import blind_test, candidates_of, played
+from updating.diagnosis.diagnosis import conclude
+from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.explanation import explain
+from updating.diagnosis.gathering import gather
+from updating.diagnosis.residual import residual
+from updating.virtual.measurement import ModalNoise, play_modes
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 CONSIDERED = (

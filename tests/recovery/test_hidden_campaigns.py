@@ -10,7 +10,7 @@ import ema
 import model
 from ema.mac import mac
 from updating import diagnose
-from updating.evidence import Scatter
+from updating.diagnosis.evidence import Scatter
 
 DATA = Path(__file__).parents[2] / "data/hidden_effect"
 BENCH = {"stinger_mass"}  # every played test has a force cell of 5 g, which the stack files do not tell
@@ -57,7 +57,7 @@ def test_a_mode_just_above_the_band_is_not_shared_between_those_within():
 def masses_between_modes(modes, truth):
     """What small masses would make true shapes lean as identified ones do, (n_pair, 2): value, standard deviation.
 
-    See `updating.mixing`: of unit modal mass, from coefficients along the other identified modes.
+    See `updating.diagnosis.mixing`: of unit modal mass, from coefficients along the other identified modes.
     """
     frequency, shape = true_modes_of(modes, truth)
     shape, square = shape / np.linalg.norm(shape, axis=0), frequency**2

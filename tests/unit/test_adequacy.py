@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from updating.adequacy import block_p_value, p_value
-from updating.residual import Residual
+from updating.diagnosis.adequacy import block_p_value, p_value
+from updating.diagnosis.residual import Residual
 
 KIND = np.array(["frequency"] * 8 + ["damping"] * 6 + ["shape"] * 30 + ["prior"] * 4)
 LABEL = np.where(KIND == "shape", [f"M1, mode {1 + i // 10}" for i in range(-14, KIND.size - 14)], "")

@@ -10,7 +10,7 @@ from model import Mesh, catalogue, enriched, read_stack
 from model.effect_parts import known_or_usual_instruments
 from model.modes import reduced_eigenpairs
 from model.z_basis import N_RIGID
-from updating.candidates import N_MODEL, candidate_model
+from updating.diagnosis.candidates import N_MODEL, candidate_model
 
 STACK = dataclasses.replace(
     read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=40, mesh=Mesh(n_x=8, n_y=2)

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from model import Parameter
-from updating.chance import chance_of_gain
-from updating.screening import Screened
+from updating.diagnosis.chance import chance_of_gain
+from updating.diagnosis.screening import Screened
 
 RNG = np.random.default_rng(7)
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from updating.correlation import correlate
+from updating.correlation.correlation import correlate
+from updating.correlation.pairing import pair
+from updating.correlation.point_correlation import correlate_points
 from updating.errors import PairingError
-from updating.pairing import pair
-from updating.point_correlation import correlate_points
 
 N_DOF = 30
 

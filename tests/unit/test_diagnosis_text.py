@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from updating.diagnosis_text import _change, _misread
-from updating.ranking import Ranked
-from updating.sensor_gain import SensorGain
+from updating.diagnosis.ranking import Ranked
+from updating.diagnosis.sensor_gain import SensorGain
+from updating.diagnosis.text import _change, _misread
 
 
 def ranked(error, held_out):

@@ -8,11 +8,11 @@ import pytest
 
 from model import read_effect, read_stack
 from model.stack import Mesh
-from updating.joint_fit import joint_fit
-from updating.prepared import prepare, solve_target
-from updating.target import target_of_table
-from updating.virtual_test import specimens
-from updating.virtual_test_file import read_virtual_test
+from updating.fitting.joint_fit import joint_fit
+from updating.fitting.prepared import prepare, solve_target
+from updating.fitting.target import target_of_table
+from updating.virtual.vibration_test import specimens
+from updating.virtual.vibration_test_file import read_virtual_test
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")

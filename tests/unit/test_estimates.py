@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from updating.fit import estimate_damping, estimate_stiffness
+from updating.fitting.fit import estimate_damping, estimate_stiffness
 
 A = np.array([10.0, 17.0, 30.0])
 

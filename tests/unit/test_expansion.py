@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import model
+from updating.correlation.expansion import expand, expanded_modes, pseudo_orthogonality
+from updating.correlation.orthogonality import cross_orthogonality
 from updating.errors import PairingError
-from updating.expansion import expand, expanded_modes, pseudo_orthogonality
-from updating.orthogonality import cross_orthogonality
 
 
 @pytest.fixture(scope="module")

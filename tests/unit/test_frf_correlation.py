@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from updating.correlation_plot import frf_correlation_figure
+from updating.correlation.correlation_plot import frf_correlation_figure
+from updating.correlation.frf_correlation import correlate_frf, fdac
 from updating.errors import UpdatingError
-from updating.frf_correlation import correlate_frf, fdac
 
 LINES = np.linspace(10.0, 100.0, 181)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from updating.held_out import held_out_error
-from updating.residual import Residual
+from updating.diagnosis.held_out import held_out_error
+from updating.diagnosis.residual import Residual
 
 RNG = np.random.default_rng(5)
 STD = np.array([2e-4, 3e-4, 5e-4, 1e-3])

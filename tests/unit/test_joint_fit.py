@@ -9,15 +9,15 @@ from threadpoolctl import threadpool_limits
 
 from model import read_stack
 from model.stack import Mesh
-from updating.descent import covariance, descend
 from updating.errors import FitError
-from updating.intervals import bootstrap_intervals, normal_intervals
-from updating.joint_fit import joint_fit
-from updating.joint_problem import Problem
-from updating.prepared import prepare, solve_target
-from updating.sensitivity import Scatter
-from updating.starts import starts
-from updating.target import Target, target_of_table
+from updating.fitting.descent import covariance, descend
+from updating.fitting.intervals import bootstrap_intervals, normal_intervals
+from updating.fitting.joint_fit import joint_fit
+from updating.fitting.joint_problem import Problem
+from updating.fitting.prepared import prepare, solve_target
+from updating.fitting.sensitivity import Scatter
+from updating.fitting.starts import starts
+from updating.fitting.target import Target, target_of_table
 from updating.workers import workers
 
 ROOT = Path(__file__).parents[2]

@@ -9,8 +9,8 @@ import pytest
 
 from model import Mesh, catalogue, read_stack
 from model.effect_parts import known_or_usual_instruments
-from updating import kept_model as module
-from updating.kept_model import N_KEPT, kept_model
+from updating.diagnosis import kept_model as module
+from updating.diagnosis.kept_model import N_KEPT, kept_model
 
 ROOT = Path(__file__).parents[2]
 STACK = dataclasses.replace(

@@ -8,11 +8,11 @@ import pytest
 
 from model import read_stack
 from model.stack import Mesh
-from updating.effect_jobs import ledger_table
-from updating.ledger import ledger
-from updating.prepared import prepare, solve_target
-from updating.sensitivity import Scatter
-from updating.target import target_of_table
+from updating.fitting.ledger import ledger
+from updating.fitting.prepared import prepare, solve_target
+from updating.fitting.sensitivity import Scatter
+from updating.fitting.target import target_of_table
+from updating.ledger_jobs import ledger_table
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")

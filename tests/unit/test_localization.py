@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 import model
-from updating.correlation_plot import error_map_picture
-from updating.energy import KINDS, Regions, energy_by_region, modal_energy, regions
+from updating.correlation.correlation_plot import error_map_picture
+from updating.correlation.energy import KINDS, Regions, energy_by_region, modal_energy, regions
+from updating.correlation.localization import map_error
 from updating.errors import UpdatingError
-from updating.localization import map_error
 
 N_MODE = 6
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.mac import mac
-from updating.macxp import macx, macxp, poles
+from updating.correlation.macxp import macx, macxp, poles
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 from scipy.stats import kstest
 
-from updating.mixing import Mixing, p_value
+from updating.diagnosis.mixing import Mixing, p_value
 
 N_DOF, N_MODE, NOISE = 44, 7, 2e-4
 FREQUENCY = np.array([240.0, 256.0, 305.0, 522.0, 540.0, 926.0, 970.0])

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from updating.evidence import Scatter
-from updating.mixing import leaning
-from updating.mode_space import ModeSpace
+from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.mixing import leaning
+from updating.diagnosis.mode_space import ModeSpace
 
 N_DOF, SIGMA = 44, 2e-4
 RNG = np.random.default_rng(3)

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from updating.correlation.pairing import pair
 from updating.errors import PairingError
-from updating.pairing import pair
 
 
 def modes(shape, frequency=None):

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from updating import published_screening
-from updating.joint_fit import FittedParameter
-from updating.published import read_published
-from updating.published_screening import Screening, Tried, screen
-from updating.published_tables import screening_csv, screening_table, survivors
-from updating.published_verdict import published_verdict
+from updating.fitting.joint_fit import FittedParameter
+from updating.published import screening as published_screening
+from updating.published.campaign import read_published
+from updating.published.screening import Screening, Tried, screen
+from updating.published.tables import screening_csv, screening_table, survivors
+from updating.published.verdict import published_verdict
 
 DATA = read_published(Path(__file__).parents[2] / "data/pirnat2013")
 

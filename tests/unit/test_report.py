@@ -9,10 +9,10 @@ from PIL import Image
 
 from ema import Geometry
 from updating import StoreError
+from updating.fitting.shape_plot import point_displacement
 from updating.report import pdf
 from updating.report.page import render
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
-from updating.shape_plot import point_displacement
 
 
 def table(*columns, **others):

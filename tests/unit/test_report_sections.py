@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from model import read_stack
-from updating.diagnosis import Diagnosis, ModeError
-from updating.fit import Estimate
-from updating.joint_fit import FittedParameter
-from updating.ledger import Entry
-from updating.modal_table import TableFit, TableRow
+from updating.diagnosis.diagnosis import Diagnosis, ModeError
+from updating.diagnosis.signature_plot import signature_pattern_figure
+from updating.fitting.fit import Estimate
+from updating.fitting.joint_fit import FittedParameter
+from updating.fitting.ledger import Entry
+from updating.fitting.modal_table import TableFit, TableRow
 from updating.report.answer import answer_section
 from updating.report.ledger_part import ledger_figure, ledger_section
 from updating.report.page import render, sections
@@ -18,7 +19,6 @@ from updating.report.parameter_part import interval_table
 from updating.report.provenance import provenance_section
 from updating.report.results import Results
 from updating.report.signature_part import signature_section
-from updating.signature_plot import signature_pattern_figure
 
 STACK = Path(__file__).parents[2] / "data/demo_stack/stack.toml"
 NAN = float("nan")

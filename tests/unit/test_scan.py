@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from model import SolveError
-from updating import scan
-from updating.scan import Place, with_modes_of
+from updating.diagnosis import scan
+from updating.diagnosis.scan import Place, with_modes_of
 
 
 def test_a_place_without_modes_adds_none(monkeypatch):

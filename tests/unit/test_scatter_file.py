@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.scatter_file import read_scatter
 from updating.errors import FitError
-from updating.evidence import Scatter
-from updating.scatter_file import read_scatter
 
 
 def test_what_is_stated_counts_and_the_rest_stays(tmp_path):

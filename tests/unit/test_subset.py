@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from updating.subset import select
+from updating.fitting.subset import select
 
 
 def test_the_strongest_comes_first_and_a_twin_gains_nothing():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.mac import mac
-from updating.subspace import clusters, rotate_onto, span_mac, subspace_mac
+from updating.correlation.subspace import clusters, rotate_onto, span_mac, subspace_mac
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import model
+from updating.correlation.orthogonality import cross_orthogonality
+from updating.correlation.pairing import pair
+from updating.correlation.shape_class import class_grid, shape_classes
+from updating.correlation.tracking import track
 from updating.errors import PairingError
-from updating.orthogonality import cross_orthogonality
-from updating.pairing import pair
-from updating.shape_class import class_grid, shape_classes
-from updating.tracking import track
 
 
 def stack_with(offset):

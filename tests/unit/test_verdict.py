@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from updating import verdict
-from updating.diagnosis_text import _at_a_point, _doubtful
-from updating.evidence import Evidence
-from updating.point_change import PointChange
-from updating.verdict import decide
+from updating.diagnosis import verdict
+from updating.diagnosis.evidence import Evidence
+from updating.diagnosis.point_change import PointChange
+from updating.diagnosis.text import _at_a_point, _doubtful
+from updating.diagnosis.verdict import decide
 
 
 def explanation(misfit, *effects):

@@ -10,11 +10,11 @@ import pytest
 import ema
 import model
 from updating.errors import FitError
-from updating.virtual_campaign import write_virtual_test
-from updating.virtual_dynamics import Dynamics, dynamics, loaded_response, poles
-from updating.virtual_measurement import QUICK_MESH, ModalNoise, play, play_modes, true_modes
-from updating.virtual_test import Averaging, drawn_deviations, specimens
-from updating.virtual_test_file import read_virtual_test
+from updating.virtual.campaign import write_virtual_test
+from updating.virtual.dynamics import Dynamics, dynamics, loaded_response, poles
+from updating.virtual.measurement import QUICK_MESH, ModalNoise, play, play_modes, true_modes
+from updating.virtual.vibration_test import Averaging, drawn_deviations, specimens
+from updating.virtual.vibration_test_file import read_virtual_test
 
 ROOT = Path(__file__).parents[2]
 
@@ -249,7 +249,7 @@ def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch):
         true = true_modes(*given)
         return replace(true, shape=-true.shape)
 
-    monkeypatch.setattr("updating.virtual_measurement.true_modes", turned)
+    monkeypatch.setattr("updating.virtual.measurement.true_modes", turned)
     again, _ = play_modes(one, ModalNoise())["M1"]
     np.testing.assert_array_equal(again.shape, drawn.shape)
 
@@ -274,7 +274,7 @@ def test_the_truth_is_sealed():
         for path in (ROOT / package).rglob("*.py")
         if '"truth' in path.read_text(encoding="utf-8")
     ]
-    assert naming == ["updating/virtual_campaign.py"]
+    assert naming == ["updating/virtual/campaign.py"]
 
 
 @pytest.mark.parametrize(

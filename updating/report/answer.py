@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis import Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.verdict import GAIN_SECOND, SEPARATE
 from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.tables import estimate_text
-from updating.verdict import GAIN_SECOND, SEPARATE
 
 _SHOWN = 8  # explanations of a diagnosis
 

@@ -9,9 +9,9 @@ from ema.frf import FRF
 from ema.geometry import Dofs
 from ema.plot import stabilization_figure
 from ema.stabilization import stabilization
+from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized
 from updating.errors import PairingError
-from updating.fitted_frf import fitted_frf
-from updating.frf_plot import chosen_functions, overlay_figure, synthesized
+from updating.fitting.fitted_frf import fitted_frf
 from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from updating.joint_fit import FittedParameter
-from updating.ledger import Entry
+from updating.fitting.joint_fit import FittedParameter
+from updating.fitting.ledger import Entry
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from model import reduce
-from updating.correlation_plot import error_map_picture
-from updating.energy import KINDS, regions
-from updating.fit import Fit
-from updating.localization import ErrorMap, map_error
-from updating.registration import register
+from updating.correlation.correlation_plot import error_map_picture
+from updating.correlation.energy import KINDS, regions
+from updating.correlation.localization import ErrorMap, map_error
+from updating.correlation.registration import register
+from updating.fitting.fit import Fit
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 from updating.report.results import Tested
 
@@ -18,7 +18,7 @@ _NOTHING = 2e-3
 """Relative stiffness error, twice the 0.1 % of a frequency that no model meets, below which nothing is located."""
 _LOCAL = 0.1
 """Contrast above which an error counts as local: five times that of a kind that is wrong everywhere, half that of a
-soft zone (see `updating.localization`)."""
+soft zone (see `updating.correlation.localization`)."""
 _EXPLAINED = 0.9
 """Share that a common change explains where it is what is wrong (0.96 to 1 in played stacks) and not mass (0.85)."""
 _LIMITS = (

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from ema.mac import mac
 from ema.plot import mac_figure
-from updating.correlation import correlate
-from updating.correlation_plot import comac_figure
-from updating.fit import Estimate
-from updating.plot import objective_figure
-from updating.point_correlation import correlate_points
+from updating.correlation.correlation import correlate
+from updating.correlation.correlation_plot import comac_figure
+from updating.correlation.point_correlation import correlate_points
+from updating.fitting.fit import Estimate
+from updating.fitting.fit_plot import objective_figure
 from updating.report.part import Picture, Section, Table, as_csv, png
 from updating.report.results import Tested
 from updating.tables import parameter_text
 
 if TYPE_CHECKING:
-    from updating.fit import Fit
+    from updating.fitting.fit import Fit
 
 _SHADES = 128  # of the scale of MAC
 _T = 1.96  # half a 95 % interval over the standard deviation

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.fit import Estimate
-from updating.joint_fit import FittedParameter
+from updating.fitting.fit import Estimate
+from updating.fitting.joint_fit import FittedParameter
 from updating.report.ledger_part import model_name
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results, Tested

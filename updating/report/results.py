@@ -9,12 +9,11 @@ from typing import Any
 from ema.campaign import Campaign, Configuration
 from ema.frf import FRF
 from ema.modes import ModalModel
-from updating.diagnosis import Diagnosis
-from updating.effect_jobs import Ledger
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.errors import StoreError
-from updating.fit import Fit
-from updating.ledger import Entry
-from updating.modal_table import ModalTable, TableFit
+from updating.fitting.fit import Fit
+from updating.fitting.ledger import Entry, Ledger
+from updating.fitting.modal_table import ModalTable, TableFit
 from updating.quality import Quality
 from updating.store import folder_name, read_document, read_frf, read_result
 

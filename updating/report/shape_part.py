@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.fitting.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
 from updating.report.part import Gallery, Picture, Section, as_csv, png
 from updating.report.results import Tested
-from updating.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
 
 _DIGITS = 1000  # displacements are drawn, so a thousandth of the largest is enough
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from updating.diagnosis import Diagnosis, ModeError
+from updating.diagnosis.diagnosis import Diagnosis, ModeError
+from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.report.part import Picture, Section, Table, as_csv, svg
-from updating.signature_plot import MOST, signature_pattern_figure
 
 _TOGETHER = 24
 """Modes of one figure whose names can still be read."""

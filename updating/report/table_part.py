@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from updating.modal_table import TableFit
+from updating.fitting.modal_table import TableFit
 from updating.report.part import Picture, Section, Table, anchor, as_csv, svg
 from updating.report.results import Results
 from updating.tables import estimate_text, parameter_text

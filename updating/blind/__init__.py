@@ -1,0 +1,1 @@
+"""The diagnosis judged on virtual tests with sealed effects."""

@@ -1,0 +1,311 @@
+"""Blind cases for the diagnosis: virtual tests with a sealed effect, drawn by a seed, scored when all is said."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import model
+from ema.modes import ModalModel
+from model import Effect, Parameter, SolveError
+from updating.diagnosis.candidates import CandidateModel, instruments_of
+from updating.diagnosis.coordinates import coordinate_of
+from updating.diagnosis.diagnosis import WORTH
+from updating.diagnosis.evidence import Evidence
+from updating.diagnosis.exclusion import ruled_out
+from updating.diagnosis.experiment import aids
+from updating.diagnosis.explanation import Explanation, explain
+from updating.diagnosis.gathering import Campaigned, gather
+from updating.diagnosis.kept_model import kept_model
+from updating.diagnosis.residual import residual
+from updating.diagnosis.search import VISIBLE, Search, search
+from updating.diagnosis.verdict import decide
+from updating.virtual.measurement import ModalNoise, play_modes
+from updating.virtual.vibration_test import VirtualTest
+from updating.virtual.vibration_test_file import read_virtual_test
+
+NOISE = ModalNoise()
+"""Standard deviations of the modal data that a case's campaign gives."""
+SPREAD = {
+    "young": 0.01,
+    "density": 0.005,
+    "length": 2e-4,
+    "width": 2e-4,
+    "height": 2e-4,
+    "G_f": 0.2,
+    "d_f": 0.2,
+    "reassembly": 0.02,
+    "torque": 0.02,
+}
+"""Standard deviations of what differs between the bench and the stack file, as ratios."""
+G_F, D_F = 1500.0, 2e-11
+HELD_OUT, HELD_OUT_PRESSURE = "held out", 240e3
+"""A third torque that is played but not shown to the diagnosis, with its pressure, Pa."""
+WRONG_FORM = "wrong form"
+"""Kind of a case whose effect is of a known family but follows another law."""
+FORM = 0.6
+"""Share of its strength that such an effect has in the first configuration."""
+DETECTABLE = 4.0
+"""Distance above which an effect counts as detectable: the root of `verdict.GAIN_SINGLE`."""
+_STEPS = 3  # towards the contact of a configuration that was not fitted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One blind case and what came of it.
+
+    Attributes
+    ----------
+    seed : int
+        Seed of all that was drawn.
+    kind : str
+        "null", "single", "pair", "withheld" or "wrong form".
+    truth : tuple of str
+        The planted effects.
+    values : mapping of str to float
+        Their parameters.
+    verdict : str
+        Of the diagnosis.
+    candidates : tuple of tuple of str
+        What it left, the best first.
+    ruled_out : tuple of str
+        What it says that these data exclude at its usual strength, or more.
+    not_visible : tuple of str
+        What it says that these data do not show.
+    covered : tuple of bool
+        Whether each 90 % interval of the true effects' parameters holds the truth, where they were fitted.
+    distance : float
+        Root of the fall of the misfit from the base model to the true effects, fitted: below `DETECTABLE` nobody could
+        name them.
+    rival : float
+        Root of what the misfit of the best other single effect exceeds that of the truth by: below 3 it is aliased,
+        or one of a pair does not show. For an effect that was withheld, of the best of all that was fitted without
+        it. Infinite where there is none.
+    most_visible, bic : tuple of str
+        What two baselines say: the effect that can change the data most, whatever they are; and stepwise
+        choice by the Bayesian information criterion.
+    held_out : tuple of float
+        Root mean square of the differences of frequencies and damping ratios of a third torque that nobody saw, in
+        standard deviations, its G_f and d_f fitted: with the base model, with the first candidate (the base model
+        where none is named), and with the true effects.
+    held_out_frequency : tuple of float
+        The same for the mean relative error of frequencies alone.
+    """
+
+    seed: int
+    kind: str
+    truth: tuple[str, ...]
+    values: dict[str, float]
+    verdict: str
+    candidates: tuple[tuple[str, ...], ...]
+    ruled_out: tuple[str, ...]
+    not_visible: tuple[str, ...]
+    covered: tuple[bool, ...]
+    distance: float
+    rival: float
+    most_visible: tuple[str, ...]
+    bic: tuple[str, ...]
+    held_out: tuple[float, float, float]
+    held_out_frequency: tuple[float, float, float]
+
+
+def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
+    """Draw a strength, log-uniform from a twentieth of the range up, to either side of neutral where there are two."""
+    found = {}
+    for p in effect.parameters:
+        share = float(np.exp(rng.uniform(np.log(0.05), 0.0)))
+        sides = [end for end in (p.lower, p.upper) if end != p.neutral]
+        end = sides[int(rng.integers(len(sides)))]
+        found[p.name] = _towards(p, end, share) if _is_strength(p) else float(rng.uniform(p.lower, p.upper))
+    return found
+
+
+def weaker(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    """Return an effect's values with its strengths `FORM` of the way from neutral."""
+    return {
+        p.name: _towards(p, values[p.name], FORM) if _is_strength(p) else values[p.name]
+        for p in effect.parameters
+    }
+
+
+def _is_strength(parameter: Parameter) -> bool:
+    """Whether the effect vanishes with the parameter, which else shapes it only."""
+    return parameter.scale == "log" or parameter.neutral in (parameter.lower, parameter.upper, 0.0, 1.0)
+
+
+def _towards(parameter: Parameter, end: float, share: float) -> float:
+    """Return the value that lies a share of the way from neutral to an end."""
+    if parameter.scale == "log":
+        return float(parameter.neutral * (end / parameter.neutral) ** share)
+    return float(parameter.neutral + share * (end - parameter.neutral))
+
+
+def blind_test(
+    specification: Path, seed: int, effects: tuple[Effect, ...], values: dict[str, float]
+) -> VirtualTest:
+    """Return the test of a file, such as that of data/demo_stack, with one G_f, a third torque, and effects."""
+    test = read_virtual_test(specification)
+    same = [replace(c, G_f=G_F, d_f=D_F) for c in test.configurations]
+    third = replace(same[-1], name=HELD_OUT, pressure=HELD_OUT_PRESSURE)
+    return replace(
+        test, configurations=(*same, third), effects=effects, effect_values=values, spread=SPREAD, seed=seed
+    )
+
+
+def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateModel:
+    """Reduce the nominal model once for all cases."""
+    test = blind_test(specification, 0, (), {})
+    modes: ModalModel = played(test)[0][2]
+    stack = model.read_stack(specification.parent / test.stack_file)
+    return kept_model(stack, instruments_of(modes), effects, aids())
+
+
+@cache
+def _nominal(specification: Path) -> CandidateModel:
+    """Reduce the nominal model with the whole catalogue, once a process."""
+    return candidates_of(specification, model.catalogue())
+
+
+def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | None = None) -> Case:
+    """Draw, play, diagnose and score one case.
+
+    Parameters
+    ----------
+    specification : Path
+        Virtual test, such as that of data/demo_stack.
+    seed : int
+        Of all that is drawn.
+    kind : str
+        "null", "single", "pair", "withheld", the effect then being taken out of the catalogue, or "wrong form": its
+        strength in the first configuration is not that in the others, as no effect of the catalogue has it.
+    candidates : CandidateModel, optional
+        The nominal model; by default with the whole catalogue.
+    """
+    candidates = _nominal(specification) if candidates is None else candidates
+    chosen, values, test, (*tested, unseen) = _drawn(specification, seed, kind, candidates.effects)
+    if kind == WRONG_FORM:
+        less = {k: v for effect in chosen for k, v in weaker(effect, values).items()}
+        tested[0] = played(replace(test, effect_values=less))[0]
+    truth = tuple(sorted(effect.name for effect in chosen))
+    offered = candidates
+    if kind == "withheld":
+        offered = replace(candidates, effects={k: v for k, v in candidates.effects.items() if k not in truth})
+    found = search(gather(offered, tested), WORTH)
+    decision = decide(found)
+    whole = replace(found.evidence, effects=candidates.effects)
+    true = _true(whole, found, truth, values)
+    rivals = found.explanations if kind == "withheld" else found.singles
+    others = [x.misfit - true.misfit for x in rivals if x.effects != truth]
+    named = decision.left[0] if decision.left else found.base
+    unseen_evidence = gather(candidates, [unseen]).with_system(found.evidence.system)
+    misfits, errors = zip(*(_predicted(unseen_evidence, x) for x in (found.base, named, true)), strict=True)
+    return Case(
+        seed=seed,
+        kind=kind,
+        truth=truth,
+        values=values,
+        verdict=decision.verdict,
+        candidates=tuple(tuple(sorted(x.effects)) for x in decision.left),
+        ruled_out=ruled_out(found, decision),
+        not_visible=tuple(s.effect for s in found.screened if s.reach < VISIBLE),
+        covered=_covered(found, truth, values),
+        distance=float(np.sqrt(max(found.base.misfit - true.misfit, 0.0))),
+        rival=float(np.sqrt(max(min(others, default=np.inf), 0.0))),
+        most_visible=(max(found.screened, key=lambda s: s.reach).effect,),
+        bic=_bic(found),
+        held_out=misfits,
+        held_out_frequency=errors,
+    )
+
+
+def _drawn(
+    specification: Path, seed: int, kind: str, effects: Mapping[str, Effect]
+) -> tuple[tuple[Effect, ...], dict[str, float], VirtualTest, list[Campaigned]]:
+    """Draw effects and their values until there can be such a stack, and play its test."""
+    rng = np.random.default_rng([7, seed])
+    names = sorted(effects)
+    n = {"null": 0, "single": 1, "withheld": 1, "pair": 2, WRONG_FORM: 1}[kind]
+    while True:
+        chosen: tuple[Effect, ...]
+        if n == 1:  # all effects in turn
+            chosen = (effects[names[seed % len(names)]],)
+        else:
+            chosen = tuple(effects[names[i]] for i in rng.choice(len(names), n, replace=False))
+        values = {k: v for effect in chosen for k, v in strengths(effect, rng).items()}
+        test = blind_test(specification, seed, chosen, values)
+        with contextlib.suppress(
+            SolveError
+        ):  # where the contact turns negative, in stiffness or in damping alone
+            tested = played(test)
+            if all(np.all(modes.damping > 0.0) for _, _, modes in tested):
+                return chosen, values, test, tested
+
+
+def played(test: VirtualTest) -> list[Campaigned]:
+    """Return the configurations of a virtual test as an identification would give them, with noise `NOISE`."""
+    modes = (drawn for drawn, _ in play_modes(test, NOISE).values())
+    return [(c.name, c.pressure, m) for c, m in zip(test.configurations, modes, strict=True)]
+
+
+def _true(
+    evidence: Evidence, found: Search, truth: tuple[str, ...], values: Mapping[str, float]
+) -> Explanation:
+    """Return the best fit of the true effects: from the truth, or what the search found.
+
+    From the truth, the contact is sought from the base model's and from the stack's own.
+    """
+    base = found.base
+    if not truth:
+        return base
+    start = np.array([coordinate_of(p, values[p.name]) for p in evidence.parameters(truth)])
+    fitted = [
+        explain(evidence, truth, nuisance=nuisance, coordinate=start)
+        for nuisance in (base.nuisance, np.zeros(base.nuisance.size))
+    ]
+    own = _of(found, truth)
+    return min(fitted if own is None else (own, *fitted), key=lambda x: x.misfit)
+
+
+def _of(found: Search, truth: tuple[str, ...]) -> Explanation | None:
+    """Return what the search fitted with the true effects."""
+    return next((x for x in found.explanations if tuple(sorted(x.effects)) == truth), None)
+
+
+def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float]) -> tuple[bool, ...]:
+    own = _of(found, truth)
+    if own is None:
+        return ()
+    return tuple(
+        bool(low <= values[p.name] <= high)
+        for p, low, high in zip(own.parameter, own.lower, own.upper, strict=True)
+    )
+
+
+def _bic(found: Search) -> tuple[str, ...]:
+    """Return the explanation with the least misfit and logarithm of the number of data for each parameter."""
+    price = np.log(found.base.residual.value.size)
+    best = min(found.explanations, key=lambda x: x.misfit + price * len(x.parameter))
+    return tuple(sorted(best.effects))
+
+
+def _predicted(unseen: Evidence, own: Explanation) -> tuple[float, float]:
+    """Return how far a configuration is that an explanation has not seen, its own G_f and d_f fitted.
+
+    The first is the root mean square over frequencies and damping ratios in standard deviations, the second the mean
+    relative error of frequencies.
+    """
+    common = own.nuisance[: unseen.n_common].copy()
+    found = residual(unseen, common, own.parameter, own.coordinate)
+    modal = np.isin(found.kind, ("frequency", "damping"))
+    for _ in range(_STEPS):
+        common[:2] -= np.linalg.lstsq(found.jacobian[modal, :2], found.value[modal], rcond=None)[0]
+        found = residual(unseen, common, own.parameter, own.coordinate)
+    return (
+        float(np.sqrt(np.mean(found.value[modal] ** 2))),
+        float(np.mean(np.abs(np.expm1(-found.log_frequency)))),
+    )

@@ -1,0 +1,161 @@
+"""What blind cases say of the diagnosis: shares with their intervals, beside the targets and beside baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from model import catalogue
+from updating.blind.case import DETECTABLE, WRONG_FORM, Case
+from updating.diagnosis.coordinates import coordinate_of
+from updating.diagnosis.verdict import SEPARATE
+
+_NOTABLE = (
+    0.5  # fall by the true effects of what is held out, in standard deviations, that is more than noise
+)
+_WORSE = 1.05  # ratio of errors
+_FAR = 5.0  # standard deviations of the data
+_ALARM = float(-ndtri(0.05))
+"""Distance from which the best test says so that is wrong in 5 of 100 (Neyman and Pearson 1933)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A share of cases with its 95 % binomial interval (Clopper and Pearson 1934)."""
+
+    name: str
+    target: str
+    hits: int
+    total: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lower and upper end; (0, 1) without cases."""
+        if not self.total:
+            return 0.0, 1.0
+        from scipy.stats import binomtest  # here: it takes long, and few ask for figures
+
+        found = binomtest(self.hits, self.total).proportion_ci(method="exact")
+        return float(found.low), float(found.high)
+
+
+def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
+    """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
+    effects = catalogue()
+    families = {name: effect.family for name, effect in effects.items()}
+    null = [c for c in cases if c.kind == "null"]
+    single = [c for c in cases if c.kind == "single"]
+    seen = [c for c in single if c.distance >= DETECTABLE]
+    unseen = [c for c in single if c.distance < DETECTABLE]
+    pairs = [c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]  # both show
+    formed = [c for c in cases if c.kind == WRONG_FORM and c.distance >= DETECTABLE]
+    withheld = [c for c in cases if c.kind == "withheld"]
+    far = [c for c in withheld if c.distance >= _FAR]
+
+    def within(c: Case) -> bool:
+        return any(set(c.truth) <= set(candidate) for candidate in c.candidates)
+
+    def akin(c: Case) -> bool:
+        return {families.get(n) for n in c.candidates[0]} == {families.get(n) for n in c.truth}
+
+    def unlike(c: Case) -> bool:
+        return c.verdict == "unlike anything"
+
+    def top(c: Case) -> bool:
+        return bool(c.candidates) and c.candidates[0] == c.truth
+
+    def usual(c: Case) -> list[str]:
+        """Return the planted effects that `ruled_out` judges, if they are as strong as usual or more."""
+        return [
+            name
+            for name in c.truth
+            for p in effects[name].parameters
+            if len(effects[name].parameters) == 1
+            and abs(coordinate_of(p, c.values[p.name])) >= abs(coordinate_of(p, p.nominal))
+        ]
+
+    def share(name: str, target: str, hits: Sequence[bool]) -> Figure:
+        return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
+
+    judged = [c for c in cases if c.kind != "withheld" and usual(c)]
+    plain = [c for c in seen if c.rival >= SEPARATE]
+    fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
+    return (
+        share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
+        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in null]),
+        share("named or in the set, detectable singles", "95 %", [within(c) for c in seen]),
+        share("top choice right, detectable singles", "90 %", [top(c) for c in seen]),
+        share("  of these not aliased", "reported", [top(c) for c in plain]),
+        Figure(
+            name="  an effect at random instead",
+            target="baseline",
+            hits=round(len(seen) / len(effects)),
+            total=len(seen),
+        ),
+        share("  largest sensitivity instead", "baseline", [c.most_visible == c.truth for c in seen]),
+        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in seen]),
+        share("top choice right, all singles", "reported", [top(c) for c in single]),
+        share("both of a pair right, where both show", "80 %", [top(c) for c in pairs]),
+        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
+        share("unlike anything, withheld beyond 5 sigma", "90 %", [unlike(c) for c in far]),
+        share("  of these as far from all else", "reported", [unlike(c) for c in far if c.rival >= _FAR]),
+        share("unlike anything, all withheld", "65 %", [unlike(c) for c in withheld]),
+        Figure(
+            name="  a test that knew what is withheld would say so, at most",
+            target="baseline",
+            hits=round(sum(float(ndtr(c.rival - _ALARM)) for c in withheld)),
+            total=len(withheld),
+        ),
+        share("another's name given, all withheld", "reported", [bool(c.candidates) for c in withheld]),
+        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in withheld]),
+        share(
+            "wrong form: the effect or its family named",
+            "reported",
+            [bool(c.candidates) and akin(c) for c in formed],
+        ),
+        share("wrong form: unlike anything", "reported", [unlike(c) for c in formed]),
+        share(
+            "undetectable singles not wrongly named",
+            "95 %",
+            [c.verdict in ("nothing missing", "unlike anything") or within(c) for c in unseen],
+        ),
+        share(
+            "a planted effect, as strong as usual, ruled out",
+            "reported",
+            [bool(set(usual(c)) & set(c.ruled_out)) for c in judged],
+        ),
+        share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
+        share(
+            "held-out error worse after naming",
+            "<= 5 %",
+            [c.held_out[1] > c.held_out[0] * _WORSE for c in seen],
+        ),
+        share(
+            "  of its frequencies alone",
+            "reported",
+            [c.held_out_frequency[1] > c.held_out_frequency[0] * _WORSE for c in seen],
+        ),
+        share("held-out error falls by 70 % of the oracle's", "half of them", [f >= 0.7 for f in fall]),
+    )
+
+
+def held_out_errors(cases: Sequence[Case]) -> tuple[float, float, float]:
+    """Return the median error of what was held out, in standard deviations, over detectable singles.
+
+    With the base model refitted, with what is named, and with the true effects; NaN without cases.
+    """
+    errors = [c.held_out for c in cases if c.kind == "single" and c.distance >= DETECTABLE]
+    base, named, true = np.median(errors, axis=0).tolist() if errors else (float("nan"),) * 3
+    return base, named, true
+
+
+def _fall_of_oracle(case: Case) -> float:
+    return case.held_out[0] - case.held_out[2]
+
+
+def _fall(case: Case) -> float:
+    """Return the fall of the held-out error by what is named, over that by the true effects."""
+    return (case.held_out[0] - case.held_out[1]) / _fall_of_oracle(case)

@@ -1,0 +1,1 @@
+"""Measured and modelled modes and FRFs side by side: pairing, correlation, expansion, and where they disagree."""

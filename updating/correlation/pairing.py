@@ -1,0 +1,290 @@
+"""One-to-one pairing of measured and model modes by the modal assurance criterion (MAC).
+
+What the MAC leaves open is settled by subspaces, where frequencies are close, and by mass cross-orthogonality,
+frequency and damping, where several modes look alike at the measured points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse.csgraph import connected_components
+
+from ema.arrays import readonly
+from ema.mac import mac
+from ema.modes import ModalModel
+from updating.correlation.expansion import pseudo_orthogonality, visible
+from updating.correlation.subspace import cluster_of, clusters, span_mac, subspace_mac
+from updating.errors import PairingError
+
+MARGIN = 0.05
+"""Difference of MAC below which frequency, damping and cross-orthogonality may decide instead."""
+_FREQUENCY_SCATTER = 0.1  # relative error of model frequencies beyond the error that all share
+_WORST_CONDITION = 20.0  # of the model's shapes at the measured points: above it their mass says nothing new
+
+
+class ModeSet(Protocol):
+    """What pairing needs to know of modes, measured or modelled."""
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Natural frequencies (n_mode,), Hz."""
+
+    @property
+    def damping(self) -> NDArray[np.float64]:
+        """Damping ratios (n_mode,)."""
+
+    @property
+    def shape(self) -> NDArray[np.inexact]:
+        """Mode shapes (n_dof, n_mode)."""
+
+    @property
+    def node(self) -> NDArray[np.int64]:
+        """Point number of each DOF (n_dof,)."""
+
+    @property
+    def direction(self) -> NDArray[np.float64]:
+        """Direction of each DOF (n_dof, 3)."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pairing:
+    """Which measured mode belongs to which mode of the model.
+
+    Attributes
+    ----------
+    mac : (n_measured, n_model) float
+        MAC of every measured mode with every mode of the model.
+    measured, model : (n_pair,) int
+        Column numbers of the paired modes, ascending in the measured ones.
+    unpaired_measured, unpaired_model : (n,) int
+        Column numbers of those left over.
+    threshold : float
+        Smallest MAC that makes a pair.
+    subspace : (n_pair,) int
+        Pairs with the same number belong together only as a whole: close modes that are mixed differently in
+        measurement and model. Which of them goes with which then means little.
+    subspace_mac : (n_pair,) float
+        MAC of the worst direction of that subspace; the pair's own MAC where it stands alone.
+    """
+
+    mac: NDArray[np.float64]
+    measured: NDArray[np.int64]
+    model: NDArray[np.int64]
+    unpaired_measured: NDArray[np.int64]
+    unpaired_model: NDArray[np.int64]
+    threshold: float
+    subspace: NDArray[np.int64]
+    subspace_mac: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mac", readonly("Pairing", "mac", self.mac, (None, None)))
+        measured = readonly("Pairing", "measured", self.measured, (None,), np.int64)
+        object.__setattr__(self, "measured", measured)
+        for name, dtype in (("model", np.int64), ("subspace", np.int64), ("subspace_mac", np.float64)):
+            array = readonly("Pairing", name, getattr(self, name), (measured.size,), dtype)
+            object.__setattr__(self, name, array)
+        for name in ("unpaired_measured", "unpaired_model"):
+            object.__setattr__(self, name, readonly("Pairing", name, getattr(self, name), (None,), np.int64))
+
+    @property
+    def paired_mac(self) -> NDArray[np.float64]:
+        """MAC of each pair (n_pair,)."""
+        return self.mac[self.measured, self.model]
+
+
+def pair(measured: ModeSet, model: ModeSet, *, threshold: float = 0.8) -> Pairing:
+    """Pair modes one to one by an assignment over the whole MAC matrix.
+
+    Each pair scores its MAC plus at most `MARGIN` for how well frequency, damping and mass cross-orthogonality fit. So
+    the shapes decide wherever they differ by more than the margin. A frequency or damping error that all modes
+    share does not count. Damping fits by 4 d_1 d_2 / (d_1 + d_2)**2 and frequency by a Lorentzian, the factors of
+    MACXP (see `macxp.macxp`), with the half-power bandwidth widened to what a model before its fit may be off.
+    Cross-orthogonality counts only where the model's shapes are independent enough at the measured points.
+
+    Modes that this leaves over are paired with the spans of close modes (`subspace.clusters`), as a whole: where
+    frequencies nearly meet, measurement and model may mix the same modes differently.
+
+    Parameters
+    ----------
+    measured, model : ModeSet
+        Modes on the same DOFs in the same order; the model's shapes mass-normalised.
+    threshold : float
+        Pairs whose MAC, and whose subspace's MAC, lie below it are dissolved and listed as unpaired.
+
+    Raises
+    ------
+    PairingError
+        The two do not have the same DOFs.
+    """
+    _require_same_dofs(measured, model)
+    value = mac(measured.shape, model.shape)
+    seen = visible(model.shape)
+    value_seen = np.where(seen, value, 0.0)
+    bonus = MARGIN * _tie_breaker(measured, model, value_seen, threshold)
+    row, column = _assign(value_seen, bonus, threshold)
+
+    groups = clusters(measured.frequency), clusters(np.where(seen, model.frequency, np.inf))
+    left = np.ones(value.shape, dtype=bool)
+    left[row], left[:, column] = False, False
+    likeness = np.where(left & seen, _span_likeness(measured.shape, model.shape, groups), 0.0)
+    more = _assign(likeness, bonus, threshold)
+    row, column = np.concatenate([row, more[0]]), np.concatenate([column, more[1]])
+    order = np.argsort(row)
+    row, column = row[order], column[order]
+
+    linked = _linked(
+        cluster_of(groups[0], value.shape[0])[row], cluster_of(groups[1], value.shape[1])[column]
+    )
+    whole = np.zeros(row.size, dtype=bool)  # paired as part of a subspace
+    common = np.zeros(row.size)
+    for number in np.unique(linked):
+        inside = np.flatnonzero(linked == number)
+        weak = inside[value[row[inside], column[inside]] < threshold]
+        if weak.size:
+            among = (value + bonus)[np.ix_(row[weak], column[weak])]
+            column[weak] = column[weak][linear_sum_assignment(among, maximize=True)[1]]
+            whole[inside] = True
+            common[inside] = _common_subspace(
+                measured.shape, model.shape, row[inside], column[inside], groups
+            )
+    own = value[row, column]
+    whole &= common >= threshold
+    kept = whole | (own >= threshold)
+    row, column, whole = row[kept], column[kept], whole[kept]
+    subspace = np.unique(np.where(whole, linked[kept], value.size + row), return_inverse=True)[1]
+    return Pairing(
+        mac=value,
+        measured=row,
+        model=column,
+        unpaired_measured=np.setdiff1d(np.arange(value.shape[0]), row),
+        unpaired_model=np.setdiff1d(np.arange(value.shape[1]), column),
+        threshold=threshold,
+        subspace=subspace,
+        subspace_mac=np.where(whole, common[kept], own[kept]),
+    )
+
+
+Groups = tuple[tuple[NDArray[np.int64], ...], tuple[NDArray[np.int64], ...]]
+"""Clusters of close modes, of the measurement and of the model."""
+
+
+def require_points(measured: ModalModel) -> None:
+    """Refuse modes whose shapes cannot be told apart because there are more modes than degrees of freedom.
+
+    Raises
+    ------
+    PairingError
+        The message says how many of each there are.
+    """
+    n_dof, n_mode = measured.shape.shape
+    if n_dof < n_mode:
+        message = (
+            f"{measured.name}: {n_mode} modes were measured at {n_dof} degrees of freedom, too few to tell their "
+            "shapes apart; measure at more points, or narrow band_Hz under [identification]"
+        )
+        raise PairingError(message)
+
+
+def _assign(
+    likeness: NDArray[np.float64], bonus: NDArray[np.float64], threshold: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns of the assignment of the largest sum, without those below the threshold."""
+    allowed = likeness >= threshold
+    row, column = linear_sum_assignment(np.where(allowed, likeness + bonus, 0.0), maximize=True)
+    kept = allowed[row, column]
+    return row[kept], column[kept]
+
+
+def _span_likeness(
+    measured: NDArray[np.inexact], model: NDArray[np.inexact], groups: Groups
+) -> NDArray[np.float64]:
+    """Return the MAC of every mode with the span of every cluster on the other side, (n_measured, n_model)."""
+    likeness = np.zeros((measured.shape[1], model.shape[1]))
+    for group in groups[1]:
+        if group.size > 1:
+            likeness[:, group] = span_mac(measured, model[:, group])[:, None]
+    for group in groups[0]:
+        if group.size > 1:
+            likeness[group] = np.maximum(likeness[group], span_mac(model, measured[:, group]))
+    return likeness
+
+
+def _common_subspace(
+    measured: NDArray[np.inexact],
+    model: NDArray[np.inexact],
+    row: NDArray[np.int64],
+    column: NDArray[np.int64],
+    groups: Groups,
+) -> float:
+    """Return the worst MAC of the paired modes of one side in the span of those and their cluster of the other."""
+    with_mates = [
+        np.unique(np.concatenate([group for group in side if np.isin(group, inside).any()]))
+        for side, inside in zip(groups, (row, column), strict=True)
+    ]
+    return max(
+        float(subspace_mac(measured[:, row], model[:, with_mates[1]])[-1]),
+        float(subspace_mac(measured[:, with_mates[0]], model[:, column])[-1]),
+    )
+
+
+def _linked(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return one number for all pairs that share a cluster on either side, directly or through others."""
+    n_first, n_second = int(first.max(initial=-1)) + 1, int(second.max(initial=-1)) + 1
+    size = n_first + n_second
+    graph = sp.coo_array((np.ones(first.size), (first, n_first + second)), shape=(size, size))
+    return np.asarray(connected_components(graph, directed=False)[1][first], dtype=np.int64)
+
+
+def _tie_breaker(
+    measured: ModeSet, model: ModeSet, value: NDArray[np.float64], threshold: float
+) -> NDArray[np.float64]:
+    """Return how well frequency, damping and mass cross-orthogonality of every two modes fit, from 0 to 1."""
+    shift_free = [
+        _without_common_factor(
+            np.log(_ratio(getattr(model, name), getattr(measured, name))), value, threshold
+        )
+        for name in ("frequency", "damping")
+    ]
+    frequency = 1.0 / (1.0 + (shift_free[0] / _FREQUENCY_SCATTER) ** 2)
+    damping = 1.0 / np.cosh(shift_free[1] / 2.0) ** 2
+    fit = frequency * damping
+    cross, condition = pseudo_orthogonality(measured.shape, model.shape)
+    return (fit + cross**2) / 2.0 if condition <= _WORST_CONDITION else fit
+
+
+def _ratio(model: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return model over measured for every two modes, 1 where one of them has no value."""
+    positive = (measured[:, None] > 0.0) & (model > 0.0)
+    return np.divide(model, measured[:, None], out=np.ones(positive.shape), where=positive)
+
+
+def _without_common_factor(
+    logarithm: NDArray[np.float64], value: NDArray[np.float64], threshold: float
+) -> NDArray[np.float64]:
+    """Subtract the median over the pairs that the MAC alone makes certain."""
+    rank_row, rank_column = np.sort(value, axis=1), np.sort(value, axis=0)
+    rival = np.maximum(
+        rank_row[:, -2:-1] if value.shape[1] > 1 else 0.0, rank_column[-2:-1] if value.shape[0] > 1 else 0.0
+    )
+    certain = (value >= threshold) & (value > rival + MARGIN)
+    return logarithm - np.median(logarithm[certain]) if certain.any() else logarithm
+
+
+def _require_same_dofs(measured: ModeSet, model: ModeSet) -> None:
+    if measured.node.size != model.node.size or np.any(measured.node != model.node):
+        message = (
+            f"modes on different DOFs cannot be paired: {measured.node.size} measured, {model.node.size} in the "
+            "model. Sample the model at the measured DOFs (updating.register) first."
+        )
+        raise PairingError(message)
+    alignment = np.sum(measured.direction * model.direction, axis=1)
+    if np.any(alignment < 1 - 1e-6):
+        wrong = [int(n) for n in measured.node[alignment < 1 - 1e-6]]
+        message = f"measured and modelled directions differ at points {wrong}"
+        raise PairingError(message)

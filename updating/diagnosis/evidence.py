@@ -1,0 +1,281 @@
+"""Measured modes of all configurations of a stack beside its model with effects.
+
+All configurations count together. Contact stiffness and damping are shared; each configuration may deviate by the
+scatter of reassembly and torque. Young's modulus, density and normal modulus carry priors. What the model cannot be
+expected to meet better than, such as mesh and dimensions, is a scatter of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from ema.mac import mac
+from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
+from updating.diagnosis.candidates import N_SOLVED
+
+Vector = NDArray[np.float64]
+
+_ROUGH = 100  # directions of the basis that do for a look: frequencies are off by 1 % at most
+SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
+"""Nuisances that all configurations share; the deviations of G_f and d_f of each follow them."""
+D_F_START = 2e-11
+"""Contact damping parameter, s, from which a search starts where the stack states none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scatter:
+    """What separates a right model from a right measurement, as standard deviations relative to the value.
+
+    Attributes
+    ----------
+    frequency, damping : float
+        Of every mode, beside the measurement's own: the reduction, and how a mode's damping repeats.
+    mesh : float
+        Of what the mesh is corrected by, relative to it.
+    shape : float
+        Of every shape component, relative to the shape's root mean square: places and calibration of sensors. It is
+        the most that there may be; what the shapes show of it counts, see `gathering.gather`.
+    gain : float
+        Of an accelerometer that roves, relative to that of the first.
+    mixing : float
+        Of small masses between two modes, over a modal mass: identified shapes of the campaigns in data/hidden_effect
+        lean towards other modes by that times w_r**2 / (w_s**2 - w_r**2), for 44 sensors of 0.2 g on a stack of 25 kg.
+    stiffness, loss : float
+        Of G_f and d_f between configurations: reassembly and torque.
+    young, density, normal_modulus, length, width, height : float
+        Of what the stack file says of the steel, of the contact across, and of the dimensions.
+    form : float
+        Of what an effect changes, relative to the change: no effect is modelled, nor meshed, better.
+    """
+
+    frequency: float = 1e-4
+    mesh: float = 0.3
+    damping: float = 0.01
+    shape: float = 0.01
+    gain: float = 0.01
+    mixing: float = 5e-4
+    stiffness: float = 0.03
+    loss: float = 0.06
+    young: float = 0.02
+    density: float = 0.01
+    normal_modulus: float = 0.2
+    length: float = 1e-3
+    width: float = 2e-3
+    height: float = 2e-3
+    form: float = 1e-2
+
+
+class Identified(Protocol):
+    """Modes with standard deviations, as `ema.ModalModel` has them."""
+
+    @property
+    def frequency(self) -> Vector:
+        """Natural frequencies (n_mode,), Hz."""
+
+    @property
+    def frequency_std(self) -> Vector:
+        """Their standard deviations."""
+
+    @property
+    def damping(self) -> Vector:
+        """Damping ratios (n_mode,)."""
+
+    @property
+    def damping_std(self) -> Vector:
+        """Their standard deviations."""
+
+    @property
+    def shape(self) -> NDArray[np.complex128]:
+        """Shapes (n_dof, n_mode)."""
+
+    @property
+    def shape_std(self) -> Vector:
+        """Standard deviations of their components."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tested:
+    """One configuration: its pressure and what was identified.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    pressure : float
+        Mean pressure, Pa.
+    modes : Identified
+        The identified modes, or those that a test is expected to give.
+    known : mapping of str to float
+        Values of effect parameters that the test sets, such as a known mass.
+    """
+
+    name: str
+    pressure: float
+    modes: Identified
+    known: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shift:
+    """What dimensions and mesh do to the measured modes of a configuration, taken from the base model's modes.
+
+    Attributes
+    ----------
+    slope : (n_mode, n_dimension) float
+        How much the logarithm of each frequency grows with the logarithms of `Evidence.dimensions`.
+    mesh : (n_mode,) float
+        How much it grows with an ever finer mesh.
+    mesh_shape : (n_dof, n_mode) float
+        What the same adds to each shape of unit length, turned as the measured one.
+    """
+
+    slope: Vector
+    mesh: Vector
+    mesh_shape: Vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """Configurations of a stack beside its reduced equations with all effects that are considered: what fits need.
+
+    Attributes
+    ----------
+    stack : Stack
+        Without effects.
+    tested : tuple of Tested
+        The configurations.
+    used : tuple of (n,) int
+        For each configuration, the measured modes that the model has.
+    equations : ReducedEquations
+        The model with all `effects`.
+    observed : tuple of Observed
+        The measured points of each configuration, tied to them.
+    effects : mapping of str to Effect
+        Those that this stack can have.
+    scatter : Scatter
+        What separates a right model from a right measurement.
+    start : (n_nuisance,) float
+        Nuisance coordinates from which fits start.
+    dimensions : tuple of str
+        Those of the stack that are not known exactly.
+    sensor : tuple of (n_dof,) int
+        For each configuration, the accelerometer that measured each shape component, from 0.
+    n_gain : int
+        Accelerometers whose gain relative to the first is not known exactly; all configurations have the same.
+    shift : tuple of Shift
+        What dimensions and mesh do to the measured modes of each configuration.
+    weight : (n,) float, optional
+        By which residuals of data are multiplied: below 1 where an effect's form decides, see `Scatter.form`.
+    """
+
+    stack: Stack
+    tested: tuple[Tested, ...]
+    used: tuple[NDArray[np.int64], ...]
+    equations: ReducedEquations
+    observed: tuple[Observed, ...]
+    effects: Mapping[str, Effect]
+    scatter: Scatter
+    start: Vector
+    dimensions: tuple[str, ...]
+    sensor: tuple[NDArray[np.int64], ...]
+    n_gain: int
+    shift: tuple[Shift, ...]
+    weight: Vector | None = None
+
+    @property
+    def lacking(self) -> tuple[tuple[int, int], ...]:
+        """Configuration and number, from 0, of measured modes that the model lacks amid those that it has."""
+        return tuple(
+            (c, r)
+            for c, used in enumerate(self.used)
+            for r in np.setdiff1d(np.arange(used.max(initial=0)), used).tolist()
+        )
+
+    @property
+    def rough(self) -> Evidence:
+        """The evidence beside the first directions of the basis alone: for a quick look."""
+        observed = tuple(replace(o, reduced_rows=o.reduced_rows[:, :_ROUGH]) for o in self.observed)
+        return replace(self, equations=self.equations.leading(_ROUGH), observed=observed)
+
+    @property
+    def nuisances(self) -> tuple[str, ...]:
+        """Names of the nuisance coordinates; all are logarithms of a ratio."""
+        n = len(self.tested)
+        return (
+            *SHARED,
+            *self.dimensions,
+            *(f"gain[sensor {i + 2}]" for i in range(self.n_gain)),
+            *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
+            *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
+        )
+
+    @property
+    def prior_std(self) -> Vector:
+        """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f."""
+        s, n = self.scatter, len(self.tested)
+        each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
+        size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
+        return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *gain, *each])
+
+    @property
+    def n_sized(self) -> int:
+        """Number of nuisance coordinates before the gains of sensors."""
+        return len(SHARED) + len(self.dimensions)
+
+    @property
+    def n_common(self) -> int:
+        """Number of nuisance coordinates before the deviations of the configurations."""
+        return self.n_sized + self.n_gain
+
+    def by_gain(self, configuration: int) -> Vector:
+        """Return how the logarithms of shape components grow with the gains, (n_dof, n_gain)."""
+        return np.asarray(self.sensor[configuration][:, None] == np.arange(1, self.n_gain + 1), dtype=float)
+
+    def parameters(self, names: Sequence[str]) -> tuple[Parameter, ...]:
+        """Return the parameters of some effects, each once."""
+        return tuple(shared_parameters(self.effects[name] for name in names).values())
+
+    def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
+        """Return the values of `SHARED` in a configuration, in their order, at nuisance coordinates."""
+        ratio = np.exp(nuisance[: len(SHARED)])
+        n = len(self.tested)
+        own = np.exp(nuisance[self.n_common :].reshape(2, n)[:, configuration]) if n > 1 else np.ones(2)
+        contact = self.stack.contact
+        at = (contact.G_f * own[0], (contact.d_f or D_F_START) * own[1], 1.0, 1.0, 1.0)
+        return dict(zip(SHARED, (ratio * at).tolist(), strict=True))
+
+
+def solved(
+    evidence: Evidence,
+    configuration: int,
+    theta: Mapping[str, float],
+    by: Sequence[str],
+    n_mode: int = N_SOLVED,
+) -> Modes:
+    """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`."""
+    own = evidence.tested[configuration]
+    moved = {"pressure": own.pressure, **own.known, **theta}
+    return solve_modes(
+        evidence.equations.acting(moved),
+        G_f=theta["G_f"],
+        d_f=theta["d_f"],
+        n_mode=n_mode,
+        observation=evidence.observed[configuration],
+        parameters={k: v for k, v in moved.items() if k not in ("G_f", "d_f")},
+        by=tuple(by),
+    ).elastic()
+
+
+def pair(
+    shape: NDArray[np.complex128] | Vector, frequency: Vector, modes: Modes
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pair measured with modelled modes by MAC less a small penalty for distance in frequency."""
+    far = np.abs(np.log(frequency[:, None] / modes.frequency))
+    row, column = linear_sum_assignment(mac(shape, modes.shape) - np.minimum(far, 0.5), maximize=True)
+    return row, column

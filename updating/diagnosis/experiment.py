@@ -1,0 +1,278 @@
+"""Further tests that a laboratory can afford, and how well each would tell explanations apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import Effect, Parameter
+from model.effect_parts import every_lamina, mean_over, square
+from model.mesh import FIELDS
+from model.system import Assembly, Monomial, Term
+from updating.diagnosis.candidates import N_MODEL
+from updating.diagnosis.evidence import Evidence, Tested, solved
+from updating.diagnosis.explanation import Explanation
+from updating.diagnosis.gathering import Gathered, base_shift
+from updating.diagnosis.residual import residual
+
+Vector = NDArray[np.float64]
+
+ADDED_MASS = 1.0
+_PAD = (0.02, 0.02)
+_MOVE = 0.05
+_FREQUENCY_STD, _DAMPING_STD, _SHAPE_STD = 2e-4, 0.01, 0.01
+
+
+def _known_mass(name: str, place: tuple[float, float], what: str) -> Effect:
+    """Return a mass fixed at a place of the plan, given in shares of half length and half width."""
+
+    def terms(assembly: Assembly) -> tuple[Term, ...]:
+        stack = assembly.stack
+        x = place[0] * (stack.length - _PAD[0]) / 2.0
+        y = place[1] * (stack.width - _PAD[1]) / 2.0
+        krons = tuple(square(f, mean_over(assembly, f, (x, y), _PAD), every_lamina(stack)) for f in FIELDS)
+        return (Term(name=name, target="M", factor=Monomial(exponent={name: 1}), krons=krons),)
+
+    return Effect(
+        name=name,
+        family="inertia",
+        summary=what,
+        description=what,
+        parameters=(
+            Parameter(
+                name=name,
+                unit="kg",
+                nominal=ADDED_MASS,
+                lower=0.0,
+                upper=2.0,
+                source="a weight from the scales",
+            ),
+        ),
+        terms=terms,
+    )
+
+
+def _moved_clamps() -> Effect:
+    """Return the outermost clamps moved towards the middle by 50 mm: mass taken here and put there."""
+
+    def terms(assembly: Assembly) -> tuple[Term, ...]:
+        stack = assembly.stack
+        reach = max((abs(clamp.x) for clamp in stack.clamps), default=0.0)
+        krons = []
+        for clamp in stack.clamps:
+            if clamp.mass > 0.0 and abs(clamp.x) >= 0.9 * reach > 0.0:
+                for at, sign in ((clamp.x, -1.0), (clamp.x - np.sign(clamp.x) * _MOVE, 1.0)):
+                    krons += [
+                        square(
+                            f,
+                            mean_over(assembly, f, (at, clamp.y), clamp.footprint),
+                            every_lamina(stack),
+                            sign * clamp.mass,
+                        )
+                        for f in FIELDS
+                    ]
+        factor = Monomial(exponent={"test_clamps_moved": 1})
+        return (Term(name="test_clamps_moved", target="M", factor=factor, krons=tuple(krons)),)
+
+    what = "the outer clamps moved towards the middle"
+    return Effect(
+        name="test_clamps_moved",
+        family="inertia",
+        summary=what,
+        description=what,
+        parameters=(
+            Parameter(
+                name="test_clamps_moved",
+                unit="1",
+                nominal=1.0,
+                lower=0.0,
+                upper=1.0,
+                source="0 before, 1 after",
+            ),
+        ),
+        terms=terms,
+    )
+
+
+def aids() -> tuple[Effect, ...]:
+    """Return what further tests could do to the stack."""
+    return (
+        _known_mass("test_mass_end", (1.0, 0.0), "a known mass in the middle of one end"),
+        _known_mass("test_mass_corner", (1.0, 1.0), "a known mass on one corner"),
+        _known_mass("test_mass_middle", (0.0, 1.0), "a known mass at the middle of one side"),
+        _moved_clamps(),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A further test.
+
+    Attributes
+    ----------
+    name : str
+        One word.
+    instruction : str
+        What to do.
+    pressure_ratio : float
+        Its pressure over the highest that was tested.
+    known : tuple of (str, float)
+        What it sets.
+    """
+
+    name: str
+    instruction: str
+    pressure_ratio: float = 1.0
+    known: tuple[tuple[str, float], ...] = ()
+
+
+EXPERIMENTS = (
+    Experiment(name="lower_torque", instruction="test at half of the lowest torque", pressure_ratio=-0.5),
+    Experiment(name="higher_torque", instruction="test at twice the highest torque", pressure_ratio=2.0),
+    Experiment(
+        name="mass_end",
+        instruction="fix a known mass of 1 kg in the middle of one end and test again",
+        known=(("test_mass_end", ADDED_MASS),),
+    ),
+    Experiment(
+        name="mass_corner",
+        instruction="fix a known mass of 1 kg on one corner and test again",
+        known=(("test_mass_corner", ADDED_MASS),),
+    ),
+    Experiment(
+        name="mass_side",
+        instruction="fix a known mass of 1 kg at the middle of one long side and test again",
+        known=(("test_mass_middle", ADDED_MASS),),
+    ),
+    Experiment(
+        name="clamps_moved",
+        instruction="move the outer clamps by 50 mm towards the middle and test again",
+        known=(("test_clamps_moved", 1.0),),
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextTest:
+    """How well a further test would tell the explanations apart that are left.
+
+    Attributes
+    ----------
+    name, instruction : str
+        The test.
+    distance : float
+        Smallest discrimination distance between two explanations after it; above 3 it separates them.
+    now : float
+        The same before it.
+    """
+
+    name: str
+    instruction: str
+    distance: float
+    now: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Expected:
+    frequency: Vector
+    frequency_std: Vector
+    damping: Vector
+    damping_std: Vector
+    shape: NDArray[np.complex128]
+    shape_std: Vector
+
+
+def rank_tests(evidence: Gathered, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
+    """Rank further tests by the smallest distance that they leave between explanations, the best first.
+
+    For explanations A and B the data of the further test are predicted with A, and B is fitted to them and to the data
+    at hand by a linear step; the root of what its misfit exceeds A's by is the distance.
+    """
+    if len(explanations) < 2:
+        return ()
+    now = min(np.sqrt(max(b.misfit - a.misfit, 0.0)) for a in explanations[:1] for b in explanations[1:])
+    found = []
+    for experiment in EXPERIMENTS:
+        if any(name == "test_clamps_moved" for name, _ in experiment.known) and not evidence.stack.clamps:
+            continue
+        apart = [
+            _distance(evidence, experiment, a, b) for a in explanations for b in explanations if a is not b
+        ]
+        found.append(
+            NextTest(
+                name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=float(now)
+            )
+        )
+    return tuple(sorted(found, key=lambda test: -test.distance))
+
+
+def _pressure(evidence: Evidence, experiment: Experiment) -> float:
+    tested = [t.pressure for t in evidence.tested]
+    if experiment.pressure_ratio < 0.0:
+        return -experiment.pressure_ratio * min(tested)
+    return experiment.pressure_ratio * max(tested)
+
+
+def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Explanation) -> float:
+    """Return the distance of b from the data that a predicts for the test, with what is known already."""
+    alone = replace(
+        evidence,
+        tested=(
+            Tested(
+                name=experiment.name,
+                pressure=_pressure(evidence, experiment),
+                modes=evidence.tested[0].modes,
+                known=dict(experiment.known),
+            ),
+        ),
+        observation=evidence.observation[:1],
+        observed=evidence.observed[:1],
+        sensor=evidence.sensor[:1],
+    )
+    common = evidence.n_common
+    theta = alone.theta(a.nuisance[:common], 0)
+    modes = solved(alone, 0, {**theta, **a.effect_values}, (), N_MODEL)
+    top = max(float(t.modes.frequency.max()) for t in evidence.tested)
+    seen = np.flatnonzero(modes.frequency < 1.05 * top)
+    shape = modes.shape[:, seen]
+    large = np.sqrt(np.mean(shape**2, axis=0))
+    seen = seen[large > 0.2 * large.max()]  # what z sensors hardly see is not identified
+    shape = modes.shape[:, seen]
+    expected = _Expected(
+        frequency=modes.frequency[seen],
+        frequency_std=_FREQUENCY_STD * modes.frequency[seen],
+        damping=modes.damping[seen],
+        damping_std=_DAMPING_STD * modes.damping[seen],
+        shape=shape.astype(complex),
+        shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
+    )
+    alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
+    shift = base_shift(alone, 0, theta["G_f"])
+    expected = replace(
+        expected,
+        frequency=np.exp(shift.mesh) * expected.frequency,
+        shape=expected.shape + np.linalg.norm(shape, axis=0) * shift.mesh_shape,
+    )
+    as_measured = replace(alone.tested[0], modes=expected)
+    alone = replace(alone, tested=(as_measured,), shift=(shift,), weight=None)
+    nuisance = b.nuisance[:common]
+    fresh = residual(alone, nuisance, b.parameter, b.coordinate)
+    data = fresh.kind != "prior"
+    n_old = b.residual.jacobian.shape[1]
+    n_effect = len(b.parameter)
+    columns = np.r_[0:common, n_old - n_effect : n_old]
+    jacobian = np.zeros((int(data.sum()), n_old + 2))
+    jacobian[:, columns] = fresh.jacobian[data]
+    jacobian[:, n_old:] = fresh.jacobian[data][:, :2]  # the new configuration's own reassembly
+    priors = np.zeros((2, n_old + 2))
+    priors[:, n_old:] = -np.diag([1.0 / evidence.scatter.stiffness, 1.0 / evidence.scatter.loss])
+    old = np.hstack([b.residual.jacobian, np.zeros((b.residual.value.size, 2))])
+    free = ~np.r_[np.zeros(n_old - n_effect, bool), b.at_bound, np.zeros(2, bool)]
+    whole = np.vstack([old, jacobian, priors])[:, free]
+    value = np.concatenate([b.residual.value, fresh.value[data], np.zeros(2)])
+    q = np.linalg.qr(whole)[0]
+    misfit = float(value @ value - np.sum((q.T @ value) ** 2))
+    return float(np.sqrt(max(misfit - a.misfit, 0.0)))

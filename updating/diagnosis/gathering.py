@@ -1,0 +1,239 @@
+"""Measured configurations put beside the reduced model with all effects: from modes and a model to evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from ema.mac import mac
+from ema.modes import ModalModel
+from model import Observation, ReducedEquations, ReducedSystem, observe, solve_modes
+from updating.correlation.registration import register
+from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
+from updating.diagnosis.evidence import D_F_START, Evidence, Scatter, Shift, Tested, pair, solved
+from updating.diagnosis.mode_space import ModeSpace
+from updating.diagnosis.residual import unit_shape, unit_shapes
+from updating.errors import FitError
+
+Vector = NDArray[np.float64]
+Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
+
+_MAC_USED = 0.6  # from which a measured mode counts as one that the model has
+_MAC_SAME = 0.9  # from which the mesh does to its shape what it does to the model's
+_TURNED = 0.05  # difference of two meshes' shapes that is no error but two close modes turned into each other
+_FREE = 0.2  # of the directions of shapes that no mode may reach, from which sensors' scatter shows
+_RESOLVED = 1e-3  # of a shape, that reduction and mesh leave
+_RANK = 1e-6  # singular values below this share of the largest are rounding
+_PLACES = 4  # of an accelerometer, from which its gain is told
+_TRIALS = 17
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gathered(Evidence):
+    """Evidence with what it was gathered from, so that its basis can grow and further tests can be played.
+
+    Attributes
+    ----------
+    system : ReducedSystem
+        The model with all `effects`; `equations` are its.
+    observation : tuple of Observation
+        The measured points of each configuration.
+    impossible : mapping of str to str
+        Why effects of the catalogue that are not among `effects` cannot be.
+    resized : mapping of str to ReducedEquations
+        The model without effects with one dimension changed, in the basis that `system` began with.
+    finer : ReducedSystem, optional
+        The model without effects on a finer mesh.
+    """
+
+    system: ReducedSystem
+    observation: tuple[Observation, ...]
+    impossible: Mapping[str, str]
+    resized: Mapping[str, ReducedEquations]
+    finer: ReducedSystem | None
+
+    @property
+    def alone(self) -> Evidence:
+        """The evidence alone: all that a fit needs, and small enough for another process."""
+        return Evidence(**{field.name: getattr(self, field.name) for field in fields(Evidence)})
+
+    def with_system(self, system: ReducedSystem) -> Gathered:
+        """Return the evidence beside the same model with another basis."""
+        return replace(
+            self,
+            system=system,
+            equations=system.equations,
+            observed=tuple(observe(system, o) for o in self.observation),
+        )
+
+
+def gather(
+    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: Scatter | None = None
+) -> Gathered:
+    """Put measured configurations beside a model and find the measured modes that it has.
+
+    Parameters
+    ----------
+    candidates : CandidateModel
+        The model.
+    tested : sequence of (str, float, ModalModel)
+        Name, pressure in Pa and identified modes of each configuration.
+    scatter : Scatter, optional
+        What separates a right model from a right measurement.
+
+    Raises
+    ------
+    FitError
+        No configuration is given, or no measured mode resembles one of the model.
+    PairingError
+        Measured points do not lie on the stack.
+    """
+    if not tested:
+        message = "nothing to compare: no configuration was identified"
+        raise FitError(message)
+    base = candidates.stack
+    observation = tuple(
+        register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
+    )
+    gathered = Gathered(
+        stack=base,
+        tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
+        used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
+        equations=candidates.system.equations,
+        system=candidates.system,
+        observation=observation,
+        observed=tuple(observe(candidates.system, o) for o in observation),
+        effects=candidates.effects,
+        impossible=candidates.impossible,
+        scatter=scatter or Scatter(),
+        start=np.zeros(0),
+        dimensions=tuple(candidates.resized),
+        sensor=tuple(modes.sensor for _, _, modes in tested),
+        n_gain=_n_gain([modes.sensor for _, _, modes in tested]),
+        resized=candidates.resized,
+        shift=(),
+        finer=candidates.finer,
+    )
+    started = _started(gathered)
+    G_f = started.theta(started.start, 0)["G_f"]
+    started = replace(started, scatter=replace(started.scatter, shape=_shape_scatter(started, G_f)))
+    return replace(started, shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))))
+
+
+def _n_gain(sensors: Sequence[NDArray[np.int64]]) -> int:
+    """Return how many accelerometers that rove have a gain beside the first's; with few places each it is scatter."""
+    number = max(int(own.max()) + 1 for own in sensors)
+    return number - 1 if min(own.size for own in sensors) >= _PLACES * number else 0
+
+
+def _shape_scatter(evidence: Gathered, G_f: float) -> float:
+    """Return what places and calibration of sensors add to the shapes: `Scatter.shape`, or what they show, if less.
+
+    They show it where no mode of the model, no rigid-body motion and no gain of a sensor reaches, beside their standard
+    deviations; what an effect changes in shapes are these modes for the most part. As a place is off for all modes
+    alike, one mode tells of it as much as all, and what is shown is as uncertain.
+    """
+    found = []
+    for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
+        base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
+        known = la.orth(ModeSpace.of(base, evidence.observed[c], evidence.scatter).shape, _RANK)
+        by_gain = evidence.by_gain(c)
+        n_free = len(known) - known.shape[1] - evidence.n_gain
+        share = (
+            n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))
+        )  # one standard deviation more than shown
+        measured = tested.modes.shape[:, used]
+        shape, std = unit_shape(measured), tested.modes.shape_std[:, used] / np.linalg.norm(measured, axis=0)
+        for i in range(used.size if n_free > _FREE * len(known) else 0):
+            reached = la.orth(np.hstack([known, by_gain * shape[:, i, None]]), _RANK)
+            left = float(np.sum((shape[:, i] - reached @ (reached.T @ shape[:, i])) ** 2))
+            found.append((left - float((1.0 - np.sum(reached**2, axis=1)) @ std[:, i] ** 2)) / share)
+    shown = float(np.sqrt(max(np.median(found), 0.0))) if found else np.inf
+    return min(evidence.scatter.shape, max(shown, _RESOLVED))
+
+
+def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
+    """Return the shift of a configuration: of those modes of the base model at `G_f` that resemble its most."""
+    own = evidence.tested[configuration]
+    base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
+    alike = mac(own.modes.shape, base.shape)
+    column = np.argmax(alike, axis=1)
+    frequency, shape = base.frequency[column], base.shape[:, column]
+    at = {"G_f": G_f, "pressure": own.pressure}
+    slopes = [
+        _slope(evidence, name, resized, base.coordinate[:, column], at)
+        for name, resized in evidence.resized.items()
+    ]
+    finer = (frequency, shape)
+    if evidence.finer is not None:
+        other = solve_modes(
+            evidence.finer,
+            G_f=G_f,
+            d_f=D_F_START,
+            n_mode=N_MODEL,
+            observation=evidence.observation[configuration],
+            parameters={"pressure": own.pressure},
+            by=(),
+        ).elastic()
+        partner = pair(base.shape, base.frequency, other)[1][column]
+        finer = (other.frequency[partner], other.shape[:, partner])
+    before, after = (unit_shapes(own.modes.shape, every)[1] for every in (shape, finer[1]))
+    difference = EXTRAPOLATED * (after - before)
+    same = (alike.max(axis=1) >= _MAC_SAME) & (np.linalg.norm(difference, axis=0) < _TURNED)
+    return Shift(
+        slope=np.column_stack(slopes),
+        mesh=EXTRAPOLATED * np.log(finer[0] / frequency),
+        mesh_shape=same * difference,
+    )
+
+
+def _slope(
+    evidence: Gathered, name: str, resized: ReducedEquations, mode: Vector, at: Mapping[str, float]
+) -> Vector:
+    """Return how much the logarithm of each mode's frequency grows with that of a dimension (Rayleigh's quotient).
+
+    What the basis got after the resized equations were made has little of a mode, and the quotient misses its square.
+    """
+    x = mode[: resized.size]
+
+    def quotient(equations: ReducedEquations) -> Vector:
+        theta = {**equations.theta, **at}
+        stiffness, mass = (
+            np.sum(x * (equations.matrix(target, theta)[: len(x), : len(x)] @ x), axis=0)
+            for target in ("K", "M")
+        )
+        return np.asarray(stiffness / mass)
+
+    ratio = getattr(resized.stack, name) / getattr(evidence.stack, name)
+    return 0.5 * np.log(quotient(resized) / quotient(evidence.equations)) / np.log(ratio)
+
+
+def _started(evidence: Gathered) -> Gathered:
+    """Scan G_f for the value that explains most modes, and keep the measured modes that the model has there."""
+    rough = evidence.rough
+    G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _met(rough, trial)[0])
+    used = _met(evidence, G_f)[1]
+    if not sum(u.size for u in used):
+        message = "no measured mode resembles one of the model; check points, directions and signs"
+        raise FitError(message)
+    start = np.zeros(len(evidence.nuisances))
+    start[0] = np.log(G_f / evidence.stack.contact.G_f)
+    start[1] = np.log(D_F_START / evidence.stack.contact.d_f) if evidence.stack.contact.d_f > 0 else 0.0
+    return replace(evidence, used=used, start=start)
+
+
+def _met(evidence: Evidence, G_f: float) -> tuple[float, tuple[NDArray[np.int64], ...]]:
+    """Return how far the measured modes are from the base model's in all, and those that it has."""
+    cost, used = 0.0, []
+    for c, tested in enumerate(evidence.tested):
+        modes = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
+        row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
+        alike = mac(tested.modes.shape, modes.shape)[row, column]
+        far = np.log(tested.modes.frequency[row] / modes.frequency[column])
+        cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
+        used.append(row[alike >= _MAC_USED])
+    return cost, tuple(used)

@@ -1,0 +1,30 @@
+"""The file (TOML) in which a laboratory states what separates its right models from its right measurements."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, create_model
+
+from ema.form import Section, read_form
+from updating.diagnosis.evidence import Scatter
+from updating.errors import FitError
+
+_ScatterFile = create_model(
+    "_ScatterFile",
+    __base__=Section,
+    **{field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(Scatter)},
+)  # type: ignore[call-overload]  # the fields are known when it runs
+
+
+def read_scatter(path: Path) -> Scatter:
+    """Read standard deviations, relative to the value, under the names of `Scatter`; what is not stated stays.
+
+    Raises
+    ------
+    FitError
+        The file is missing, is not TOML, or has a key that is unknown or no number between 0 and 1.
+    """
+    return Scatter(**read_form(path, _ScatterFile, FitError).model_dump())

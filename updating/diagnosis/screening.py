@@ -1,0 +1,180 @@
+"""What each effect could explain of what is left, by a linear step: the choice of what is worth a full fit."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from model import Parameter, SolveError
+from updating.diagnosis.coordinates import bounds_of
+from updating.diagnosis.evidence import Evidence
+from updating.diagnosis.explanation import Explanation
+from updating.diagnosis.residual import residual
+
+Vector = NDArray[np.float64]
+
+_SILENT = 1e-9  # relative length of a change that is none
+_SHAPES = 6  # values tried of a parameter that shapes an effect but has no strength of its own
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Screened:
+    """What an effect does to the data, with the share of all that is fitted already taken out.
+
+    Attributes
+    ----------
+    effect : str
+        Its name.
+    parameter : tuple of Parameter
+        Its parameters.
+    coordinate : (n_parameter,) float
+        Where it was taken, in units of their ranges, with 0 for strengths.
+    column : (n, n_strength) float
+        Change of the whitened residual over the range of each strength, after projection.
+    strength : (n_strength,) int
+        Which parameters are strengths.
+    gain : float
+        Linear fall of the misfit that it can bring within its range.
+    start : (n_parameter,) float
+        Coordinates that bring it.
+    reach : float
+        Length of the projected change at the end of the range: how well the data show it.
+    """
+
+    effect: str
+    parameter: tuple[Parameter, ...]
+    coordinate: Vector
+    column: Vector
+    strength: NDArray[np.intp]
+    gain: float
+    start: Vector
+    reach: float
+
+
+def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
+    """Return what each effect of the catalogue could add to an explanation, those that leave a possible stack.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Measurement and model.
+    at : Explanation
+        What is fitted already: nuisances and the parameters of its effects are taken out by projection.
+    """
+    n_fitted = at.residual.jacobian.shape[1]
+    projected = _projection(at)
+    fitted = {p.name for p in at.parameter}
+    names = [
+        name for name in evidence.effects if not fitted & {p.name for p in evidence.effects[name].parameters}
+    ]
+
+    def changes(own: Sequence[Parameter], values: Vector) -> Vector:
+        """Return the changes of the residual by effect parameters, not projected."""
+        both, where = (*at.parameter, *own), np.concatenate([at.coordinate, values])
+        return residual(evidence, at.nuisance, both, where).jacobian[:, n_fitted:]
+
+    parameters = evidence.parameters(names)
+    every = changes(parameters, np.zeros(len(parameters)))
+    column = dict(zip([p.name for p in parameters], every.T, strict=True))
+    r, size = projected(at.residual.value), float(np.abs(every).max(initial=0.0))
+    found = []
+    for name in names:
+        own = evidence.parameters([name])
+        raw = np.column_stack([column[p.name] for p in own])
+        strength = np.flatnonzero(np.linalg.norm(raw, axis=0) > _SILENT * size)
+        shaping = np.setdiff1d(np.arange(len(own)), strength)
+        trials = []
+        low, high = bounds_of(own)
+        for values in itertools.product(*(np.linspace(low[i], high[i], _SHAPES) for i in shaping)):
+            where = np.zeros(len(own))
+            where[shaping] = values
+            try:
+                slope = changes(own, where) if shaping.size else raw
+            except SolveError:  # with what is fitted already, there is no such stack
+                continue
+            strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > _SILENT * size)
+            trials.append(_screened(name, own, where, projected(slope), np.setdiff1d(strong, shaping), r))
+        if not trials:
+            continue
+        best = max(trials, key=lambda s: s.gain)
+        found.append(replace(best, reach=max(s.reach for s in trials)))
+    return tuple(found)
+
+
+def stepped(at: Explanation, own: Screened) -> Explanation:
+    """Return an explanation with the residual that the linear step of an effect beside it leaves."""
+    value = _projection(at)(at.residual.value) + own.column @ own.start[own.strength]
+    jacobian = np.hstack([at.residual.jacobian, own.column])
+    return replace(at, residual=replace(at.residual, value=value, jacobian=jacobian))
+
+
+def pair_steps(
+    at: Explanation, screened: Sequence[Screened]
+) -> list[tuple[float, tuple[str, str], tuple[Vector, Vector]]]:
+    """Return the misfit after a linear step, the names and where each starts, for all pairs; the best first."""
+    projected = _projection(at)
+    r, steps = projected(at.residual.value), []
+    for a, b in itertools.combinations(screened, 2):
+        if {p.name for p in a.parameter} & {p.name for p in b.parameter}:
+            continue
+        (low_a, high_a), (low_b, high_b) = bounds_of(a.parameter), bounds_of(b.parameter)
+        column = np.hstack([a.column, b.column])
+        low = np.concatenate([low_a[a.strength], low_b[b.strength]])
+        high = np.concatenate([high_a[a.strength], high_b[b.strength]])
+        step = _bounded(column, r, low, high)
+        first, second = a.coordinate.copy(), b.coordinate.copy()
+        first[a.strength], second[b.strength] = step[: a.strength.size], step[a.strength.size :]
+        steps.append((float(np.sum((r + column @ step) ** 2)), (a.effect, b.effect), (first, second)))
+    return sorted(steps, key=lambda item: item[0])
+
+
+def _projection(at: Explanation) -> Callable[[Vector], Vector]:
+    """Return the function that takes out of columns what parameters that are fitted already could do."""
+    q = np.linalg.qr(at.residual.jacobian)[0]
+
+    def projected(columns: Vector) -> Vector:
+        return np.asarray(columns - q @ (q.T @ columns))
+
+    return projected
+
+
+def _screened(
+    name: str, own: tuple[Parameter, ...], at: Vector, columns: Vector, strength: NDArray[np.intp], r: Vector
+) -> Screened:
+    low, high = bounds_of(own)
+    c = columns[:, strength]
+    step = _bounded(c, r, low[strength], high[strength])
+    start = at.copy()
+    start[strength] = step
+    reach = max(
+        (float(np.linalg.norm(c[:, i]) * max(abs(low[s]), abs(high[s]))) for i, s in enumerate(strength)),
+        default=0.0,
+    )
+    return Screened(
+        effect=name,
+        parameter=own,
+        coordinate=at,
+        column=c,
+        strength=strength,
+        gain=float(r @ r - np.sum((r + c @ step) ** 2)),
+        start=start,
+        reach=reach,
+    )
+
+
+def _bounded(c: Vector, r: Vector, low: Vector, high: Vector) -> Vector:
+    """Return the step within bounds that makes r + c step smallest."""
+    gram = c.T @ c
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-30))
+    if not scale.size or scale.max() < 1e-12:
+        return np.zeros(scale.size)
+    small = gram / np.outer(scale, scale) + 1e-10 * np.eye(scale.size)
+    root = np.linalg.cholesky(small)
+    target = np.linalg.solve(root, -(c.T @ r) / scale)
+    solution = lsq_linear(root.T, target, bounds=(low * scale - 1e-12, high * scale + 1e-12), method="bvls")
+    return np.asarray(solution.x / scale)

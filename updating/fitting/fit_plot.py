@@ -1,0 +1,53 @@
+"""The objectives of a fit as a figure, and figures as files."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from updating.fitting.fit import Estimate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def objective_figure(estimates: tuple[Estimate, ...]) -> Figure:
+    """Draw the objective over every value tried of each parameter, the estimate marked."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.6 * len(estimates), 3.2), layout="constrained")
+    for axes, estimate in zip(np.atleast_1d(figure.subplots(1, len(estimates))), estimates, strict=True):
+        _draw_objective(axes, estimate)
+    return figure
+
+
+def _draw_objective(axes: Axes, estimate: Estimate) -> None:
+    in_percent = estimate.name == "d_f"
+    factor = 100.0 if in_percent else 1.0
+    order = np.argsort(estimate.history[:, 0])
+    axes.plot(*(estimate.history[order] * [1.0, factor]).T, "o-", color="0.55", markersize=3, linewidth=1)
+    axes.plot(estimate.value, factor * estimate.objective, "D", color="#b3341f", markersize=6)
+    axes.annotate(
+        f"{estimate.name} = {estimate.value:.4g} {estimate.unit}",
+        (estimate.value, factor * estimate.objective),
+        xytext=(0.5, 0.92), textcoords="axes fraction", ha="center", color="#b3341f",
+    )  # fmt: skip
+    if not in_percent:
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+    symbol = {"G_f": "$G_f$", "d_f": "$d_f$"}[estimate.name]
+    axes.set_xlabel(f"{symbol} [{estimate.unit}]")
+    axes.set_ylabel("$opt_d$ [% damping]" if in_percent else "$opt_G$ [Hz]")
+    axes.margins(y=0.2)
+    if in_percent:
+        axes.set_ylim(bottom=0.0)
+
+
+def as_png(figure: Figure) -> bytes:
+    """Draw a figure as PNG, fine enough to print."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=160, metadata={"Software": None})
+    return buffer.getvalue()

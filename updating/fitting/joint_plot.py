@@ -1,0 +1,60 @@
+"""A joint fit in pictures: how parameters are correlated, and how each descent went."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from updating.fitting.joint_fit import JointFit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+_WRITTEN = 12  # parameters up to which every value is written
+
+
+def correlation_figure(fit: JointFit) -> Figure:
+    """Draw the correlation of the estimates; near -1 or 1 the data know a combination of two and not each."""
+    from matplotlib.figure import Figure
+
+    names = [f"{p.name} {p.group}".strip() for p in fit.parameter]
+    n = len(names)
+    figure = Figure(figsize=(4.4 + 0.36 * n, 1.6 + 0.36 * n), layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(fit.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    if n <= _WRITTEN:
+        for i, j in np.ndindex(n, n):
+            value = round(float(fit.correlation[i, j]), 2) + 0.0  # no -0.00
+            axes.text(
+                j, i, f"{value:.2f}", ha="center", va="center", fontsize=7,
+                color="white" if abs(value) > 0.6 else "black",
+            )  # fmt: skip
+    axes.set_title("correlation of the estimates", fontsize=10)
+    axes.set_xticks(range(n), [str(i + 1) for i in range(n)], fontsize=8)
+    labels = [textwrap.shorten(name, 40, placeholder="…") for name in names]
+    axes.set_yticks(range(n), [f"{label}  {i + 1}" for i, label in enumerate(labels)], fontsize=8)
+    figure.colorbar(image, ax=axes, shrink=0.8)
+    return figure
+
+
+def convergence_figure(fit: JointFit) -> Figure:
+    """Draw the sum of squares over the evaluations of each descent, the best first."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for i, start in enumerate(fit.start):
+        ending = "" if start.converged else " (not converged)"
+        axes.semilogy(
+            np.arange(1, start.objective.size + 1), 2.0 * start.objective, "-" if i else "o-", markersize=3,
+            label=f"descent {i + 1}: {2.0 * start.objective.min():.4g}{ending}",
+        )  # fmt: skip
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("evaluation")
+    axes.set_ylabel("chi-square")
+    axes.legend(fontsize=8)
+    return figure

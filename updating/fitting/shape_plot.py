@@ -1,0 +1,176 @@
+"""Mode shapes at the measured points, measured and modelled: displacements and a figure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.arrays import readonly
+from ema.geometry import Geometry
+from ema.modes import ModalModel
+from updating.correlation.subspace import rotate_onto
+from updating.fitting.fit import Fit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+REST, MEASURED, MODEL = "#dde1e7", "#9aa0a8", "#1f5f8b"
+"""Colours of the points at rest, measured and modelled: a wide light line under a thin dark one, in grey too."""
+SWELL = 0.1
+"""Largest drawn displacement, as a share of the structure's size."""
+AZIMUTH, ELEVATION = -0.5, 0.42
+"""Where figures look from, rad; the page's shapes start from there too."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapePair:
+    """A measured mode and its partner of the model as displacements of the measured points.
+
+    Attributes
+    ----------
+    measured_frequency, model_frequency : float
+        Natural frequencies, Hz; NaN for a model that there is not.
+    mac : float
+        Their MAC; NaN likewise.
+    coordinate : (n_point, 3) float
+        The points that were measured, m.
+    line : (n_line, 2) int
+        Rows of points that trace lines join.
+    measured : (n_point, 3) complex
+        Displacements over the largest one, turned so that the real part is largest.
+    model : (n_point, 3) float
+        Those of the model, scaled to fit the measured ones; 0 for a model that there is not.
+    """
+
+    measured_frequency: float
+    model_frequency: float
+    mac: float
+    coordinate: NDArray[np.float64]
+    line: NDArray[np.int64]
+    measured: NDArray[np.complex128]
+    model: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.coordinate)
+        for name, dtype in (("coordinate", float), ("measured", complex), ("model", float)):
+            array = readonly("ShapePair", name, getattr(self, name), (n, 3), dtype)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "line", readonly("ShapePair", "line", self.line, (None, 2), np.int64))
+
+    @property
+    def has_model(self) -> bool:
+        """Whether there is a modelled shape."""
+        return bool(np.isfinite(self.model_frequency))
+
+
+def shape_pairs(measured: ModalModel, fit: Fit | None) -> tuple[ShapePair, ...]:
+    """Return the measured shapes, each with its partner where the fit paired it.
+
+    A point measured in skew directions moves so as to meet them in the least-squares sense. Modes that are paired as
+    a subspace are compared after turning the model's shapes within it.
+    """
+    geometry = measured.geometry
+    seen = np.isin(geometry.node, measured.node)
+    row = {int(n): i for i, n in enumerate(geometry.node[seen])}
+    line = np.array(
+        [(row[int(a)], row[int(b)]) for a, b in geometry.line if int(a) in row and int(b) in row], dtype=int
+    ).reshape(-1, 2)
+    partner = _partners(measured, fit)
+    pairs = []
+    for r in range(measured.frequency.size):
+        shape = measured.shape[:, r]
+        shape = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+        moved = point_displacement(geometry, measured.node, measured.direction, shape)[seen]
+        largest = float(np.max(np.linalg.norm(moved.real, axis=1))) or 1.0
+        model, frequency, mac = np.zeros(moved.shape), np.nan, np.nan
+        if fit is not None and r in partner:
+            s, other = partner[r]
+            scaled = other * float(other @ shape.real) / float(other @ other)
+            model = point_displacement(geometry, measured.node, measured.direction, scaled)[seen].real
+            frequency, mac = float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s])
+        pairs.append(
+            ShapePair(
+                measured_frequency=float(measured.frequency[r]),
+                model_frequency=frequency,
+                mac=mac,
+                coordinate=geometry.coordinate[seen],
+                line=line,
+                measured=moved / largest,
+                model=model / largest,
+            )
+        )
+    return tuple(pairs)
+
+
+def point_displacement(
+    geometry: Geometry, node: NDArray[np.int64], direction: NDArray[np.float64], value: NDArray[Any]
+) -> NDArray[np.complex128]:
+    """Return the displacement (n_node, 3) of all points of which some degrees of freedom move by `value` (n_dof,)."""
+    displacement = np.zeros(geometry.coordinate.shape, dtype=complex)
+    for k, point in enumerate(geometry.node):
+        at = node == point
+        if at.any():
+            displacement[k] = np.linalg.pinv(direction[at]) @ value[at]
+    return displacement
+
+
+def shape_pair_figure(pair: ShapePair) -> Figure:
+    """Draw a measured shape, the modelled one, and both over each other; the measured alone without a model."""
+    from matplotlib.figure import Figure
+
+    titles = {"measured": f"measured {pair.measured_frequency:.1f} Hz"}
+    if pair.has_model:
+        titles |= {"model": f"model {pair.model_frequency:.1f} Hz", "both": f"both, MAC {pair.mac:.4f}"}
+    figure = Figure(figsize=(2.4 * len(titles), 1.65))
+    figure.subplots_adjust(0.005, 0.01, 0.995, 0.88, 0.02)
+    for axes, (what, title) in zip(
+        np.atleast_1d(figure.subplots(1, len(titles))), titles.items(), strict=True
+    ):
+        _draw(axes, pair, what)
+        axes.set_title(title, fontsize=8)
+    return figure
+
+
+def _partners(measured: ModalModel, fit: Fit | None) -> dict[int, tuple[int, NDArray[np.float64]]]:
+    """Return for each paired measured mode the model's mode and its shape, turned within its subspace."""
+    if fit is None:
+        return {}
+    pairing = fit.pairing
+    shape = np.array(fit.modes.shape[:, pairing.model], dtype=complex)
+    for number in np.unique(pairing.subspace):
+        inside = pairing.subspace == number
+        if np.count_nonzero(inside) > 1:
+            shape[:, inside] = rotate_onto(shape[:, inside], measured.shape[:, pairing.measured[inside]])
+    return {
+        int(r): (int(s), shape[:, k].real)
+        for k, (r, s) in enumerate(zip(pairing.measured, pairing.model, strict=True))
+    }
+
+
+def _draw(axes: Axes, pair: ShapePair, what: str) -> None:
+    """Draw the points at rest and one or both shapes, seen as the page starts."""
+    size = SWELL * float(np.max(np.ptp(pair.coordinate, axis=0)))
+    layers = [(pair.coordinate, REST, 0.8)]
+    for name, color, width in (("measured", MEASURED, 2.2), ("model", MODEL, 1.0)):
+        if what in (name, "both"):
+            layers.append((pair.coordinate + size * getattr(pair, name).real, color, width))
+    for points, color, width in layers:
+        seen = project(points)
+        ends = np.insert(seen[pair.line].astype(float), 2, np.nan, axis=1)  # one path with gaps
+        axes.plot(*ends.reshape(-1, 2).T, color=color, linewidth=width)
+        axes.plot(*seen.T, ".", color=color, markersize=2.5 * width)
+    axes.set_aspect("equal")
+    axes.margins(0.03)
+    axes.axis("off")
+
+
+def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Project points (n, 3) without perspective, to the right and upwards, as `shapes.js` does."""
+    x, y, z = points.T
+    depth = y * np.cos(AZIMUTH) - x * np.sin(AZIMUTH)
+    right = x * np.cos(AZIMUTH) + y * np.sin(AZIMUTH)
+    return np.column_stack([right, z * np.cos(ELEVATION) + depth * np.sin(ELEVATION)])

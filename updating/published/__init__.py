@@ -1,0 +1,1 @@
+"""The published campaign of 18 stacks: tables, pictures, screening of effects, verdict."""

@@ -1,0 +1,373 @@
+"""The published campaign of 18 stacks: its tables under several calibrations, and what a shared effect changes.
+
+Source of data and conventions: Pirnat, Čepon, Boltežar 2013; see data/pirnat2013/README.md.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.arrays import readonly
+from model import Stack, read_stack
+from model.stack import Mesh
+from updating.errors import FitError
+from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, Prediction, estimate_damping, estimate_stiffness
+from updating.fitting.joint_fit import ConfigurationFit, JointFit, joint_fit
+from updating.fitting.modal_table import ModalTable, fit_row_by, read_modal_table
+from updating.fitting.objective import frequency_error
+from updating.fitting.prepared import Prepared, prepare, solve_target
+from updating.fitting.sensitivity import Scatter
+from updating.fitting.target import target_of_table
+from updating.published.pressure_law import PressureLaw, pressure_law
+
+CALIBRATIONS = ("C0", "C1", "C2", "C3")
+"""Planforms and clamps of data/pirnat2013 that explain the published numerical frequencies."""
+SCATTER = Scatter(frequency=0.05, damping=0.3)
+"""Between the errors of the base model, 14 %, and what repeated assembly changes: all modes weigh the same."""
+MESH = Mesh(n_x=12, n_y=3)
+"""Coarser than the calibrations' 16 x 4; under C1 the four frequencies of stack 6 change by at most 0.02 %."""
+_N_SNAPSHOT = 4
+_D_F = 1e-10  # at which the damping's slope is taken; damping ratios are proportional to d_f
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Row:
+    """One stack of Table 7 with the base model.
+
+    Attributes
+    ----------
+    stack : str
+        Its number.
+    G_f, published_G_f : float
+        Contact stiffness fitted by opt_G and that of Table 6 (NaN where it has none), Pa per Pa.
+    measured, published, frequency : (n_mode,) float
+        Frequencies measured, of the published model, and of ours, Hz.
+    error, published_error : float
+        Mean relative errors, eq. (2).
+    model_misfit : float
+        Eq. (2) of our model against the published one, G_f fitted to the latter.
+    """
+
+    stack: str
+    G_f: float
+    published_G_f: float
+    measured: NDArray[np.float64]
+    published: NDArray[np.float64]
+    frequency: NDArray[np.float64]
+    error: float
+    published_error: float
+    model_misfit: float
+
+    def __post_init__(self) -> None:
+        for name in ("measured", "published", "frequency"):
+            object.__setattr__(self, name, readonly("Row", name, getattr(self, name), (None,)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Torque:
+    """One stack at one torque, Table 4, fitted by opt_G and opt_d.
+
+    Attributes
+    ----------
+    stack, torque : str
+        Which.
+    G_f, d_f : float
+        Contact parameters, Pa per Pa and s/Pa.
+    published_G_f, published_d_f : float
+        Those of Table 6; NaN where it has none.
+    error, damping_error : float
+        Mean relative error of frequencies, eq. (2), and of damping ratios.
+    """
+
+    stack: str
+    torque: str
+    G_f: float
+    d_f: float
+    published_G_f: float
+    published_d_f: float
+    error: float
+    damping_error: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shared:
+    """The 18 stacks with effects that they share, G_f of each its own.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        The effects.
+    fit : JointFit
+        All stacks at once.
+    left_out : tuple of ConfigurationFit
+        Each stack with the shared parameters of the 17 others and its own G_f.
+    """
+
+    effects: tuple[str, ...]
+    fit: JointFit
+    left_out: tuple[ConfigurationFit, ...]
+
+    @property
+    def error(self) -> float:
+        """Mean error, eq. (2), of all stacks."""
+        return self.fit.error()
+
+    @property
+    def left_out_error(self) -> float:
+        """Mean error, eq. (2), of the stacks left out."""
+        return float(np.mean([np.nanmean(np.abs(c.relative_error)) for c in self.left_out]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibrated:
+    """The campaign under one calibration of planform and clamps.
+
+    Attributes
+    ----------
+    calibration : str
+        Its name.
+    row : tuple of Row
+        Table 7 with the base model: each stack by opt_G.
+    torque : tuple of Torque
+        The stacks of Table 4 at both torques, with the base model.
+    shared : Shared
+        With shared effects.
+    law : PressureLaw
+        How contact stiffness grows with pressure, with the effects.
+    """
+
+    calibration: str
+    row: tuple[Row, ...]
+    torque: tuple[Torque, ...]
+    shared: Shared
+    law: PressureLaw
+
+    @property
+    def error(self) -> float:
+        """Mean error, eq. (2), of the base model over Table 7."""
+        return float(np.mean([f.error for f in self.row]))
+
+    @property
+    def misfit(self) -> float:
+        """Mean distance of the base model to the published model's frequencies, eq. (2)."""
+        return float(np.mean([f.model_misfit for f in self.row]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Published:
+    """The published tables.
+
+    Attributes
+    ----------
+    table : ModalTable
+        Table 7, with heights and published contact parameters.
+    both : tuple of dict
+        Rows of Table 4.
+    contact : mapping of stack to mapping of str to float
+        Rows of Table 6.
+    pressure : mapping of torque to float
+        Table 2, Pa.
+    folder : Path
+        Where they are.
+    """
+
+    table: ModalTable
+    both: tuple[Mapping[str, str], ...]
+    contact: Mapping[str, Mapping[str, float]]
+    pressure: Mapping[str, float]
+    folder: Path
+
+
+def read_published(folder: Path) -> Published:
+    """Read the tables of data/pirnat2013.
+
+    Raises
+    ------
+    FitError
+        A file is missing or not as its README says.
+    """
+    table = read_modal_table(folder / "campaign.toml")
+    try:
+        return Published(
+            table=table,
+            both=tuple(_rows(folder / "table4_modal_parameters.csv")),
+            contact={
+                row["stack"]: {name: float(row[name]) for name in row if name != "stack"}
+                for row in _rows(folder / "table6_contact_parameters.csv")
+            },
+            pressure={
+                row["torque"]: 1e3 * float(row["pressure_kPa"])
+                for row in _rows(folder / "table2_pressure.csv")
+            },
+            folder=folder,
+        )
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+        message = f"{folder}: cannot read the published tables: {error}"
+        raise FitError(message) from error
+
+
+def prepare_published(
+    data: Published, calibration: str, effects: Collection[str] = (), *, both: bool = True
+) -> tuple[tuple[Prepared, ...], tuple[Prepared, ...]]:
+    """Reduce the models of the stacks of Table 7 and of Table 4 under a calibration.
+
+    Stacks of the same height share one reduction. Without `both`, those of Table 4 are left out.
+
+    Raises
+    ------
+    FitError
+        There is no such calibration.
+    """
+    if calibration not in CALIBRATIONS:
+        message = f"no calibration {calibration!r}; there are {', '.join(CALIBRATIONS)}"
+        raise FitError(message)
+    planform = read_stack(data.folder / f"stack_{calibration}.toml").with_effects(*effects)
+    planform = dataclasses.replace(planform, mesh=MESH)
+    height = {row.name: row.stack.height for row in data.table.rows}
+
+    def stack(name: str, torque: str) -> Stack:
+        pressed = planform.with_contact(pressure=data.pressure[torque])
+        return dataclasses.replace(pressed, name=f"stack {name} at {torque}", height=height[name])
+
+    classes = data.table.shape_class
+    sevens = [
+        target_of_table(stack(row.name, "M2"), classes, row.frequency, name=row.name)
+        for row in data.table.rows
+    ]
+    fours = [
+        target_of_table(
+            stack(row["stack"], row["torque"]),
+            classes,
+            np.array([_number(row[f"f{r}_Hz"]) for r in range(1, 5)]),
+            name=f"{row['stack']} {row['torque']}",
+            specimen=row["stack"],
+            damping=np.array([_number(row[f"xi{r}_percent"]) / 100.0 for r in range(1, 5)]),
+        )
+        for row in (data.both if both else ())
+    ]
+    every = prepare([*sevens, *fours], n_snapshot=_N_SNAPSHOT)
+    return every[: len(sevens)], every[len(sevens) :]
+
+
+def reproduce(data: Published, calibration: str, effects: Sequence[str]) -> Calibrated:
+    """Reproduce the published tables under a calibration, then add effects that all stacks share.
+
+    Parameters
+    ----------
+    data : Published
+        The tables.
+    calibration : str
+        One of `CALIBRATIONS`.
+    effects : sequence of str
+        Effects whose parameters the stacks share.
+
+    Raises
+    ------
+    FitError
+        There is no such calibration, or a fit fails.
+    """
+    sevens, fours = prepare_published(data, calibration, (*effects, "pressure_exponent"))
+    shared = fit_shared(sevens, effects)
+    return Calibrated(
+        calibration=calibration,
+        row=base_rows(data, sevens),
+        torque=tuple(_torque(data, one) for one in fours),
+        shared=shared,
+        law=pressure_law(fours, effects=effects, scatter=SCATTER),
+    )
+
+
+def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
+    """Fit G_f of every stack of Table 7 by opt_G with the base model."""
+    found = []
+    for row, one in zip(data.table.rows, sevens, strict=True):
+        fit = fit_row_by(row, _predictor(one))
+        found.append(
+            Row(
+                stack=row.name,
+                G_f=fit.G_f.value,
+                published_G_f=row.published_G_f,
+                measured=row.frequency,
+                published=row.published_frequency,
+                frequency=fit.frequency,
+                error=fit.error,
+                published_error=fit.published_error,
+                model_misfit=fit.model_misfit,
+            )
+        )
+    return tuple(found)
+
+
+def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_validate: bool = True) -> Shared:
+    """Fit shared effects to all stacks, and to all but one to predict that one with its own G_f alone."""
+    fit = joint_fit(sevens, effects=effects[:1], damping=False, scatter=SCATTER)
+    for n in range(2, len(effects) + 1):  # one more may not come out worse than without it
+        fit = joint_fit(sevens, effects=effects[:n], damping=False, scatter=SCATTER, first=fit)
+    left_out = []
+    for one in sevens if cross_validate else ():
+        others = [p for p in sevens if p is not one]
+        known = joint_fit(others, effects=effects, damping=False, scatter=SCATTER, n_start=1, first=fit)
+        found = joint_fit([one], effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)
+        left_out.append(found.configuration[0])
+    return Shared(effects=tuple(effects), fit=fit, left_out=tuple(left_out))
+
+
+def _shared_values(fit: JointFit) -> dict[str, float]:
+    return {p.name: p.value for p in fit.parameter if not p.group}
+
+
+def _predictor(prepared: Prepared) -> Callable[[float], Prediction]:
+    def predict(G_f: float) -> Prediction:
+        modes, column = solve_target(prepared, {"G_f": G_f}, ("G_f",))
+        if np.any(column < 0):
+            message = (
+                f"{prepared.target.stack.name}: the model lacks a mode of a published class at G_f = {G_f:g}"
+            )
+            raise FitError(message)
+        return modes.frequency[column], modes.frequency_gradient[column, 0]
+
+    return predict
+
+
+def _torque(data: Published, one: Prepared) -> Torque:
+    """Fit one stack at one torque as the paper does: opt_G, then opt_d."""
+    target, known = one.target, np.isfinite(one.target.frequency)
+    stack, torque = target.name.split()
+
+    def predict(G_f: float) -> Prediction:
+        frequency, gradient = _predictor(one)(G_f)
+        return frequency[known], gradient[known]
+
+    no_std = np.zeros(np.count_nonzero(known))
+    G_f = estimate_stiffness(predict, target.frequency[known], no_std, bounds=G_F_BOUNDS)
+    modes, column = solve_target(one, {"G_f": G_f.value, "d_f": _D_F}, ())
+    slope = modes.damping[column][known] / _D_F
+    damping = target.damping[known]
+    d_f = estimate_damping(slope, damping, no_std, bounds=D_F_BOUNDS)
+    published = data.contact.get(stack, {})
+    return Torque(
+        stack=stack,
+        torque=torque,
+        G_f=G_f.value,
+        d_f=d_f.value,
+        published_G_f=published.get(f"Gf_{torque}", float("nan")),
+        published_d_f=published.get(f"df_{torque}", float("nan")),
+        error=frequency_error(target.frequency[known], predict(G_f.value)[0]),
+        damping_error=frequency_error(damping, slope * d_f.value),
+    )
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _number(text: str) -> float:
+    return float(text) if text.strip() else float("nan")
