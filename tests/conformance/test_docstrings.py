@@ -57,6 +57,15 @@ def test_docstrings_say_what_there_is(name):
         assert not unknown, f"{item.fullname}: no {unknown}"
 
 
+@pytest.mark.parametrize("name", MODULES)
+def test_documentation_can_be_built(name):
+    """pdoc warns, which is an error, of members whose origin or annotation it cannot find."""
+    for item in pdoc.doc.Module.from_name(name).own_members:
+        if isinstance(item, pdoc.doc.Class):
+            functions = [m for m in item.members.values() if isinstance(m, pdoc.doc.Function)]
+            assert all(m.signature for m in functions if m.docstring)
+
+
 def test_an_unknown_name_is_seen():
     def function(x):
         """Do nothing.

@@ -12,12 +12,6 @@ from ema.form import Section, read_form
 from updating.diagnosis.evidence import Scatter
 from updating.errors import FitError
 
-_ScatterFile = create_model(
-    "_ScatterFile",
-    __base__=Section,
-    **{field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(Scatter)},
-)  # type: ignore[call-overload]  # the fields are known when it runs
-
 
 def read_scatter(path: Path) -> Scatter:
     """Read standard deviations, relative to the value, under the names of `Scatter`; what is not stated stays.
@@ -27,4 +21,6 @@ def read_scatter(path: Path) -> Scatter:
     FitError
         The file is missing, is not TOML, or has a key that is unknown or no number between 0 and 1.
     """
-    return Scatter(**read_form(path, _ScatterFile, FitError).model_dump())
+    keys = {field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(Scatter)}
+    form = create_model("_ScatterFile", __base__=Section, **keys)  # type: ignore[call-overload]  # keys of a run
+    return Scatter(**read_form(path, form, FitError).model_dump())

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +46,21 @@ _STEPS = 12  # evaluations of a fit
 _REFIT = 8  # the same after the basis or weights have changed, and of pairs
 
 
-class Start(NamedTuple):
-    """Effects, and where their fit starts: nuisances, coordinates of parameters, evaluations at most."""
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Effects, and where their fit starts.
+
+    Attributes
+    ----------
+    effects : sequence of str
+        Which.
+    nuisance : (n_nuisance,) float
+        Nuisance coordinates.
+    coordinate : (n_parameter,) float
+        Effect parameters in units of their ranges.
+    most : int
+        Largest number of evaluations.
+    """
 
     effects: Sequence[str]
     nuisance: Vector
@@ -246,9 +258,10 @@ def _done(begun: Iterator[Explanation | None]) -> list[Explanation]:
 
 
 def _explained(evidence: Evidence, start: Start) -> Explanation | None:
-    names, nuisance, coordinate, most = start
     try:
-        return explain(evidence, names, nuisance=nuisance, coordinate=coordinate, most=most)
+        return explain(
+            evidence, start.effects, nuisance=start.nuisance, coordinate=start.coordinate, most=start.most
+        )
     except SolveError:
         return None
 
