@@ -13,6 +13,7 @@ from updating.correlation.registration import Registration, register
 from updating.correlation.subspace import subspace_mac
 from updating.correlation.tracking import Track, track
 from updating.diagnosis.diagnosis import Diagnosis, diagnose
+from updating.diagnosis.evidence import DiagnosisScatter
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fitting.fit import Estimate, Fit, fit
 from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
@@ -28,6 +29,7 @@ __all__ = [
     "LAMELLA_ERRORS",
     "Correlation",
     "Diagnosis",
+    "DiagnosisScatter",
     "Entry",
     "ErrorMap",
     "Estimate",

@@ -9,7 +9,7 @@ import pytest
 import model
 from updating.blind.case import blind_test, candidates_of, played
 from updating.diagnosis.diagnosis import conclude
-from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import explain
 from updating.diagnosis.gathering import gather
 from updating.diagnosis.residual import residual
@@ -181,7 +181,7 @@ def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
 
     def shown(share, most=0.05):
         tested = [(name, pressure, replace(modes, shape=(1.0 + share * gain) * modes.shape))]
-        return gather(candidates, tested, scatter=Scatter(shape=most)).scatter.shape
+        return gather(candidates, tested, scatter=DiagnosisScatter(shape=most)).scatter.shape
 
     assert shown(0.0) < 0.003
     assert shown(0.02) == pytest.approx(0.02, rel=0.3)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.mixing import leaning
 from updating.diagnosis.mode_space import ModeSpace
 
@@ -54,7 +54,7 @@ def test_what_a_suspension_makes_elastic_is_no_rigid_body_motion_any_more():
     coordinate = np.zeros((10, 2))
     coordinate[2, 0], coordinate[8, 1] = 0.99, 1.0
     modes = SimpleNamespace(shape=rows @ coordinate, frequency=np.array([12.0, 240.0]), coordinate=coordinate)
-    found = ModeSpace.of(modes, SimpleNamespace(reduced_rows=rows), Scatter())
+    found = ModeSpace.of(modes, SimpleNamespace(reduced_rows=rows), DiagnosisScatter())
     assert found.frequency.tolist() == [12.0, 240.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     np.testing.assert_allclose(np.linalg.matrix_rank(found.shape), 7)
     others = np.delete(rows[:, :6], 2, axis=1)

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.scatter_file import read_scatter
 from updating.errors import FitError
 
 
 def test_what_is_stated_counts_and_the_rest_stays(tmp_path):
     (tmp_path / "scatter.toml").write_text("stiffness = 0.1\nheight = 0.005\n", encoding="utf-8")
-    assert read_scatter(tmp_path / "scatter.toml") == Scatter(stiffness=0.1, height=0.005)
+    assert read_scatter(tmp_path / "scatter.toml") == DiagnosisScatter(stiffness=0.1, height=0.005)
 
 
 @pytest.mark.parametrize(
@@ -33,4 +33,4 @@ def test_the_documents_list_every_number():
     for first, second, number, other, of_other in listed:
         found |= {name: float(number) for name in (first, second) if name}
         found |= {other: float(of_other)} if other else {}
-    assert found == {field.name: field.default for field in fields(Scatter)}
+    assert found == {field.name: field.default for field in fields(DiagnosisScatter)}

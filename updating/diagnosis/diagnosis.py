@@ -21,7 +21,7 @@ from updating.correlation.pairing import require_points
 from updating.diagnosis.adequacy import block_p_value, p_value
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.diagnosis.chance import chance_of_gain
-from updating.diagnosis.evidence import Evidence, Scatter, Tested
+from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import NextTest, aids, rank_tests
 from updating.diagnosis.explanation import Explanation, best_of
@@ -134,7 +134,7 @@ def diagnose(
     tested: Sequence[Campaigned],
     effects: Mapping[str, Effect],
     *,
-    scatter: Scatter | None = None,
+    scatter: DiagnosisScatter | None = None,
     executor: Executor | None = None,
     reduced: Callable[..., CandidateModel] = candidate_model,
 ) -> Diagnosis:
@@ -148,7 +148,7 @@ def diagnose(
         Name, pressure in Pa and identified modes of each configuration.
     effects : mapping of str to Effect
         The catalogue.
-    scatter : Scatter, optional
+    scatter : DiagnosisScatter, optional
         What separates a right model from a right measurement.
     executor : Executor, optional
         What takes a part of the work, such as `workers`; by default this process does it all.

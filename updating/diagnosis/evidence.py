@@ -29,7 +29,7 @@ D_F_START = 2e-11
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scatter:
+class DiagnosisScatter:
     """What separates a right model from a right measurement, as standard deviations relative to the value.
 
     Attributes
@@ -158,7 +158,7 @@ class Evidence:
         The measured points of each configuration, tied to them.
     effects : mapping of str to Effect
         Those that this stack can have.
-    scatter : Scatter
+    scatter : DiagnosisScatter
         What separates a right model from a right measurement.
     start : (n_nuisance,) float
         Nuisance coordinates from which fits start.
@@ -171,7 +171,7 @@ class Evidence:
     shift : tuple of Shift
         What dimensions and mesh do to the measured modes of each configuration.
     weight : (n,) float, optional
-        By which residuals of data are multiplied: below 1 where an effect's form decides, see `Scatter.form`.
+        By which residuals of data are multiplied: below 1 where an effect's form decides, see `DiagnosisScatter.form`.
     """
 
     stack: Stack
@@ -180,7 +180,7 @@ class Evidence:
     equations: ReducedEquations
     observed: tuple[Observed, ...]
     effects: Mapping[str, Effect]
-    scatter: Scatter
+    scatter: DiagnosisScatter
     start: Vector
     dimensions: tuple[str, ...]
     sensor: tuple[NDArray[np.int64], ...]

@@ -14,7 +14,7 @@ from ema.modes import ModalModel
 from model import Observation, ReducedEquations, ReducedSystem, observe, solve_modes
 from updating.correlation.registration import register
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
-from updating.diagnosis.evidence import D_F_START, Evidence, Scatter, Shift, Tested, pair, solved
+from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
 from updating.diagnosis.mode_space import ModeSpace
 from updating.diagnosis.residual import unit_shape, unit_shapes
 from updating.errors import FitError
@@ -72,7 +72,7 @@ class Gathered(Evidence):
 
 
 def gather(
-    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: Scatter | None = None
+    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: DiagnosisScatter | None = None
 ) -> Gathered:
     """Put measured configurations beside a model and find the measured modes that it has.
 
@@ -82,7 +82,7 @@ def gather(
         The model.
     tested : sequence of (str, float, ModalModel)
         Name, pressure in Pa and identified modes of each configuration.
-    scatter : Scatter, optional
+    scatter : DiagnosisScatter, optional
         What separates a right model from a right measurement.
 
     Raises
@@ -109,7 +109,7 @@ def gather(
         observed=tuple(observe(candidates.system, o) for o in observation),
         effects=candidates.effects,
         impossible=candidates.impossible,
-        scatter=scatter or Scatter(),
+        scatter=scatter or DiagnosisScatter(),
         start=np.zeros(0),
         dimensions=tuple(candidates.resized),
         sensor=tuple(modes.sensor for _, _, modes in tested),
@@ -131,7 +131,7 @@ def _n_gain(sensors: Sequence[NDArray[np.int64]]) -> int:
 
 
 def _shape_scatter(evidence: Gathered, G_f: float) -> float:
-    """Return what places and calibration of sensors add to the shapes: `Scatter.shape`, or what they show, if less.
+    """Return what sensors add to shapes: `DiagnosisScatter.shape`, or what they show, if less.
 
     They show it where no mode of the model, no rigid-body motion and no gain of a sensor reaches, beside their standard
     deviations; what an effect changes in shapes are these modes for the most part. As a place is off for all modes

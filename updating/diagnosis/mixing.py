@@ -41,7 +41,7 @@ class Mixing:
     form : (n_mode,) float
         Length by which the form of an effect may be off.
     mass, stiffness : float
-        Standard deviations of m_rs, see `Scatter.mixing`, and of k_rs.
+        Standard deviations of m_rs, see `DiagnosisScatter.mixing`, and of k_rs.
     """
 
     measured: Vector

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model import Modes, Observed
 from model.z_basis import N_RIGID
-from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.mixing import NEIGHBOUR, Mixing, leaning
 
 Vector = NDArray[np.float64]
@@ -40,7 +40,7 @@ class ModeSpace:
     stiffness: float
 
     @classmethod
-    def of(cls, modes: Modes, observed: Observed, scatter: Scatter) -> ModeSpace:
+    def of(cls, modes: Modes, observed: Observed, scatter: DiagnosisScatter) -> ModeSpace:
         """Return the elastic `modes` with the rigid-body motion of the sensors, but what is elastic on a suspension."""
         held = modes.coordinate[:N_RIGID]  # the basis begins with rigid-body modes
         share, turn = la.eigh(np.eye(N_RIGID) - held @ held.T)

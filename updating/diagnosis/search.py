@@ -170,7 +170,7 @@ def _with_pairs(
 
 
 def _weighed(evidence: Gathered, base: Explanation, best: Explanation | None = None) -> Gathered:
-    """Return evidence that counts less where an effect changes much, and its form decides, see `Scatter.form`.
+    """Return evidence that counts less where an effect changes much, and its form decides, see `DiagnosisScatter.form`.
 
     What it changes is what the base model leaves, or more where nuisances hide it: the difference that the best effect
     makes while all else stays as it is.

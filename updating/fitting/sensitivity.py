@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 class Scatter:
     """Standard deviations beyond the identification's: what reassembly changes and no model of this kind meets.
 
-    Those of `evidence.Scatter` are the smallest that a right model meets, since a diagnosis asks whether anything is
+    Those of `DiagnosisScatter` are the smallest that a right model meets, since a diagnosis asks whether anything is
     missing. These are what a model with its remaining faults meets in practice: they set how frequencies, damping
     ratios and shapes weigh against each other in a fit that is to serve although the model is not right.
 
