@@ -10,7 +10,7 @@ import ema
 import model
 from ema.mac import mac
 from updating import diagnose
-from updating.diagnosis.evidence import Scatter
+from updating.diagnosis.evidence import DiagnosisScatter
 
 DATA = Path(__file__).parents[2] / "data/hidden_effect"
 BENCH = {"stinger_mass"}  # every played test has a force cell of 5 g, which the stack files do not tell
@@ -87,4 +87,4 @@ def test_identified_shapes_lean_towards_others_as_much_as_is_assumed(capsys):
         print(
             f"\nmass between two modes, over a modal mass: {size:.2g} rms over {np.count_nonzero(known)} pairs"
         )
-    assert 0.6 < size / Scatter().mixing < 1.5
+    assert 0.6 < size / DiagnosisScatter().mixing < 1.5
