@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from updating.blind.figures import Figure, figures
+from updating.blind.figures import Figure, figures, held_out_errors, mean_set_size
 from updating.blind.jobs import planned, recorded
 
 ROOT = Path(__file__).parents[2]
@@ -22,6 +22,18 @@ def test_the_table_says_what_was_recorded():
     start = lines.index(f"| figure | {len(cases)} cases | target |") + 2
     found = figures(cases)
     assert lines[start : start + len(found)] == [row(own) for own in found]
+
+
+def test_the_sentence_below_the_table_says_what_was_recorded():
+    cases = recorded(ROOT / "data" / "blind")
+    base, named, true = held_out_errors(cases)
+    said = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert f"the set holds {mean_set_size(cases):.2f} explanations in the mean" in said
+    assert (
+        f"is met within {base:.2f} standard deviations (median) by the base model refitted, "
+        f"within {named:.2f} with what is named, and within {true:.2f} with the true effect"
+    ) in said
+    assert f"({cases[0].seed} to {max(case.seed for case in cases)}; each case" in said
 
 
 def test_the_record_holds_the_planned_cases_from_the_first_on():

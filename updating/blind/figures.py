@@ -142,6 +142,12 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
     )
 
 
+def mean_set_size(cases: Sequence[Case]) -> float:
+    """Return how many explanations are left, in the mean, where a single effect is named; NaN without cases."""
+    sizes = [len(c.candidates) for c in cases if c.kind == "single" and c.candidates]
+    return float(np.mean(sizes)) if sizes else float("nan")
+
+
 def held_out_errors(cases: Sequence[Case]) -> tuple[float, float, float]:
     """Return the median error of what was held out, in standard deviations, over detectable singles.
 

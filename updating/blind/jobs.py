@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from updating.blind.case import WRONG_FORM, Case, run
-from updating.blind.figures import figures, held_out_errors
+from updating.blind.figures import figures, held_out_errors, mean_set_size
 from updating.errors import StoreError
 from updating.store import write_bytes
 from updating.workers import workers
@@ -106,8 +106,8 @@ def recorded(output: Path) -> tuple[Case, ...]:
 
 def figures_table(cases: Sequence[Case]) -> Table:
     """Print how often the diagnosis was right, with 95 % intervals, beside the targets."""
-    named = [len(c.candidates) for c in cases if c.kind == "single" and c.candidates]
-    said = [f"mean size of the set {np.mean(named):.2f}, target 1.5"] if named else []
+    size = mean_set_size(cases)
+    said = [f"mean size of the set {size:.2f}, target 1.5"] if np.isfinite(size) else []
     base, with_named, true = held_out_errors(cases)
     if np.isfinite(base):
         said.append(

@@ -24,5 +24,5 @@ def read_scatter(path: Path) -> DiagnosisScatter:
     keys = {
         field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(DiagnosisScatter)
     }
-    form = create_model("_ScatterFile", __base__=Section, **keys)  # type: ignore[call-overload]  # keys of a run
+    form = create_model("_ScatterFile", __base__=Section, **keys)  # type: ignore[call-overload]  # named only here
     return DiagnosisScatter(**read_form(path, form, FitError).model_dump())
