@@ -1,22 +1,23 @@
 """Measured functions to a modal model."""
 
-from ema.campaign import Campaign, Configuration, read_campaign
-from ema.comparison import Comparison, compare
-from ema.errors import CampaignError, EmaError, IdentificationError, MeasurementError
-from ema.estimate import Averaging, FRFEstimate, estimate_frf
-from ema.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
-from ema.frf import FRF
-from ema.geometry import Dof, Dofs, Geometry
-from ema.identify import Identification, identify, identify_frf
-from ema.linearity import check_force_levels, check_linearity
-from ema.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
-from ema.measurement import Measurement, read_force_levels, read_measurement
-from ema.modes import ModalModel, synthesize
-from ema.picking import pick_poles, read_poles, write_poles
-from ema.quality import check, usable
-from ema.stabilization import StabilizationDiagram, stabilization
-from ema.uff import write_uff
-from ema.verdict import Verdict
+from ema.campaign.campaign import Campaign, Configuration, read_campaign
+from ema.campaign.estimate import Averaging, FRFEstimate, estimate_frf
+from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
+from ema.identification.identify import Identification, identify, identify_frf
+from ema.identification.poles_file import read_poles, write_poles
+from ema.identification.stabilization import StabilizationDiagram, stabilization
+from ema.io.uff import write_uff
+from ema.modal.comparison import Comparison, compare
+from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
+from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
+from ema.plot.picking import pick_poles
+from ema.quality.channels import check, usable
+from ema.quality.linearity import check_force_levels, check_linearity
+from ema.quality.verdict import Verdict
+from ema.types.errors import CampaignError, EmaError, IdentificationError, MeasurementError
+from ema.types.frf import FRF
+from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.modal_model import ModalModel, synthesize
 
 __all__ = [
     "FRF",

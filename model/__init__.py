@@ -1,22 +1,22 @@
 """Laminated stack to natural frequencies, damping, shapes and FRFs."""
 
-from model.assemble import assemble
-from model.catalogue import catalogue, find_effects, read_effect
-from model.effect import Effect, Parameter, shared_parameters
-from model.enrichment import enriched, with_attachment_modes
-from model.errors import EffectError, ModelError, SolveError, StackError
-from model.material import Material
-from model.modes import Modes, complex_modes, solve_modes
-from model.observation import Observation, Observed, observe, sample_points
-from model.reduced_equations import ReducedEquations
-from model.reduction import ReducedSystem, reduce, reduced_terms
-from model.refinement import Refined, refine
-from model.response import frf, frf_direct
-from model.stack import Clamp, Contact, Instruments, Mesh, Stack
-from model.stack_file import read_stack
-from model.surface import Surface, mode_surface
-from model.system import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
-from model.truncation import truncated
+from model.effects.catalogue import catalogue, find_effects, read_effect
+from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
+from model.modes.enrichment import enriched, with_attachment_modes
+from model.modes.modes import Modes, complex_modes, solve_modes
+from model.modes.observation import Observation, Observed, observe, sample_points
+from model.modes.refinement import Refined, refine
+from model.modes.response import frf, frf_direct
+from model.modes.surface import Surface, mode_surface
+from model.reduction.assemble import assemble
+from model.reduction.reduced_equations import ReducedEquations
+from model.reduction.reduction import ReducedSystem, reduce, reduced_terms
+from model.reduction.truncation import truncated
+from model.stack.effect import Effect, Parameter, shared_parameters
+from model.stack.errors import EffectError, ModelError, SolveError, StackError
+from model.stack.material import Material
+from model.stack.stack import Clamp, Contact, Instruments, Mesh, Stack
+from model.stack.stack_file import read_stack
 
 __all__ = [
     "Assembly",

@@ -23,7 +23,7 @@ from updating.fitting.prepared import Prepared, prepare
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import Target, target_of_modes, target_of_table
 from updating.report.page import write_report
-from updating.store import read_result, write_result
+from updating.results.store import read_result, write_result
 
 __all__ = [
     "LAMELLA_ERRORS",

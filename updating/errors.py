@@ -9,8 +9,8 @@ UpdatingError
 
 from __future__ import annotations
 
-from ema.errors import EmaError
-from model.errors import ModelError
+from ema.types.errors import EmaError
+from model.stack.errors import ModelError
 
 
 class UpdatingError(Exception):

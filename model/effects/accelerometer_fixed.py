@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.effect_parts import known_or_usual_instruments, point_mass
-from model.system import Assembly, Term
+from model.effects.parts import known_or_usual_instruments, point_mass
+from model.elements.equations import Assembly, Term
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

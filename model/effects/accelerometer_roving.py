@@ -12,9 +12,9 @@ Mistaken for: density, fill factor, clamp_mass.
 
 from __future__ import annotations
 
-from model.effect import Effect, Parameter
-from model.effect_parts import known_or_usual_instruments, point_mass
-from model.system import Assembly, Term
+from model.effects.parts import known_or_usual_instruments, point_mass
+from model.elements.equations import Assembly, Term
+from model.stack.effect import Effect, Parameter
 
 _SENSORS = 2
 

@@ -20,10 +20,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import legendre
 
-from model.clamping import footprint_points
-from model.effect import Effect, Parameter
-from model.effect_parts import clamps_of, mean_lamina
-from model.system import Assembly, Formula, Kron, Term, Theta
+from model.effects.parts import clamps_of, mean_lamina
+from model.elements.clamping import footprint_points
+from model.elements.equations import Assembly, Formula, Kron, Term, Theta
+from model.stack.effect import Effect, Parameter
 
 _HALF = 20.0  # N m2, half as much as a rigid bar on the demo stack
 _ON_PLAN = 1e-6  # of the width, within which a point lies on the plan

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.effect_parts import clamps_of, reach, shear_spring
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import clamps_of, reach, shear_spring
+from model.elements.equations import Assembly, Monomial, Term
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

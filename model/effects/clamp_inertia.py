@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.effect_parts import hats, mean_lamina, square, turn_of
-from model.system import Assembly, Formula, Term, Theta
+from model.effects.parts import hats, mean_lamina, square, turn_of
+from model.elements.equations import Assembly, Formula, Term, Theta
+from model.stack.effect import Effect, Parameter
 
 _GRID = np.linspace(0.0, 1.0, 11)
 _SHARE = 0.2  # of the length that a clamp covers, half of it well; over less, upper modes rest on the elements there

@@ -12,10 +12,10 @@ Mistaken for: density or fill factor, roving accelerometers, a lower G_f.
 
 from __future__ import annotations
 
-from model.effect import Effect, Parameter
-from model.effect_parts import clamps_of, every_lamina, mean_over, square
-from model.mesh import FIELDS
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import clamps_of, every_lamina, mean_over, square
+from model.elements.equations import Assembly, Monomial, Term
+from model.elements.mesh import FIELDS
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

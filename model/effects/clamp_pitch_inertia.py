@@ -12,9 +12,9 @@ Mistaken for: the rotary part of the stack's own inertia, a softer G_xz (contact
 
 from __future__ import annotations
 
-from model.effect import Effect, Parameter
-from model.effect_parts import clamps_of, mean_lamina, square, turn_of
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import clamps_of, mean_lamina, square, turn_of
+from model.elements.equations import Assembly, Monomial, Term
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

@@ -12,9 +12,9 @@ Mistaken for: normal_stiffness.
 
 from __future__ import annotations
 
-from model.effect import Effect, Parameter
-from model.effect_parts import clamps_of, mean_over, square, tie
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import clamps_of, mean_over, square, tie
+from model.elements.equations import Assembly, Monomial, Term
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from model.effect import Effect, Parameter
-from model.effect_parts import again
-from model.system import Assembly, Term, Theta
+from model.effects.parts import again
+from model.elements.equations import Assembly, Term, Theta
+from model.stack.effect import Effect, Parameter
 
 
 def _change(t: Theta) -> Any:

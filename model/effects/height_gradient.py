@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from model.contact import contact_fields
-from model.effect import Effect, Parameter
-from model.effect_parts import again
-from model.system import Assembly, Term, Theta
+from model.contact.contact import contact_fields
+from model.effects.parts import again
+from model.elements.equations import Assembly, Term, Theta
+from model.stack.effect import Effect, Parameter
 
 
 def _change(t: Theta) -> Any:

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.effect_parts import Vector, pressure_change
-from model.system import Assembly, Term
+from model.effects.parts import Vector, pressure_change
+from model.elements.equations import Assembly, Term
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

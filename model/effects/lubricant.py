@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.system import Assembly, Monomial, Term
-from model.tangential_contact import tangential_krons
+from model.contact.tangential import tangential_krons
+from model.elements.equations import Assembly, Monomial, Term
+from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

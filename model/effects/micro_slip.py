@@ -17,9 +17,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from model.effect import PRESSURE_REFERENCE, Effect, Parameter
-from model.effect_parts import again
-from model.system import Assembly, Term, Theta
+from model.effects.parts import again
+from model.elements.equations import Assembly, Term, Theta
+from model.stack.effect import PRESSURE_REFERENCE, Effect, Parameter
 
 _LOSS = 4.0 / (3.0 * math.pi)  # energy lost in a cycle over 2 pi times the stored, for small slip
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from model.effect import PRESSURE_REFERENCE, Effect, Parameter
-from model.effect_parts import again
-from model.system import Assembly, Term, Theta
+from model.effects.parts import again
+from model.elements.equations import Assembly, Term, Theta
+from model.stack.effect import PRESSURE_REFERENCE, Effect, Parameter
 
 
 def _change(t: Theta) -> Any:

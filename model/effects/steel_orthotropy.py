@@ -14,10 +14,10 @@ from typing import Any
 
 import scipy.sparse as sp
 
-from model.effect import Effect, Parameter
-from model.effect_parts import again
-from model.mesh import Field
-from model.system import Assembly, Kron, Term, Theta
+from model.effects.parts import again
+from model.elements.equations import Assembly, Kron, Term, Theta
+from model.elements.mesh import Field
+from model.stack.effect import Effect, Parameter
 
 
 def _change(t: Theta) -> Any:

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, known_or_usual_instruments, mean_over, square
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import every_lamina, known_or_usual_instruments, mean_over, square
+from model.elements.equations import Assembly, Monomial, Term
+from model.stack.effect import Effect, Parameter
 
 _LENGTH = 0.05
 _PAD = (0.03, 0.03)  # a thin lamina alone would twist under the stud

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from model.effect import Effect, Parameter
-from model.errors import EffectError
-from model.system import Assembly, Formula, Term, Theta
+from model.elements.equations import Assembly, Formula, Term, Theta
+from model.stack.effect import Effect, Parameter
+from model.stack.errors import EffectError
 
-_HELD = 1e5  # a held motion's stiffness relative to a lamina's over one element, as in `model.support`
+_HELD = (
+    1e5  # a held motion's stiffness relative to a lamina's over one element, as in `model.elements.support`
+)
 
 
 def _softening(t: Theta) -> Any:

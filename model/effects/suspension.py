@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effect import Effect, Parameter
-from model.effect_parts import every_lamina, square
-from model.mesh import FIELDS
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import every_lamina, square
+from model.elements.equations import Assembly, Monomial, Term
+from model.elements.mesh import FIELDS
+from model.stack.effect import Effect, Parameter
 
 _SIDEWAYS = 0.1
 

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from model.effect import OMEGA_REFERENCE, Effect, Parameter
-from model.effect_parts import again
-from model.system import Assembly, Term, Theta
+from model.effects.parts import again
+from model.elements.equations import Assembly, Term, Theta
+from model.stack.effect import OMEGA_REFERENCE, Effect, Parameter
 
 
 def _growth(t: Theta) -> Any:

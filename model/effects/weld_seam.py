@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from model.effect import Effect, Parameter
-from model.effect_parts import shear_spring
-from model.system import Assembly, Monomial, Term
-from model.tangential_contact import jump, mean
+from model.contact.tangential import jump, mean
+from model.effects.parts import shear_spring
+from model.elements.equations import Assembly, Monomial, Term
+from model.stack.effect import Effect, Parameter
 
 _GRIP = (0.06, 0.015)  # of the plan that moves with a bead; over less, its elements decide how it gives way
 

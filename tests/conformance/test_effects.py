@@ -11,13 +11,14 @@ import scipy.sparse as sp
 
 import model
 import model.effects
-from model.effect import Family
-from model.effect_check import effect_faults
-from model.effect_parts import every_lamina, mean_over, square
-from model.system import Formula, Monomial, Term
+from model.effects.conformance import effect_faults
+from model.effects.parts import every_lamina, mean_over, square
+from model.elements.equations import Formula, Monomial, Term
+from model.stack.effect import Family
 
 EFFECTS = model.catalogue()
-FILES = sorted(path for path in Path(model.effects.__path__[0]).glob("*.py") if path.stem != "__init__")
+BESIDE = {"__init__", "catalogue", "conformance", "parts"}
+FILES = sorted(path for path in Path(model.effects.__path__[0]).glob("*.py") if path.stem not in BESIDE)
 
 
 @pytest.mark.parametrize("name", EFFECTS)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import model
-from ema.mac import mac
+from ema.modal.mac import mac
 
 STACK = model.read_stack(Path(__file__).parents[2] / "data" / "demo_stack" / "stack.toml")
 MESHES = ((16, 4), (24, 6))
@@ -89,7 +89,9 @@ def test_a_strong_effect_moves_modes_as_much_on_a_finer_mesh(name, values, off):
     found = []
     for mesh in MESHES:
         stack = dataclasses.replace(STACK, mesh=model.Mesh(n_x=mesh[0], n_y=mesh[1]))
-        system = model.reduce(stack.with_effects(name, **values), n_snapshot=2, n_mode=N_MODE + 6)
+        system = model.reduce(
+            stack.with_effects(*model.find_effects([name]), **values), n_snapshot=2, n_mode=N_MODE + 6
+        )
         modes = model.solve_modes(
             system,
             G_f=1500.0,

@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("ema", "model", "updating")
 FORBIDDEN = {"ema": {"model", "updating"}, "model": {"ema", "updating"}, "updating": set()}
-ROOMS = {
-    "correlation": set(),
-    "fitting": {"correlation"},
-    "diagnosis": {"correlation"},
-    "virtual": set(),
-    "blind": {"diagnosis", "virtual"},
-    "published": {"fitting", "diagnosis"},
-    "report": {"correlation", "fitting", "diagnosis"},
-}  # folders of `updating`, with those that each may import
-SOLE_IMPORTERS = {"pyuff": {"ema/uff.py"}, "sdypy": set()}
+FOLDERS = {
+    "ema": ("types", "io", "campaign", "quality", "modal", "identification", "plot"),
+    "model": ("stack", "elements", "contact", "solvers", "reduction", "modes", "effects", "plot"),
+    "updating": (
+        "workers", "correlation", "fitting", "results", "diagnosis", "virtual", "blind", "published", "report",
+        "commands",
+    ),
+}  # fmt: skip
+"""Folders of each package by the way of the data: each imports only from itself and from those before it."""
+FLOORS = 7
+SOLE_IMPORTERS = {"pyuff": {"ema/io/uff.py"}, "sdypy": set()}
 DRAWING = {"matplotlib", "pyvista", "vtk", "tkinter"}
 
 
@@ -25,19 +25,23 @@ def sources(package):
     return sorted((ROOT / package).rglob("*.py"))
 
 
-def imported(tree):
-    """Top-level names of everything imported anywhere in a module."""
+def parse(path):
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
+def imported_modules(tree):
+    """Dotted names of everything imported anywhere in a module, with the names taken from it."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (alias.name.split(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            yield (node.module or "").split(".")[0]
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def rooms(tree):
-    """Folders of `updating` that a module imports from."""
-    modules = (n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom))
-    return {m.split(".")[1] for m in modules if m.startswith("updating.")} & ROOMS.keys()
+def imported(tree):
+    """Top-level names of everything imported anywhere in a module."""
+    return {name.split(".")[0] for name in imported_modules(tree)}
 
 
 def imported_on_load(tree):
@@ -46,42 +50,97 @@ def imported_on_load(tree):
         yield from imported(node) if isinstance(node, ast.Import | ast.ImportFrom) else ()
 
 
-def parse(path):
-    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+def name_of(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+def arrows(package):
+    """Modules of a package, each with those of the same package that it imports."""
+    modules = {name_of(path): parse(path) for path in sources(package)}
+    return {name: (set(imported_modules(tree)) & modules.keys()) - {name} for name, tree in modules.items()}
+
+
+def circle(graph):
+    """Names of a circle of arrows, none where there is none."""
+    done, way = set(), []
+
+    def follow(name):
+        if name in way:
+            return [*way[way.index(name) :], name]
+        if name in done:
+            return []
+        way.append(name)
+        found = next((c for c in map(follow, sorted(graph.get(name, ()))) if c), [])
+        way.pop()
+        done.add(name)
+        return found
+
+    return next((c for c in map(follow, sorted(graph)) if c), [])
+
+
+def folder_of(module):
+    parts = module.split(".")
+    return parts[1] if len(parts) > 2 or (len(parts) == 2 and (ROOT / Path(*parts)).is_dir()) else ""
+
+
+def folder_arrows(package):
+    found = {}
+    for name, targets in arrows(package).items():
+        if folder_of(name):
+            found.setdefault(folder_of(name), set()).update(filter(None, map(folder_of, targets)))
+    return {folder: targets - {folder} for folder, targets in found.items()}
+
+
+def height(graph, name):
+    return 1 + max((height(graph, below) for below in graph.get(name, ())), default=0)
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
 def test_packages_import_in_one_direction(package):
     for path in sources(package):
-        assert not FORBIDDEN[package] & set(imported(parse(path))), path
+        assert not FORBIDDEN[package] & imported(parse(path)), path
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_folders_of_updating_import_in_one_direction(room):
-    for path in sources(f"updating/{room}"):
-        assert rooms(parse(path)) <= ROOMS[room] | {room}, path
+@pytest.mark.parametrize("package", FOLDERS)
+def test_every_folder_has_its_place(package):
+    assert {path.parent.name for path in (ROOT / package).glob("*/__init__.py")} == set(FOLDERS[package])
 
 
-def test_every_folder_of_updating_has_its_place():
-    assert {path.parent.name for path in (ROOT / "updating").glob("*/__init__.py")} == ROOMS.keys()
+@pytest.mark.parametrize("package", FOLDERS)
+def test_a_folder_imports_only_from_those_before_it(package):
+    order = FOLDERS[package]
+    for folder, targets in folder_arrows(package).items():
+        assert targets <= set(order[: order.index(folder)]), folder
 
 
-def test_every_package_has_sources():
-    assert all(len(sources(package)) > 5 for package in PACKAGES)
+@pytest.mark.parametrize("package", FOLDERS)
+def test_folders_are_few_floors_high(package):
+    graph = folder_arrows(package)
+    assert max(height(graph, folder) for folder in graph) <= FLOORS
+
+
+@pytest.mark.parametrize("package", FOLDERS)
+def test_modules_import_in_no_circle(package):
+    assert circle(arrows(package)) == []
+
+
+def test_a_circle_is_seen():
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
 
 
 @pytest.mark.parametrize("library", SOLE_IMPORTERS)
 def test_file_and_identification_libraries_stay_behind_one_door(library):
     found = {
         path.relative_to(ROOT).as_posix()
-        for package in PACKAGES
+        for package in FOLDERS
         for path in sources(package)
-        if library in set(imported(parse(path)))
+        if library in imported(parse(path))
     }
     assert found <= SOLE_IMPORTERS[library]
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", FOLDERS)
 def test_drawing_libraries_load_only_when_something_is_drawn(package):
     for path in sources(package):
         assert not DRAWING & set(imported_on_load(parse(path))), path
@@ -89,5 +148,10 @@ def test_drawing_libraries_load_only_when_something_is_drawn(package):
 
 def test_a_forbidden_import_is_seen():
     tree = ast.parse("def f():\n    from model.stack import Stack\n    import matplotlib.pyplot as plt\n")
-    assert set(imported(tree)) == {"model", "matplotlib"}
+    assert imported(tree) == {"model", "matplotlib"}
     assert not set(imported_on_load(tree))
+
+
+def test_second_models_know_nothing_of_what_they_judge():
+    for path in sources("tests/independent"):
+        assert not {"model", "ema", "updating"} & imported(parse(path)), path

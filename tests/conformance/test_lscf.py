@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.errors import IdentificationError
-from ema.lscf import lscf_poles
+from ema.identification.lscf import lscf_poles
+from ema.types.errors import IdentificationError
 
 FREQUENCY = np.array([152.0, 398.0, 611.0, 800.0, 1100.0, 1390.0])
 DAMPING = np.array([0.002, 0.005, 0.01, 0.02, 0.004, 0.04])

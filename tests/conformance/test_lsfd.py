@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
-from ema.frf import Quantity
-from ema.refinement import linear_fit
+from ema.identification.maximum_likelihood import linear_fit
+from ema.types.frf import Quantity
 
 POLE = 2 * np.pi * np.array([100.0, 240.0]) * (-0.01 + 1j)
 RNG = np.random.default_rng(0)

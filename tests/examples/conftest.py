@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from updating import jobs
+from updating.commands import jobs
 
 DATA = Path(__file__).parents[2] / "data"
 

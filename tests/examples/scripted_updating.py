@@ -50,7 +50,9 @@ print(f"error in constitutive relation: {100 * np.sqrt(fault.total.max()):.2f} %
 # Both torques at once: one contact law, with and without an exponent of pressure; the last mode of M2 is predicted.
 targets = [
     updating.target_of_modes(
-        stack.with_contact(pressure=campaign.configuration(name).pressure).with_effects("pressure_exponent"),
+        stack.with_contact(pressure=campaign.configuration(name).pressure).with_effects(
+            *model.find_effects(["pressure_exponent"])
+        ),
         found.modal_model,
     )
     for name, found in tested.items()

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 def lamella(*arguments, cwd=ROOT):
     """Run the command line in a process of its own."""
-    code = "from updating.cli import main; main()"
+    code = "from updating.commands.command_line import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         cwd=cwd,
@@ -25,7 +25,8 @@ def lamella(*arguments, cwd=ROOT):
 def test_a_command_starts_without_libraries_that_few_commands_need():
     """They make half a second each time, and again in each process."""
     code = (
-        "import sys, updating.cli; print(sorted({'scipy.stats', 'scipy.signal', 'vtk'} & set(sys.modules)))"
+        "import sys, updating.commands.command_line;"
+        "print(sorted({'scipy.stats', 'scipy.signal', 'vtk'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

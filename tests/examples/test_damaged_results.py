@@ -7,7 +7,7 @@ import pytest
 
 from updating.errors import UpdatingError
 from updating.report.results import read_results
-from updating.store import read_frf
+from updating.results.store import read_frf
 
 COUNTS = [10, pytest.param(300, marks=pytest.mark.benchmark)]
 FILES = ["campaign.json", "M1/modal_model.json", "M1/fit.json", "M1/quality.json"]

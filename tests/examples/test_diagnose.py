@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 import model
-from updating import jobs
+from updating.commands import jobs
 from updating.diagnosis import kept_model
 from updating.diagnosis.diagnosis import diagnose
 from updating.errors import FitError

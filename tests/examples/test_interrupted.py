@@ -9,13 +9,13 @@ import time
 import pytest
 from rich.console import Console
 
-from updating import jobs
-from updating.update_job import update
+from updating.commands import jobs
+from updating.commands.update_job import update
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs signals and process groups")
 LAMELLA = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"  # a background job ignores it
-    "from updating.cli import main; main()"
+    "from updating.commands.command_line import main; main()"
 )
 
 

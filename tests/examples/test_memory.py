@@ -24,7 +24,12 @@ def peak(process):
 
 def peaks(arguments):
     """Run a command and return the most memory of its main process and of any worker, MB."""
-    command = [sys.executable, "-c", "from updating.cli import main; main()", *map(str, arguments)]
+    command = [
+        sys.executable,
+        "-c",
+        "from updating.commands.command_line import main; main()",
+        *map(str, arguments),
+    ]
     main = worker = 0.0
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")

@@ -16,7 +16,7 @@ def test_the_python_example_runs_and_prints_a_fit(capsys, monkeypatch):
 
 
 def test_every_command_of_the_table_exists():
-    from updating.cli import app
+    from updating.commands.command_line import app
 
     known = {(c.name or c.callback.__name__) for c in app.registered_commands}
     shown = set(re.findall(r"^\| `lamella ([\w-]+)", README, flags=re.MULTILINE))

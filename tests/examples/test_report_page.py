@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ema.mac import frac
+from ema.modal.mac import frac
+from updating.commands.view import window
 from updating.report import page as page_module
 from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
 from updating.report.page import write_report
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
-from updating.view import window
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium, Chrome or Edge on PATH")

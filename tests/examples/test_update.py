@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from updating.commands.update_file import read_update_file
+from updating.commands.update_job import Updated, parameter_table, update
 from updating.errors import FitError
-from updating.store import read_result
-from updating.update_file import read_update_file
-from updating.update_job import Updated, parameter_table, update
+from updating.results.store import read_result
 
 ROOT = Path(__file__).parents[2]
 SPEC = ROOT / "data/demo_stack/update.toml"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from updating import jobs
-from updating.cli import main
+from updating.commands import jobs
+from updating.commands.command_line import main
 from updating.errors import WorkerError
-from updating.workers import distribute, workers
+from updating.workers.workers import distribute, workers
 
 
 def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_path, written):
@@ -83,14 +83,14 @@ def test_processes_are_copies_of_one_that_has_imported_what_this_one_has():
 )
 def test_a_cluster_that_does_not_answer_is_said(address, words, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("updating.cluster._ANSWER", "1 s")
+    monkeypatch.setattr("updating.workers.cluster._ANSWER", "1 s")
     with pytest.raises(WorkerError, match=words), workers(2, address):
         pass
 
 
 def test_without_dask_the_way_to_have_it_is_said(small, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    monkeypatch.delitem(sys.modules, "updating.cluster", raising=False)
+    monkeypatch.delitem(sys.modules, "updating.workers.cluster", raising=False)
     monkeypatch.setattr(
         sys, "argv", ["lamella", "fit", str(small[0]), "-o", str(tmp_path), "--cluster", "tcp://a:1"]
     )

@@ -8,8 +8,8 @@ import scipy.linalg as la
 import scipy.optimize
 
 import model
-from model.eigen import lowest_modes
-from model.solver import solver_over_plan
+from model.solvers.eigen import lowest_modes
+from model.solvers.stack_solver import solver_over_plan
 
 STEEL = model.Material(young=2e11, poisson=0.3, density=7850.0)
 

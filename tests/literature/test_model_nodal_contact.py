@@ -3,7 +3,7 @@
 import pytest
 
 import model
-from model.nodal_contact import nodal_instead
+from model.contact.nodal import nodal_instead
 
 
 def first_frequency(mesh, *, nodal):

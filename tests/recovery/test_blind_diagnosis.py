@@ -12,7 +12,7 @@ from updating.blind import jobs as blind_jobs
 from updating.blind.case import Case, run
 from updating.blind.figures import figures
 from updating.blind.jobs import figures_table, planned, run_blind
-from updating.cli import app
+from updating.commands.command_line import app
 from updating.errors import StoreError
 
 ROOT = Path(__file__).parents[2]

@@ -15,22 +15,22 @@ import numpy as np
 import pytest
 
 import model
-from ema.campaign import read_campaign
-from ema.errors import EmaError, IdentificationError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.measurement import read_measurement
-from ema.picking import read_poles, write_poles
-from ema.quality import check
-from ema.table import TableLayout, read_points, read_table
-from ema.uff import read_uff_functions, read_uff_geometry, write_uff
-from ema.units import parse_unit
+from ema.campaign.campaign import read_campaign
+from ema.campaign.measurement import read_measurement
+from ema.identification.poles_file import read_poles, write_poles
+from ema.io.table import TableLayout, read_points, read_table
+from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
+from ema.io.units import parse_unit
+from ema.quality.channels import check
+from ema.types.errors import EmaError, IdentificationError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 from updating import LAMELLA_ERRORS
+from updating.commands.update_file import read_update_file
 from updating.errors import StoreError
 from updating.fitting.modal_table import read_modal_table
 from updating.published.campaign import read_published
-from updating.store import read_document, read_frf, write_frf
-from updating.update_file import read_update_file
+from updating.results.store import read_document, read_frf, write_frf
 from updating.virtual.vibration_test_file import read_virtual_test
 
 DATA = Path(__file__).parents[2] / "data"

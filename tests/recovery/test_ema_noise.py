@@ -7,10 +7,10 @@ source of noise is confined to the upper end of the band.
 import numpy as np
 import pytest
 
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify_frf
-from ema.noise import coherence_weight
+from ema.identification.identify import identify_frf
+from ema.identification.line_weights import coherence_weight
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 FREQUENCY = np.arange(100.0, 700.0, 0.5)
 MODES = np.array([180.0, 330.0, 560.0])

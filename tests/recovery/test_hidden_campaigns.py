@@ -8,7 +8,7 @@ import pytest
 
 import ema
 import model
-from ema.mac import mac
+from ema.modal.mac import mac
 from updating import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
 

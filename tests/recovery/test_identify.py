@@ -12,12 +12,12 @@ import pyuff
 import scipy.io
 from numpy.typing import NDArray
 
-from ema.errors import IdentificationError, MeasurementError
-from ema.frf import FRF, Quantity
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify_frf
-from ema.mac import mac
-from ema.modes import ModalModel, synthesize
+from ema.identification.identify import identify_frf
+from ema.modal.mac import mac
+from ema.types.errors import IdentificationError, MeasurementError
+from ema.types.frf import FRF, Quantity
+from ema.types.geometry import Dofs, Geometry
+from ema.types.modal_model import ModalModel, synthesize
 
 REAL = Path(__file__).parents[2].parent / "shared/realdata"
 

@@ -11,8 +11,8 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.refinement import residual_error
-from model.tangential_contact import tangential_krons
+from model.contact.tangential import tangential_krons
+from model.modes.refinement import residual_error
 
 pytestmark = pytest.mark.benchmark
 

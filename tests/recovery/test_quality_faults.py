@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.campaign import Configuration
-from ema.estimate import clipped_share
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.measurement import Measurement
-from ema.quality import check
+from ema.campaign.campaign import Configuration
+from ema.campaign.estimate import clipped_share
+from ema.campaign.measurement import Measurement
+from ema.quality.channels import check
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 NX, NY = 11, 4
 FAULTS = ("swapped", "sign", "scale", "dead", "clipped")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import ema
-from ema.identify import identify_frf
+from ema.identification.identify import identify_frf
 
 DATA = Path(__file__).parents[2] / "data/demo_stack"
 BOUND = 1e-10
@@ -38,7 +38,7 @@ IDENTIFIED_AND_FITTED = """
 import dataclasses, sys
 from pathlib import Path
 import ema, model, updating
-from updating.store import write_result
+from updating.results.store import write_result
 data, output = map(Path, sys.argv[1:])
 campaign = ema.read_campaign(data / "campaign.toml")
 first = campaign.configurations[0]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ema.campaign import read_campaign
-from ema.errors import CampaignError
+from ema.campaign.campaign import read_campaign
+from ema.types.errors import CampaignError
 
 POINTS = "node,x,y,z\n1,0,0,0\n2,100,0,0\n3,200,0,0\n"
 TEXT = """

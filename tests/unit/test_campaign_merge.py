@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from ema.campaign import read_campaign
-from ema.errors import CampaignError, MeasurementError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.measurement import read_measurement
-from ema.uff import write_uff
+from ema.campaign.campaign import read_campaign
+from ema.campaign.measurement import read_measurement
+from ema.io.uff import write_uff
+from ema.types.errors import CampaignError, MeasurementError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 GEOMETRY = Geometry(node=[1, 2, 3, 4], coordinate=np.eye(4, 3), line=[[1, 2]])
 FREQUENCY = 1.0 * np.arange(1, 41)

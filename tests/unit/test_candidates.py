@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from model import Mesh, catalogue, enriched, read_stack
-from model.effect_parts import known_or_usual_instruments
-from model.modes import reduced_eigenpairs
-from model.z_basis import N_RIGID
+from model.effects.parts import known_or_usual_instruments
+from model.modes.modes import reduced_eigenpairs
+from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.candidates import N_MODEL, candidate_model
 
 STACK = dataclasses.replace(

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import model
-from model.effect_check import effect_faults
-from updating.effect_option import with_named_effects
+from model.effects.conformance import effect_faults
+from updating.commands.effect_option import with_named_effects
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "data/effects_example/gap_spring.py"
@@ -36,7 +36,7 @@ n_y = 2
 
 def lamella(*arguments):
     """Run the command line in a process of its own."""
-    code = "from updating.cli import main; main()"
+    code = "from updating.commands.command_line import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         cwd=ROOT,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model import read_effect, read_stack
-from model.stack import Mesh
+from model.stack.stack import Mesh
 from updating.fitting.joint_fit import joint_fit
 from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.target import target_of_table

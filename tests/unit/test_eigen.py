@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.eigen import inverse_iterated, orthogonal_answers
+from model.solvers.eigen import inverse_iterated, orthogonal_answers
 
 
 def test_a_singular_matrix_gives_its_vector():

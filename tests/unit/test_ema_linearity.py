@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.campaign import Configuration, read_campaign
-from ema.errors import CampaignError, MeasurementError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify
-from ema.linearity import check_force_levels, check_linearity
-from ema.measurement import Measurement
-from ema.quality import check
+from ema.campaign.campaign import Configuration, read_campaign
+from ema.campaign.measurement import Measurement
+from ema.identification.identify import identify
+from ema.quality.channels import check
+from ema.quality.linearity import check_force_levels, check_linearity
+from ema.types.errors import CampaignError, MeasurementError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 FREQUENCY = np.arange(20.0, 500.0, 0.5)
 MODES = np.array([120.0, 210.0, 380.0])

@@ -9,13 +9,14 @@ import pytest
 from matplotlib.backend_bases import MouseButton, MouseEvent
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from ema.errors import IdentificationError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify_frf
-from ema.picking import PolePicker, pick_poles, read_poles, write_poles
-from ema.plot import stabilization_figure
-from ema.stabilization import StabilizationDiagram
+from ema.identification.identify import identify_frf
+from ema.identification.poles_file import read_poles, write_poles
+from ema.identification.stabilization import StabilizationDiagram
+from ema.plot.figures import stabilization_figure
+from ema.plot.picking import PolePicker, pick_poles
+from ema.types.errors import IdentificationError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 POLE = 2 * np.pi * np.array([60.0, 200.0]) * (-0.02 + 1j)
 DIAGRAM = StabilizationDiagram(

@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify_frf
-from ema.mac import mac
-from ema.modes import ModalModel
-from ema.plot import frf_figure, mac_figure, shape_figure, stabilization_figure
-from ema.stabilization import stabilization
+from ema.identification.identify import identify_frf
+from ema.identification.stabilization import stabilization
+from ema.modal.mac import mac
+from ema.plot.figures import frf_figure, mac_figure, shape_figure, stabilization_figure
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
+from ema.types.modal_model import ModalModel
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_shape_figure_moves_measured_points_only(beam: tuple[FRF, ModalModel]) -
 
 
 def test_long_functions_keep_their_peaks() -> None:
-    from ema.plot import _thinned
+    from ema.plot.figures import _thinned
 
     magnitude = np.ones(100_000)
     magnitude[54_321] = 7.0

@@ -7,10 +7,10 @@ import pytest
 from pydantic import ValidationError
 from scipy import signal
 
-from ema.errors import MeasurementError
-from ema.estimate import Averaging, clipped_share, double_hit, estimate_frf
-from ema.function import MeasuredFunction
-from ema.records import frfs_from_records
+from ema.campaign.estimate import Averaging, clipped_share, double_hit, estimate_frf
+from ema.campaign.records import frfs_from_records
+from ema.io.measured_function import MeasuredFunction
+from ema.types.errors import MeasurementError
 
 RATE = 1000.0
 SYSTEM = signal.butter(2, [80, 120], "bandpass", fs=RATE)

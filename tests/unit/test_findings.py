@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ema import Verdict
-from updating.quality import quality
+from updating.results.quality import quality
 
 
 def found(probability, frequency):

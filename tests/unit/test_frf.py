@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.frf import FRF, place_in_run
-from ema.geometry import Dofs
+from ema.types.frf import FRF, place_in_run
+from ema.types.geometry import Dofs
 
 FREQUENCY = np.arange(0.0, 50.0, 2.0)
 OMEGA = 2 * np.pi * FREQUENCY

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from model import read_stack
-from model.stack import Mesh
+from model import find_effects, read_stack
+from model.stack.stack import Mesh
 from updating.errors import FitError
 from updating.fitting.descent import covariance, descend
 from updating.fitting.intervals import bootstrap_intervals, normal_intervals
@@ -18,7 +18,7 @@ from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.starts import starts
 from updating.fitting.target import Target, target_of_table
-from updating.workers import workers
+from updating.workers.workers import workers
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
@@ -30,7 +30,9 @@ D_F = {"A": 1.5e-10, "B": 0.8e-10}
 @pytest.fixture(scope="module")
 def stack():
     found = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
-    return dataclasses.replace(found, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects("clamp_inertia")
+    return dataclasses.replace(found, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(
+        *find_effects(["clamp_inertia"])
+    )
 
 
 def blank(stack, name, pressure):

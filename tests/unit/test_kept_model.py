@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from model import Mesh, catalogue, read_stack
-from model.effect_parts import known_or_usual_instruments
+from model.effects.parts import known_or_usual_instruments
 from updating.diagnosis import kept_model as module
 from updating.diagnosis.kept_model import N_KEPT, kept_model
 

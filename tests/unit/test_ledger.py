@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model import read_stack
-from model.stack import Mesh
+from model import find_effects, read_stack
+from model.stack.stack import Mesh
+from updating.commands.ledger_jobs import ledger_table
 from updating.fitting.ledger import ledger
 from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import target_of_table
-from updating.ledger_jobs import ledger_table
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
@@ -21,7 +21,9 @@ CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
 def played(effects, values, specimen=""):
     """Two torques of a small stack, with the modes that the model has at these values."""
     stack = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
-    stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(*effects)
+    stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(
+        *find_effects(effects)
+    )
     blank = [
         target_of_table(
             stack.with_contact(pressure=p), CLASSES, np.full(4, 500.0), name=name, specimen=specimen

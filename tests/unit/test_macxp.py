@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.mac import mac
+from ema.modal.mac import mac
 from updating.correlation.macxp import macx, macxp, poles
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import model
-from model.mesh import plan_of, rectangle
+from model.elements.mesh import plan_of, rectangle
 
 STACK = model.read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml")
 EDGES = (-0.129, -0.089, -0.0454, -0.0054, 0.0054, 0.0454, 0.089, 0.129)

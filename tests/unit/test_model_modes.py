@@ -154,7 +154,7 @@ def test_frf_agrees_with_the_direct_solution(system):
 
 def test_stiffness_that_rigid_body_motion_does_not_feel_leaves_it_at_zero():
     stiff = dataclasses.replace(STACK, clamps=(model.Clamp(mass=1.0, x=0.05, y=0.0, footprint=(0.02, 0.02)),))
-    system = model.reduce(stiff.with_effects("clamp_bars", "suspension"), n_snapshot=1)
+    system = model.reduce(stiff.with_effects(*model.find_effects(["clamp_bars", "suspension"])), n_snapshot=1)
     term = {term.name: np.abs(term.matrix) for term in system.terms}
     assert term["clamp_bars"][:6].max() == 0.0 < term["clamp_bars"].max()
     assert term["suspension"][:3, :3].max() > 0.0
@@ -194,7 +194,7 @@ def test_surface_repeats_the_observed_shape(system):
 
 
 def test_picture_is_a_png(system):
-    from model.plot import mode_png
+    from model.plot.shapes import mode_png
 
     modes = model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS)
     picture = mode_png(system, modes, 6, size=(300, 200))

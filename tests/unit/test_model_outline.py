@@ -6,12 +6,12 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.curve import read_curve
-from model.mesh import plan_of, triangles
-from model.outline import Outline, Triangulation, ring, smallest_angle, stator
-from model.pressure_plot import pressure_figure
-from model.stack import Pressing
-from model.static import press
+from model.contact.pressing import press
+from model.elements.mesh import plan_of, triangles
+from model.plot.pressure import pressure_figure
+from model.stack.curve import read_curve
+from model.stack.outline import Outline, Triangulation, ring, smallest_angle, stator
+from model.stack.stack import Pressing
 
 DATA = Path(__file__).parents[2] / "data"
 CURVE = read_curve(DATA / "contact/compression_standin.csv")

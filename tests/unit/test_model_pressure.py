@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import model
-from model.contact import SEPARATION
-from model.curve import read_curve
-from model.pressure import separate
-from model.stack import Interlayer, Pressing
-from model.static import press
+from model.contact.contact import SEPARATION
+from model.contact.pressing import press
+from model.contact.pressure import separate
+from model.stack.curve import read_curve
+from model.stack.stack import Interlayer, Pressing
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")
 STACK = model.Stack(
@@ -71,8 +71,12 @@ def test_pressing_and_its_frozen_field_give_the_same_equations():
 
 def test_a_stack_is_pressed_once_for_all_its_effects(monkeypatch):
     pressed = []
-    monkeypatch.setattr(model.static, "press", lambda stack: (pressed.append(stack), press(stack))[1])
-    assembly = model.assemble(STACK.with_effects("contact_direction", "edge_pressure", "soft_interlayers"))
+    monkeypatch.setattr(
+        "model.contact.pressing.press", lambda stack: (pressed.append(stack), press(stack))[1]
+    )
+    assembly = model.assemble(
+        STACK.with_effects(*model.find_effects(["contact_direction", "edge_pressure", "soft_interlayers"]))
+    )
     assert len(pressed) == 1
     assert assembly.stack.pressing.mean == pytest.approx(320e3)
 

@@ -6,9 +6,9 @@ import pytest
 import scipy.integrate as integrate
 
 import model
-from model.curve import CompressionCurve, read_curve
-from model.stack import Interlayer, Pressing
-from model.static import press
+from model.contact.pressing import press
+from model.stack.curve import CompressionCurve, read_curve
+from model.stack.stack import Interlayer, Pressing
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")
 STEEL_PLATE = 2e11 * 0.02**3 / 12 / 0.91  # N m, 20 mm thick

@@ -6,13 +6,13 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.effect_basis import shaping
-from model.effect_parts import turn_of
-from model.normal_contact import normal_krons
-from model.projection import projected_columns, projected_terms
-from model.solver import solver_over_laminas, solver_over_plan
-from model.system import Product
-from model.tangential_contact import tangential_krons
+from model.contact.normal import normal_krons
+from model.contact.tangential import tangential_krons
+from model.effects.parts import turn_of
+from model.elements.equations import Product
+from model.reduction.effect_basis import shaping
+from model.reduction.projection import projected_columns, projected_terms
+from model.solvers.stack_solver import solver_over_laminas, solver_over_plan
 
 MATERIAL = model.Material(young=2e11, poisson=0.28, density=7650.0)
 CONTACT = model.Contact(G_f=825.0, d_f=5e-11, pressure=320e3, normal_modulus=5e9)
@@ -95,7 +95,9 @@ def test_an_effect_that_couples_places_far_apart_is_solved_exactly(name):
 
 
 def test_projection_agrees_with_the_full_sparse_matrices():
-    stack = STACK.with_effects("edge_pressure", "stinger_mass", edge_excess=0.4, stinger_moving_mass=0.1)
+    stack = STACK.with_effects(
+        *model.find_effects(["edge_pressure", "stinger_mass"]), edge_excess=0.4, stinger_moving_mass=0.1
+    )
     assembly = model.assemble(stack)
     rng = np.random.default_rng(3)
     basis, fresh = rng.standard_normal((assembly.size, 5)), rng.standard_normal((assembly.size, 101))
@@ -114,7 +116,7 @@ def test_products_that_share_their_matrix_over_z_are_summed():
 
 def test_parameters_that_act_over_the_plan_alone_shape_no_functions_of_z():
     names = ("edge_pressure", "fill_factor", "height_gradient", "soft_interlayers", "normal_stiffness")
-    assembly = model.assemble(STACK.with_effects(*names))
+    assembly = model.assemble(STACK.with_effects(*model.find_effects(names)))
     values = ("edge_excess", "fill_ratio", "height_excess", "interlayer_loss", "normal_ratio")
     assert shaping(assembly, values) == {"height_excess", "interlayer_loss"}
     assert shaping(assembly, ("G_f", "density")) == {"G_f"}
@@ -207,8 +209,8 @@ def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for(
         }
         return model.solve_modes(system, **own).elastic().frequency
 
-    neutral = model.reduce(STACK.with_effects("clamp_inertia"))
-    exact = model.reduce(STACK.with_effects("clamp_inertia", **strong), n_mode=24)
+    neutral = model.reduce(STACK.with_effects(*model.find_effects(["clamp_inertia"])))
+    exact = model.reduce(STACK.with_effects(*model.find_effects(["clamp_inertia"]), **strong), n_mode=24)
     before, after = solved(neutral, {}), solved(exact, {})
     assert np.min(after / before) < 0.9
     np.testing.assert_allclose(solved(neutral, strong), after, rtol=2e-3)

@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.outline import stator
-from model.verified import solve_verified
+from model.modes.verified import solve_verified
+from model.stack.outline import stator
 
 N = 24
 UNIFORM = model.Stack(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.errors import IdentificationError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify_frf
-from ema.modes import ModalModel, synthesize
+from ema.identification.identify import identify_frf
+from ema.types.errors import IdentificationError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
+from ema.types.modal_model import ModalModel, synthesize
 
 F = np.arange(1.0, 401.0, 0.5)
 POLE = 2 * np.pi * np.array([60.0, 200.0]) * (-0.02 + 1j)

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.campaign import Configuration
-from ema.errors import MeasurementError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.measurement import Measurement
-from ema.quality import check, usable
+from ema.campaign.campaign import Configuration
+from ema.campaign.measurement import Measurement
+from ema.quality.channels import check, usable
+from ema.types.errors import MeasurementError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 FREQUENCY = np.arange(20.0, 500.0, 0.5)
 MODES = np.array([120.0, 210.0, 380.0])

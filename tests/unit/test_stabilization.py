@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ema.frf import FRF
-from ema.geometry import Dofs
-from ema.stabilization import MIN_CHAIN, stabilization
+from ema.identification.stabilization import MIN_CHAIN, stabilization
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs
 
 F = np.arange(0.5, 1000.0, 0.5)
 

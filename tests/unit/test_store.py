@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 import model
 from ema import FRF, Dofs, Geometry
-from ema.campaign import Campaign, read_campaign
-from ema.table import TableLayout
-from updating import store
+from ema.campaign.campaign import Campaign, read_campaign
+from ema.io.table import TableLayout
 from updating.errors import StoreError
-from updating.store import (
+from updating.results import store
+from updating.results.store import (
     folder_name,
     read_current,
     read_document,
@@ -187,7 +187,7 @@ def test_configuration_names_become_safe_folder_names(name, folder):
 
 def test_a_stack_with_an_effect_and_the_columns_of_tables_come_back(tmp_path):
     stack = model.read_stack(DATA / "demo_stack" / "stack.toml").with_effects(
-        "clamp_mass", clamp_added_mass=0.3
+        *model.find_effects(["clamp_mass"]), clamp_added_mass=0.3
     )
     held = Holding(
         stack=stack, table=TableLayout(layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.mac import mac
+from ema.modal.mac import mac
 from updating.correlation.subspace import clusters, rotate_onto, span_mac, subspace_mac
 
 

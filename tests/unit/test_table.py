@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from ema.errors import MeasurementError
-from ema.table import TableLayout, read_points, read_table
-from ema.units import parse_unit
+from ema.io.table import TableLayout, read_points, read_table
+from ema.io.units import parse_unit
+from ema.types.errors import MeasurementError
 
 FREQUENCY = np.array([10.0, 10.5, 11.0])
 VALUE = np.array([[1 + 2j, -3 + 0.5j, 2 - 2j], [0.1 - 4j, 5 + 1j, -2 - 1j]])

@@ -3,7 +3,7 @@
 import numpy as np
 
 import model
-from model.truncation import truncated
+from model.reduction.truncation import truncated
 
 STACK = model.Stack(
     name="small",

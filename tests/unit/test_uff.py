@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ema.errors import MeasurementError
-from ema.frf import FRF
-from ema.geometry import Dofs, Geometry
-from ema.uff import read_uff_functions, read_uff_geometry, write_uff
+from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
+from ema.types.errors import MeasurementError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
 
 HEADER = """    -1
     58

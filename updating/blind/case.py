@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import model
-from ema.modes import ModalModel
+from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of

@@ -16,8 +16,8 @@ from rich.table import Table
 from updating.blind.case import WRONG_FORM, Case, run
 from updating.blind.figures import figures, held_out_errors, mean_set_size
 from updating.errors import StoreError
-from updating.store import write_bytes
-from updating.workers import workers
+from updating.results.store import write_bytes
+from updating.workers.workers import workers
 
 _RECORD = "cases.jsonl"
 _QUICK = {"single": 54, "null": 22, "withheld": 24, "pair": 24, WRONG_FORM: 10}

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
+from ema.types.arrays import readonly
 from updating.correlation.pairing import ModeSet, Pairing
 
 

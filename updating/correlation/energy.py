@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
+from ema.types.arrays import readonly
 from model import Modes, ReducedSystem, Stack
-from model.mesh import FIELDS, Derivative, Field
-from model.static import pressure_distribution
+from model.contact.pressing import pressure_distribution
+from model.elements.mesh import FIELDS, Derivative, Field
 from updating.errors import UpdatingError
 
 Vector = NDArray[np.float64]
@@ -198,7 +198,7 @@ def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dic
     """Return energy per area of every lamina or interface by kind, each (n_layer, n_point).
 
     Sources: Reddy, Mechanics of Laminated Composite Plates and Shells, 2nd ed., sections 2.4 and 3.3, for the
-    laminas; the contact as in `model.tangential_contact` and `model.normal_contact`.
+    laminas; the contact as in `model.contact.contact.tangential` and `model.contact.contact.normal`.
     """
     stack = points.system.stack
     t, spacing = stack.pitch, stack.spacing[:, None]

@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
-from ema.arrays import readonly
-from ema.mac import real_shape
+from ema.modal.mac import real_shape
+from ema.types.arrays import readonly
 from model import Modes
 from updating.errors import PairingError
 

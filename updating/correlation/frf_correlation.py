@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ema.arrays import readonly
-from ema.mac import frac
+from ema.modal.mac import frac
+from ema.types.arrays import readonly
 from updating.errors import UpdatingError
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.frf import FRF
-from ema.mac import frac
-from ema.modes import ModalModel, synthesize
-from ema.plot import ACCENT, FITTED, MEASURED, UNIT
+from ema.modal.mac import frac
+from ema.plot.figures import ACCENT, FITTED, MEASURED, UNIT
+from ema.types.frf import FRF
+from ema.types.modal_model import ModalModel, synthesize
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -39,14 +39,14 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from ema.arrays import readonly
-from ema.mac import real_shape
-from ema.modes import ModalModel
+from ema.modal.mac import real_shape
+from ema.types.arrays import readonly
+from ema.types.modal_model import ModalModel
 from model import Observation, ReducedSystem
-from model.eigen import orthonormalize
-from model.modes import full_parameters
-from model.observation import observe
-from model.reduction import shifted_factor
+from model.modes.modes import full_parameters
+from model.modes.observation import observe
+from model.reduction.reduction import shifted_factor
+from model.solvers.eigen import orthonormalize
 from updating.correlation.energy import KINDS, TERM, Regions, energy_by_region
 from updating.errors import UpdatingError
 

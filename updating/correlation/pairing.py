@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
-from ema.arrays import readonly
-from ema.mac import mac
-from ema.modes import ModalModel
+from ema.modal.mac import mac
+from ema.types.arrays import readonly
+from ema.types.modal_model import ModalModel
 from updating.correlation.expansion import pseudo_orthogonality, visible
 from updating.correlation.subspace import cluster_of, clusters, span_mac, subspace_mac
 from updating.errors import PairingError

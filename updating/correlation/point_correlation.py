@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
+from ema.types.arrays import readonly
 from updating.correlation.correlation import MeasuredModes
 from updating.correlation.pairing import ModeSet, Pairing
 from updating.correlation.subspace import rotate_onto

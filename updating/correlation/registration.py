@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
-from ema.geometry import Geometry
+from ema.types.arrays import readonly
+from ema.types.geometry import Geometry
 from model import Observation, Stack, sample_points
 from updating.errors import PairingError
 

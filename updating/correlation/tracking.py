@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ema.arrays import readonly
+from ema.types.arrays import readonly
 from model import Modes
 from updating.correlation.orthogonality import cross_orthogonality
 from updating.correlation.subspace import CLOSE, clusters, rotate_onto

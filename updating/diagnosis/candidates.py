@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.modes import ModalModel
+from ema.types.modal_model import ModalModel
 from model import (
     Assembly,
     Effect,
@@ -25,7 +25,7 @@ from model import (
     truncated,
     with_attachment_modes,
 )
-from updating.workers import distribute
+from updating.workers.workers import distribute
 
 _LOG = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.threads import single_threaded
+from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.diagnosis.adequacy import block_p_value, p_value

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ema.mac import mac
+from ema.modal.mac import mac
 from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
 from updating.diagnosis.candidates import N_SOLVED
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Effect, Parameter
-from model.effect_parts import every_lamina, mean_over, square
-from model.mesh import FIELDS
-from model.system import Assembly, Monomial, Term
+from model.effects.parts import every_lamina, mean_over, square
+from model.elements.equations import Assembly, Monomial, Term
+from model.elements.mesh import FIELDS
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence, Tested, solved
 from updating.diagnosis.explanation import Explanation

@@ -9,8 +9,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ema.mac import mac
-from ema.modes import ModalModel
+from ema.modal.mac import mac
+from ema.types.modal_model import ModalModel
 from model import Observation, ReducedEquations, ReducedSystem, observe, solve_modes
 from updating.correlation.registration import register
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel

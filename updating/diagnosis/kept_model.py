@@ -15,10 +15,10 @@ import cloudpickle
 import platformdirs
 
 from model import Effect, Instruments, Stack
-from model.catalogue import shipped
+from model.effects.catalogue import shipped
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.errors import StoreError
-from updating.store import digest, versions, write_bytes
+from updating.results.store import digest, versions, write_bytes
 
 N_KEPT = 3
 """Models that are kept, those that were used last; each takes some 170 MB."""

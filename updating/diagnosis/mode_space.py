@@ -10,7 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model import Modes, Observed
-from model.z_basis import N_RIGID
+from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.mixing import NEIGHBOUR, Mixing, leaning
 

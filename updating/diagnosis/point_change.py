@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 
 from model import Effect, Parameter
-from model.reduced_equations import ReducedTerm
-from model.system import Monomial, Target
+from model.elements.equations import Monomial, Target
+from model.reduction.reduced_equations import ReducedTerm
 from updating.diagnosis.adequacy import block_p_value
 from updating.diagnosis.chance import chance_of_gain
 from updating.diagnosis.coordinates import scaled

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution, minimize
 
-from ema.mac import mac
+from ema.modal.mac import mac
 from model import Parameter, SolveError
 from updating.diagnosis.candidates import G_F_RANGE
 from updating.diagnosis.coordinates import bounds_of, scaled
 from updating.diagnosis.evidence import D_F_START, Evidence, pair, solved
-from updating.workers import distribute
+from updating.workers.workers import distribute
 
 Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)

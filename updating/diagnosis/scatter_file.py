@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field, create_model
 
-from ema.form import Section, read_form
+from ema.io.form import Section, read_form
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.errors import FitError
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError, enriched
-from model.enrichment import nominal_factor
-from model.z_basis import N_RIGID
+from model.modes.enrichment import nominal_factor
+from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.adequacy import P_ADEQUATE, p_value
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
@@ -22,7 +22,7 @@ from updating.diagnosis.gathering import Gathered
 from updating.diagnosis.residual import residual
 from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
 from updating.diagnosis.screening import Screened, pair_steps, screen
-from updating.workers import distribute
+from updating.workers.workers import distribute
 
 Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
+from ema.types.arrays import readonly
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.orthogonality import cross_orthogonality
 from updating.correlation.shape_class import class_grid, shape_classes

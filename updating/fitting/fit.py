@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
-from ema.arrays import readonly
-from ema.mac import mac
-from ema.modes import ModalModel
-from ema.threads import single_threaded
+from ema.modal.mac import mac
+from ema.types.arrays import readonly
+from ema.types.modal_model import ModalModel
+from ema.types.threads import single_threaded
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.expansion import visible
 from updating.correlation.pairing import Pairing, pair, require_points

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.frf import Quantity
-from ema.geometry import Dofs, Geometry
+from ema.types.frf import Quantity
+from ema.types.geometry import Dofs, Geometry
 from model import frf, reduce
 from updating.correlation.registration import register
 from updating.fitting.fit import Fit

@@ -18,7 +18,7 @@ from scipy.special import chdtri, ndtri
 
 from updating.fitting.descent import Descent, at_bound, descend
 from updating.fitting.joint_problem import Problem
-from updating.workers import distribute
+from updating.workers.workers import distribute
 
 Vector = NDArray[np.float64]
 Method = Literal["normal", "profile", "bootstrap"]

@@ -16,9 +16,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
-from ema.mac import mac
-from ema.threads import single_threaded
+from ema.modal.mac import mac
+from ema.types.arrays import readonly
+from ema.types.threads import single_threaded
 from updating.errors import FitError
 from updating.fitting.descent import at_bound, covariance, descend
 from updating.fitting.intervals import Method, bootstrap_intervals, normal_intervals, profile_intervals
@@ -28,7 +28,7 @@ from updating.fitting.prepared import Prepared, solve_target
 from updating.fitting.sensitivity import PRIOR, Scatter
 from updating.fitting.starts import starts
 from updating.fitting.subset import select
-from updating.workers import distribute
+from updating.workers.workers import distribute
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,7 +288,7 @@ def joint_fit(
     seed : int
         Of the simulated data.
     executor : Executor, optional
-        Where descents and fits to simulated data run, such as `updating.workers.workers`; by default here.
+        Where descents and fits to simulated data run, such as `updating.workers.workers.workers`; by default here.
 
     Raises
     ------

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Modes
-from model.effect import Parameter, shared_parameters
+from model.stack.effect import Parameter, shared_parameters
 from updating.errors import FitError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS
 from updating.fitting.prepared import Prepared, solve_target

@@ -14,7 +14,7 @@ from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
 from updating.fitting.joint_problem import Scope
 from updating.fitting.prepared import Prepared
 from updating.fitting.sensitivity import Scatter
-from updating.workers import distribute
+from updating.workers.workers import distribute
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

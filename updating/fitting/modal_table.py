@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ema.arrays import readonly
-from ema.form import Section, read_form
+from ema.io.form import Section, read_form
+from ema.types.arrays import readonly
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.shape_class import class_grid, solve_by_class
 from updating.errors import FitError

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ema.arrays import readonly
-from ema.mac import mac
-from ema.threads import single_threaded
+from ema.modal.mac import mac
+from ema.types.arrays import readonly
+from ema.types.threads import single_threaded
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
-from model.observation import Observed, observe
+from model.modes.observation import Observed, observe
 from updating.correlation.expansion import visible
 from updating.correlation.pairing import pair
 from updating.correlation.shape_class import shape_classes

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
-from ema.geometry import Geometry
-from ema.modes import ModalModel
+from ema.types.arrays import readonly
+from ema.types.geometry import Geometry
+from ema.types.modal_model import ModalModel
 from updating.correlation.subspace import rotate_onto
 from updating.fitting.fit import Fit
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from model.sobol import sobol
+from model.reduction.sobol import sobol
 from updating.fitting.joint_problem import Problem
 from updating.fitting.sensitivity import whitened_residual
 

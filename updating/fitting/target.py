@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema import Campaign, Configuration
-from ema.arrays import readonly
-from ema.mac import real_shape
-from ema.modes import ModalModel
+from ema.modal.mac import real_shape
+from ema.types.arrays import readonly
+from ema.types.modal_model import ModalModel
 from model import Observation, Stack
 from updating.correlation.registration import register
 from updating.correlation.shape_class import class_grid

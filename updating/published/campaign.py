@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.arrays import readonly
-from model import Stack, read_stack
-from model.stack import Mesh
+from ema.types.arrays import readonly
+from model import Stack, find_effects, read_stack
+from model.stack.stack import Mesh
 from updating.errors import FitError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, Prediction, estimate_damping, estimate_stiffness
 from updating.fitting.joint_fit import ConfigurationFit, JointFit, joint_fit
@@ -228,7 +228,7 @@ def prepare_published(
     if calibration not in CALIBRATIONS:
         message = f"no calibration {calibration!r}; there are {', '.join(CALIBRATIONS)}"
         raise FitError(message)
-    planform = read_stack(data.folder / f"stack_{calibration}.toml").with_effects(*effects)
+    planform = read_stack(data.folder / f"stack_{calibration}.toml").with_effects(*find_effects(effects))
     planform = dataclasses.replace(planform, mesh=MESH)
     height = {row.name: row.stack.height for row in data.table.rows}
 

@@ -21,8 +21,8 @@ from updating.published.plot import (
 )
 from updating.published.screening import Screening, screen
 from updating.published.tables import parameters_csv, screening_csv, table_6_csv, table_7_csv
-from updating.store import kept, write_bytes
-from updating.workers import in_parallel
+from updating.results.store import kept, write_bytes
+from updating.workers.workers import in_parallel
 
 
 def published(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from ema.arrays import readonly
+from ema.types.arrays import readonly
 from updating.fitting.intervals import Method
 from updating.fitting.joint_fit import JointFit, joint_fit
 from updating.fitting.prepared import Prepared

@@ -10,7 +10,7 @@ from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.verdict import GAIN_SECOND, SEPARATE
 from updating.report.part import Section, Table
 from updating.report.results import Results
-from updating.tables import estimate_text
+from updating.results.text import estimate_text
 
 _SHOWN = 8  # explanations of a diagnosis
 

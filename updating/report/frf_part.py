@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.frf import FRF
-from ema.geometry import Dofs
-from ema.plot import stabilization_figure
-from ema.stabilization import stabilization
+from ema.identification.stabilization import stabilization
+from ema.plot.figures import stabilization_figure
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs
 from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized
 from updating.errors import PairingError
 from updating.fitting.fitted_frf import fitted_frf

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.mac import mac
-from ema.plot import mac_figure
+from ema.modal.mac import mac
+from ema.plot.figures import mac_figure
 from updating.correlation.correlation import correlate
 from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import correlate_points
@@ -16,7 +16,7 @@ from updating.fitting.fit import Estimate
 from updating.fitting.fit_plot import objective_figure
 from updating.report.part import Picture, Section, Table, as_csv, png
 from updating.report.results import Tested
-from updating.tables import parameter_text
+from updating.results.text import parameter_text
 
 if TYPE_CHECKING:
     from updating.fitting.fit import Fit

@@ -23,7 +23,7 @@ from updating.report.results import Results, Tested, read_results
 from updating.report.shape_part import shape_section
 from updating.report.signature_part import signature_section
 from updating.report.table_part import row_section, table_overview
-from updating.store import folder_name, write_bytes
+from updating.results.store import folder_name, write_bytes
 
 MOST_TOGETHER = 36
 """Configurations that share one page; it then stays below 15 MB. More have a page each, beside their results."""
@@ -37,7 +37,7 @@ def write_report(folder: Path, executor: Executor | None = None) -> Path:
     folder : Path
         Folder of the results.
     executor : Executor, optional
-        Where the sections of the configurations are made, such as `updating.workers.workers`; by default here.
+        Where the sections of the configurations are made, such as `updating.workers.workers.workers`; by default here.
 
     Raises
     ------

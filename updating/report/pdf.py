@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from updating.errors import StoreError
-from updating.store import write_bytes
+from updating.results.store import write_bytes
 
 NAMES = (
     "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge",

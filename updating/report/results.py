@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ema.campaign import Campaign, Configuration
-from ema.frf import FRF
-from ema.modes import ModalModel
+from ema.campaign.campaign import Campaign, Configuration
+from ema.types.frf import FRF
+from ema.types.modal_model import ModalModel
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.errors import StoreError
 from updating.fitting.fit import Fit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
-from updating.quality import Quality
-from updating.store import folder_name, read_document, read_frf, read_result
+from updating.results.quality import Quality
+from updating.results.store import folder_name, read_document, read_frf, read_result
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 from updating.fitting.modal_table import TableFit
 from updating.report.part import Picture, Section, Table, anchor, as_csv, svg
 from updating.report.results import Results
-from updating.tables import estimate_text, parameter_text
+from updating.results.text import estimate_text, parameter_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ema import write_uff
-from ema.frf import FRF
-from ema.geometry import Geometry
-from updating.store import write_bytes, write_result
+from ema.types.frf import FRF
+from ema.types.geometry import Geometry
+from updating.results.store import write_bytes, write_result
 from updating.virtual.measurement import TrueModes, play
 from updating.virtual.vibration_test import VirtualConfiguration, VirtualTest, drawn_deviations, specimens
 

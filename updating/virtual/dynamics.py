@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Formula, Observed, ReducedSystem, SolveError
-from model.system import OMEGA, Product, Target
+from model.elements.equations import OMEGA, Product, Target
 
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
 _LINES_AT_ONCE = 128

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from ema.frf import FRF, place_in_run
-from ema.geometry import Dofs
-from ema.modes import ModalModel
+from ema.types.frf import FRF, place_in_run
+from ema.types.geometry import Dofs
+from ema.types.modal_model import ModalModel
 from model import Mesh, Observation, ReducedSystem
 from updating.virtual.dynamics import Dynamics, dynamics, loaded_response, poles, receptance
 from updating.virtual.vibration_test import Averaging, Specimen, VirtualTest, specimens

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from ema.geometry import Geometry
+from ema.types.geometry import Geometry
 from model import Effect, Instruments, Observation, Stack
 from updating.errors import FitError
 

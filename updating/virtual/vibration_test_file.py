@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import model
-from ema.form import Section, read_form
-from ema.geometry import Geometry
+from ema.io.form import Section, read_form
+from ema.types.geometry import Geometry
 from model import Effect, Mesh, Observation
 from updating.errors import FitError
 from updating.virtual.vibration_test import Averaging, VirtualConfiguration, VirtualTest, four_edge_points

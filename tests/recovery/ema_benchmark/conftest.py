@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.frf import FRF, Quantity
-from ema.geometry import Dofs, Geometry
-from ema.identify import identify_frf
-from ema.modes import ModalModel
+from ema.identification.identify import identify_frf
+from ema.types.frf import FRF, Quantity
+from ema.types.geometry import Dofs, Geometry
+from ema.types.modal_model import ModalModel
 
 EXPONENT: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 NONE = "has none"

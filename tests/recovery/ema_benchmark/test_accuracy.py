@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.frf import FRF
+from ema.types.frf import FRF
 
 pytestmark = pytest.mark.benchmark
 

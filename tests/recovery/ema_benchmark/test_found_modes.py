@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.frf import FRF
+from ema.types.frf import FRF
 
 pytestmark = pytest.mark.benchmark
 

@@ -1,0 +1,395 @@
+"""The campaign file: what was measured, where, in which configurations, and how its files are laid out."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ema.campaign.campaign_file import CampaignFile, ConfigurationSection, CorrectionSection, PointsSection
+from ema.campaign.estimate import Averaging
+from ema.io.form import did_you_mean, read_form
+from ema.io.table import TableLayout, read_points
+from ema.io.uff import read_uff_geometry
+from ema.io.units import Unit, parse_unit
+from ema.types.errors import CampaignError
+from ema.types.geometry import Dof, Geometry
+
+UFF_SUFFIXES = (".uff", ".unv", ".uf", ".uf3", ".ufb", ".bunv", ".uff58", ".univ")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Files:
+    """Measurement files with the DOFs of their functions where the files do not tell.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        In reading order.
+    together : bool
+        Whether all of them are one roving run; else each file is a run of its own.
+    output, input : tuple of Dof
+        DOFs of their FRFs in reading order; one entry holds for all of them, none leaves them to the file.
+    """
+
+    files: tuple[Path, ...]
+    together: bool
+    output: tuple[Dof, ...]
+    input: tuple[Dof, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """A correction of single functions: which ones, what is changed, and why.
+
+    Attributes
+    ----------
+    files : frozenset of Path
+        Files it holds for.
+    function : int or None
+        Position of the FRF in its file, from 1; None for all.
+    output : Dof or None
+        Response DOF that it holds for; None for all.
+    scale : float
+        Factor on the function; -1 turns the sign.
+    new_output, new_input : Dof or None
+        DOF to use in place of the stated one.
+    exclude : bool
+        Leave the function out.
+    reason : str
+        Why, for the notes of the measurement.
+    """
+
+    files: frozenset[Path]
+    function: int | None
+    output: Dof | None
+    scale: float
+    new_output: Dof | None
+    new_input: Dof | None
+    exclude: bool
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """One state of the structure that was measured.
+
+    Attributes
+    ----------
+    name : str
+        Unique in its campaign.
+    stack : str or None
+        Which stack, by its name or number.
+    torque, pressure, height : float or None
+        Bolt torque (N m), mean surface pressure (Pa) and stack height (m); None where not stated.
+    files : tuple of Files
+        What was measured.
+    force : float or None
+        Level of the force, N; None where not stated.
+    force_levels : tuple of Configuration
+        The same state at other forces, to see whether the structure is linear; not identified.
+    """
+
+    name: str
+    stack: str | None
+    torque: float | None
+    pressure: float | None
+    height: float | None
+    files: tuple[Files, ...]
+    force: float | None = None
+    force_levels: tuple[Configuration, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationOptions:
+    """What the campaign file asks of the identification; None leaves the choice to it.
+
+    Attributes
+    ----------
+    band : (float, float) or None
+        Frequency band, Hz.
+    order : int or None
+        Highest model order.
+    """
+
+    band: tuple[float, float] | None
+    order: int | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Campaign:
+    """A measurement campaign as its file describes it; the FRFs themselves are not loaded.
+
+    Attributes
+    ----------
+    name : str
+        Title.
+    path, folder : Path
+        The campaign file, and the folder that its file names are relative to.
+    stack : Path or None
+        Stack file of the model, if named.
+    points : Path
+        File of the points.
+    geometry : Geometry
+        The measured points.
+    configurations : tuple of Configuration
+        In the order of the file.
+    identification : IdentificationOptions
+        Band and order.
+    format : {"uff", "csv"} or None
+        Format of the FRF files; None decides by the suffix.
+    unit : Unit or None
+        Unit of the FRFs, which overrides what the files say.
+    table : TableLayout or None
+        Column layout of text files.
+    averaging : Averaging or None
+        How FRFs are estimated from files of time histories; None where the files hold FRFs.
+    corrections : tuple of Correction
+        Corrections of single functions.
+    notes : tuple of str
+        What was odd about the points and how it was resolved.
+    """
+
+    name: str
+    path: Path
+    folder: Path
+    stack: Path | None
+    points: Path
+    geometry: Geometry
+    configurations: tuple[Configuration, ...]
+    identification: IdentificationOptions
+    format: Literal["uff", "csv"] | None
+    unit: Unit | None
+    table: TableLayout | None
+    averaging: Averaging | None
+    corrections: tuple[Correction, ...]
+    notes: tuple[str, ...]
+
+    def configuration(self, name: str) -> Configuration:
+        """Return the configuration called `name`.
+
+        Raises
+        ------
+        CampaignError
+            There is none of that name; the message lists the closest ones.
+        """
+        for configuration in self.configurations:
+            if configuration.name == name:
+                return configuration
+        names = [c.name for c in self.configurations]
+        message = f"{self.path}: no configuration {name!r}; {did_you_mean(name, names)}"
+        raise CampaignError(message)
+
+
+def read_campaign(path: str | Path) -> Campaign:
+    """Read and check a campaign file (TOML).
+
+    File names in it are relative to its folder and may hold wildcards.
+
+    ::
+
+        [campaign]
+        name = "Stack 4, two torques"          # title
+
+        [structure]
+        stack = "stack.toml"                   # the model's stack file; may be left out
+
+        [points]
+        file = "points.csv"                    # columns node,x,y,z; or a universal file with points
+        unit = "mm"                            # needed for CSV; for a universal file it overrides set 164
+        lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
+
+        [measurement]
+        format = "uff"                         # or "csv"; left out, the suffix decides
+        unit = "(m/s2)/N"                      # needed for CSV; overrides what universal files say
+        [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
+        layout = "real-imaginary"
+        [measurement.time]                     # only where the files are time histories of one force and its
+        estimator = "H1"                       # responses; see `ema.campaign.estimate.Averaging`. All files of a run
+        window = "boxcar"                      # are averaged
+        force_unit = "N"                       # units of text files, in place of 'unit' above
+        response_unit = "m/s2"
+
+        [[configuration]]
+        name = "M1"
+        stack = 4                              # which stack; this and the next four may be left out
+        torque_Nm = 1.5
+        pressure_kPa = 160
+        height_mm = 64.8
+        force_N = 2                            # level of the force; may be left out
+        files = ["M1/*.uff"]                   # each file is one run, in natural order of the names
+        output = ["1+z", "2+z"]                # DOFs of the FRFs in reading order, if the files hold none:
+        input = ["45+z"]                       # point number, sign, axis; a single one holds for all.
+                                               # off-axis: {node = 4, direction = [0, 0.7, 0.7]}
+        [[configuration.force_level]]          # the same state at another force, at all points or some:
+        force_N = 10                           # compared with 'files' for linearity, not identified
+        files = ["M1/10N/*.uff"]               # output and input as above where they are left out
+
+        [[configuration]]                      # where one run is several files, name the runs instead
+        name = "M2"
+        [[configuration.run]]
+        files = ["M2/left.csv", "M2/right.csv"]
+        output = ["1+z", "2+z"]
+        input = ["45+z"]
+
+        [[correction]]                         # of single functions; applies where all that is given fits
+        files = "M1/run03.uff"
+        function = 2                           # position of the FRF in its file, from 1
+        output = "12+z"                        # its response DOF as read
+        scale = -1                             # factor
+        new_output = "12-z"                    # another DOF; new_input likewise
+        exclude = false                        # or leave the function out
+        reason = "sensor was mounted upside down"
+
+        [identification]                       # both may be left out
+        band_Hz = [30, 1100]
+        order = 60                             # highest model order
+
+    Raises
+    ------
+    CampaignError
+        The file asks for something that does not exist or is not possible; the message names file, key
+        and what is allowed.
+    MeasurementError
+        The file of the points cannot be read.
+    """
+    path = Path(path)
+    content = read_form(path, CampaignFile, CampaignError)
+    folder = path.resolve().parent
+    geometry, notes = _geometry(path, folder, content.points)
+    names = [c.name for c in content.configuration]
+    if len(set(names)) < len(names):
+        message = f"{path}: configuration: names must be unique, found {names}"
+        raise CampaignError(message)
+    configurations = tuple(_configuration(path, folder, c) for c in content.configuration)
+    read = [state for c in configurations for state in (c, *c.force_levels)]
+    suffixes = {f.suffix.lower() for state in read for group in state.files for f in group.files}
+    needs_table = content.measurement.format == "csv" or (
+        content.measurement.format is None and not suffixes <= set(UFF_SUFFIXES)
+    )
+    stated = content.measurement.unit is not None or content.measurement.time is not None
+    if needs_table and (content.measurement.table is None or not stated):
+        message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
+        raise CampaignError(message)
+    options = content.identification
+    return Campaign(
+        name=content.campaign.name,
+        path=path,
+        folder=folder,
+        stack=None if content.structure.stack is None else folder / content.structure.stack,
+        points=folder / content.points.file,
+        geometry=geometry,
+        configurations=configurations,
+        identification=IdentificationOptions(band=options.band_Hz, order=options.order),
+        format=content.measurement.format,
+        unit=None if content.measurement.unit is None else parse_unit(content.measurement.unit),
+        table=content.measurement.table,
+        averaging=content.measurement.time,
+        corrections=tuple(_correction(path, folder, c) for c in content.correction),
+        notes=notes,
+    )
+
+
+def _files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -> tuple[Path, ...]:
+    """Return the files of all patterns, those of one pattern in the natural order of their names."""
+    files: list[Path] = []
+    for pattern in patterns:
+        if re.search(r"[*?\[]", pattern):
+            anchor = Path(pattern).anchor
+            found = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
+        else:
+            found = [folder / pattern]
+        found = sorted((f for f in found if f.is_file()), key=_natural)
+        if not found:
+            there = [f.name for f in (folder / pattern).parent.glob("*")]
+            close = difflib.get_close_matches(Path(pattern).name, there, n=2)
+            hint = f"; did you mean {' or '.join(close)}?" if close else ""
+            message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
+            raise CampaignError(message)
+        files += found
+    return tuple(dict.fromkeys(files))
+
+
+def _natural(file: Path) -> list[tuple[int, str]]:
+    return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]
+
+
+def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Configuration:
+    key = f"configuration {given.name!r}: files"
+    groups = given.run or (given,)
+    level_key = f"configuration {given.name!r}: force_level: files"
+    configuration = Configuration(
+        name=given.name,
+        stack=None if given.stack is None else str(given.stack),
+        torque=given.torque_Nm,
+        pressure=None if given.pressure_kPa is None else given.pressure_kPa * 1e3,
+        height=None if given.height_mm is None else given.height_mm * 1e-3,
+        files=tuple(
+            Files(
+                files=_files(path, folder, key, group.files),
+                together=bool(given.run),
+                output=group.output,
+                input=group.input,
+            )
+            for group in groups
+        ),
+        force=given.force_N,
+    )
+    levels = tuple(
+        replace(
+            configuration,
+            name=f"{given.name} at {level.force_N:g} N",
+            force=level.force_N,
+            files=(
+                Files(
+                    files=_files(path, folder, level_key, level.files),
+                    together=False,
+                    output=level.output or given.output,
+                    input=level.input or given.input,
+                ),
+            ),
+        )
+        for level in given.force_level
+    )
+    return replace(configuration, force_levels=levels)
+
+
+def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correction:
+    files = frozenset(_files(path, folder, "correction: files", (given.files,)))
+    return Correction(
+        files=files,
+        function=given.function,
+        output=given.output,
+        scale=given.scale,
+        new_output=given.new_output,
+        new_input=given.new_input,
+        exclude=given.exclude,
+        reason=given.reason,
+    )
+
+
+def _geometry(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry, tuple[str, ...]]:
+    file = folder / given.file
+    unit = None if given.unit is None else parse_unit(given.unit)
+    if unit is not None and unit.dimension != (1, 0, 0):
+        message = f"{path}: points.unit: {given.unit!r} is not a unit of length"
+        raise CampaignError(message)
+    if file.suffix.lower() in UFF_SUFFIXES:
+        geometry, notes = read_uff_geometry(file, unit)
+    elif unit is None:
+        message = f"{path}: points.unit: a list of points needs its unit, such as unit = 'mm'"
+        raise CampaignError(message)
+    else:
+        geometry, notes = read_points(file, unit), ()
+    drawn = [pair for line in given.lines for pair in pairwise(line)]
+    absent = sorted({n for pair in drawn for n in pair} - {int(n) for n in geometry.node})
+    if absent:
+        message = f"{path}: points.lines: no such points: {absent}"
+        raise CampaignError(message)
+    lines = np.vstack([geometry.line, np.array(drawn, dtype=np.int64).reshape(-1, 2)])
+    return replace(geometry, line=lines), notes

@@ -1,0 +1,171 @@
+"""The form of a campaign file: its keys and what they may hold."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from ema.campaign.estimate import Averaging
+from ema.io.form import Section
+from ema.io.table import TableLayout
+from ema.io.units import parse_unit
+from ema.types.errors import MeasurementError
+from ema.types.geometry import Dof
+
+
+def _dof(given: object) -> Dof:
+    """Return the DOF written as '12+z' or, where it is off the axes, as a table with a direction."""
+    if isinstance(given, str) and (written := re.fullmatch(r"(\d+)([+-])([xyzXYZ])", given)) is not None:
+        node, sign, axis = written.groups()
+        x, y, z = (-1.0 if sign == "-" else 1.0) * np.eye(3)["xyz".index(axis.lower())]
+        return Dof(int(node), (float(x), float(y), float(z)))
+    if isinstance(given, dict) and set(given) == {"node", "direction"} and isinstance(given["node"], int):
+        direction = np.array(given["direction"], dtype=float)  # a ValueError here is reported as any other
+        length = float(np.linalg.norm(direction))
+        if direction.shape == (3,) and 0 < length < np.inf:
+            x, y, z = direction / length
+            return Dof(given["node"], (float(x), float(y), float(z)))
+    message = (
+        f"{given!r} is not a DOF: write a point number with a signed direction, such as '12+z', "
+        "or {node = 12, direction = [0, 0.6, 0.8]}"
+    )
+    raise ValueError(message)
+
+
+def _checked_unit(text: str) -> str:
+    try:
+        parse_unit(text)
+    except MeasurementError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+DofEntry = Annotated[Dof, BeforeValidator(_dof)]
+UnitText = Annotated[str, AfterValidator(_checked_unit)]
+
+
+class _Name(Section):
+    name: str
+
+
+class _Structure(Section):
+    stack: str | None = None
+
+
+class PointsSection(Section):
+    """Where the points are listed."""
+
+    file: str
+    unit: UnitText | None = None
+    lines: tuple[tuple[int, ...], ...] = ()
+
+
+class _Measurement(Section):
+    format: Literal["uff", "csv"] | None = None
+    unit: UnitText | None = None
+    table: TableLayout | None = None
+    time: Averaging | None = None
+
+    @model_validator(mode="after")
+    def _is_frf_unit(self) -> _Measurement:
+        if self.unit is not None and parse_unit(self.unit).frf is None:
+            message = (
+                f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'"
+            )
+            raise ValueError(message)
+        if self.time is not None and self.unit is not None:
+            message = "[measurement.time] takes 'force_unit' and 'response_unit' in place of 'unit'"
+            raise ValueError(message)
+        if self.table is not None and (self.table.layout == "time") != (self.time is not None):
+            message = "layout = 'time' and [measurement.time] belong together"
+            raise ValueError(message)
+        return self
+
+
+class _Run(Section):
+    files: tuple[str, ...] = Field(min_length=1)
+    output: tuple[DofEntry, ...] = ()
+    input: tuple[DofEntry, ...] = ()
+
+
+class ForceLevelSection(Section):
+    """The files of a configuration at another force, to be compared with those that are identified."""
+
+    force_N: float = Field(gt=0)
+    files: tuple[str, ...] = Field(min_length=1)
+    output: tuple[DofEntry, ...] = ()
+    input: tuple[DofEntry, ...] = ()
+
+
+class ConfigurationSection(Section):
+    """One state of the structure and its files."""
+
+    name: str
+    stack: str | int | None = None
+    torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    force_N: float | None = Field(default=None, gt=0)
+    files: tuple[str, ...] = ()
+    output: tuple[DofEntry, ...] = ()
+    input: tuple[DofEntry, ...] = ()
+    run: tuple[_Run, ...] = ()
+    force_level: tuple[ForceLevelSection, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_way_to_name_files(self) -> ConfigurationSection:
+        if bool(self.files) == bool(self.run):
+            message = "give either 'files' (each file is one run) or [[configuration.run]] tables"
+            raise ValueError(message)
+        if self.run and (self.output or self.input):
+            message = "'output' and 'input' belong into each [[configuration.run]] table"
+            raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
+    def _different_forces(self) -> ConfigurationSection:
+        forces = [self.force_N, *(level.force_N for level in self.force_level)]
+        if len(set(forces)) < len(forces):
+            message = f"force_level: the forces of one configuration must differ, found {forces} N"
+            raise ValueError(message)
+        return self
+
+
+class CorrectionSection(Section):
+    """A correction of single functions."""
+
+    files: str = "**/*"
+    function: int | None = Field(default=None, ge=1)
+    output: DofEntry | None = None
+    scale: float = 1.0
+    new_output: DofEntry | None = None
+    new_input: DofEntry | None = None
+    exclude: bool = False
+    reason: str
+
+
+class _Identification(Section):
+    band_Hz: tuple[float, float] | None = None
+    order: int | None = Field(default=None, ge=2)
+
+    @model_validator(mode="after")
+    def _ascending(self) -> _Identification:
+        if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1]:
+            message = f"band_Hz must be [lower, upper] with 0 <= lower < upper, found {list(self.band_Hz)}"
+            raise ValueError(message)
+        return self
+
+
+class CampaignFile(Section):
+    """The whole file."""
+
+    campaign: _Name
+    structure: _Structure = _Structure()
+    points: PointsSection
+    measurement: _Measurement = _Measurement()
+    configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
+    correction: tuple[CorrectionSection, ...] = ()
+    identification: _Identification = _Identification()

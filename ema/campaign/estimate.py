@@ -1,0 +1,217 @@
+"""Frequency-response functions and coherence from time histories of one force and its responses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from ema.io.units import parse_unit
+from ema.types.arrays import readonly
+from ema.types.errors import MeasurementError
+
+
+class Averaging(BaseModel):
+    """How spectra are averaged; keys of ``[measurement.time]``.
+
+    Attributes
+    ----------
+    estimator : {"H1", "H2", "Hv"}
+        H1 is unbiased with noise on the response only, H2 with noise on the force only, Hv lies between.
+    block_s : float or None
+        Length of the averaged blocks, s; left out, each record is one block (impact testing).
+    overlap : float
+        Share of a block that the next one overlaps.
+    window : {"boxcar", "hann"}
+        Window on force and response: "hann" for continuous random excitation, "boxcar" where each block
+        holds a whole transient or a whole number of periods.
+    response_end : float
+        For impact testing: value at the end of the block of an exponential window on the response (and the
+        force, so that both are filtered alike), 1 for none. It adds a decay rate to every pole, which
+        `FRFEstimate.decay_rate` states.
+    force_s : float or None
+        For impact testing: time after which the force is set to zero, s.
+    force : int
+        Position of the force among the channels of a file, from 1, where the file does not tell.
+    force_unit, response_unit : str or None
+        Units of text files, and of files that do not state theirs.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    block_s: float | None = Field(default=None, gt=0)
+    overlap: float = Field(default=0.0, ge=0, lt=1)
+    window: Literal["boxcar", "hann"]
+    response_end: float = Field(default=1.0, gt=0, le=1)
+    force_s: float | None = Field(default=None, gt=0)
+    force: int = Field(default=1, ge=1)
+    force_unit: str | None = None
+    response_unit: str | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Averaging:
+        for key in ("force_unit", "response_unit"):
+            label = getattr(self, key)
+            try:
+                unit = None if label is None else parse_unit(label)
+            except MeasurementError as error:
+                raise ValueError(str(error)) from error
+            if unit is not None and not (unit.is_force if key == "force_unit" else unit.motion is not None):
+                message = f"{key}: {label!r} is not a unit of {'force' if key == 'force_unit' else 'motion'}"
+                raise ValueError(message)
+        return self
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FRFEstimate:
+    """Functions estimated from averaged spectra.
+
+    Attributes
+    ----------
+    frequency : (n_frequency,) float
+        Hz.
+    value : (n_output, n_frequency) complex
+        Response over force in the units of the records.
+    coherence : (n_output, n_frequency) float or None
+        Ordinary coherence; None for a single average, where it would be 1 whatever the noise.
+    n_average : int
+        Number of averaged blocks.
+    decay_rate : float
+        What the exponential window adds to the decay rate of every pole, 1/s.
+    """
+
+    frequency: NDArray[np.float64]
+    value: NDArray[np.complex128]
+    coherence: NDArray[np.float64] | None
+    n_average: int
+    decay_rate: float
+
+    def __post_init__(self) -> None:
+        frequency = readonly("FRFEstimate", "frequency", self.frequency, (None,))
+        value = readonly("FRFEstimate", "value", self.value, (None, frequency.size), complex)
+        object.__setattr__(self, "frequency", frequency)
+        object.__setattr__(self, "value", value)
+        if self.coherence is not None:
+            coherence = readonly("FRFEstimate", "coherence", self.coherence, value.shape)
+            object.__setattr__(self, "coherence", coherence)
+
+
+def estimate_frf(
+    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
+) -> FRFEstimate:
+    """Estimate the FRFs between one force and several responses from averaged auto- and cross-spectra.
+
+    With G the averaged spectra, H1 = G_fx / G_ff, H2 = G_xx / G_xf, and Hv, for noise in the same proportion
+    on both, is their geometric mean (Rocklin, Crowley and Vold, A comparison of the H1, H2 and Hv frequency
+    response functions, IMAC 1985).
+
+    Parameters
+    ----------
+    force : (n_record, n_sample) float
+        Force in each record.
+    response : (n_output, n_record, n_sample) float
+        Responses in the same records.
+    rate : float
+        Sampling rate, Hz.
+    averaging : Averaging
+        Estimator, blocks and windows.
+
+    Raises
+    ------
+    MeasurementError
+        Shapes do not fit, a block is longer than the records, or the force is zero.
+    """
+    from scipy import signal  # here: it takes long to import, and most tests come as FRFs
+
+    force, response = np.asarray(force, float), np.asarray(response, float)
+    if force.ndim != 2 or response.ndim != 3 or response.shape[1:] != force.shape:
+        message = (
+            "expected force (n_record, n_sample) and response (n_output, n_record, n_sample), "
+            f"got {force.shape} and {response.shape}"
+        )
+        raise MeasurementError(message)
+    n_sample = force.shape[1]
+    n_block = n_sample if averaging.block_s is None else round(averaging.block_s * rate)
+    if not 2 <= n_block <= n_sample:
+        message = f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
+        raise MeasurementError(message)
+    n_overlap = int(averaging.overlap * n_block)
+    time = np.arange(n_block) / rate
+    window = signal.get_window(averaging.window, n_block)
+    decay_rate = -np.log(averaging.response_end) * rate / n_block
+    window = window * np.exp(-decay_rate * time)
+
+    if averaging.force_s is not None:
+        force = np.where(np.arange(n_sample) / rate <= averaging.force_s, force, 0.0)
+    spectrum = {
+        "fs": rate,
+        "window": window,
+        "nperseg": n_block,
+        "noverlap": n_overlap,
+        "detrend": "constant" if averaging.window == "hann" else False,
+    }
+    frequency, g_ff = signal.csd(force, force, **spectrum)
+    g_fx = signal.csd(force[None], response, **spectrum)[1].mean(axis=1)
+    g_xx = signal.csd(response, response, **spectrum)[1].real.mean(axis=1)
+    g_ff = g_ff.real.mean(axis=0)
+    if not np.all(g_ff[1:-1] > 0):
+        message = "the force is zero or not a number; no FRF can be estimated"
+        raise MeasurementError(message)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        h1 = g_fx / g_ff
+        coherence = np.nan_to_num(np.abs(g_fx) ** 2 / (g_ff * g_xx))
+        ratio = np.sqrt(np.where(coherence > 0, coherence, np.nan))
+    value = {"H1": h1, "H2": h1 / ratio**2, "Hv": h1 / ratio}[averaging.estimator]
+    n_average = force.shape[0] * (1 + (n_sample - n_block) // (n_block - n_overlap))
+    return FRFEstimate(
+        frequency=frequency,
+        value=value,
+        coherence=coherence if n_average > 1 else None,
+        n_average=n_average,
+        decay_rate=float(decay_rate),
+    )
+
+
+def clipped_share(record: NDArray[np.float64]) -> float:
+    """Return the share of samples of an overloaded record that stick to its largest or smallest value.
+
+    A signal that is cut holds its extreme value again and again, but few values just inside it. So an extreme
+    that occurs at least three times, and three times as often as the values in the next two percent (or the
+    next step of the converter, if that is coarser), marks an overload; 0 for a sound or a constant record.
+    """
+    record = np.asarray(record, float)
+    if record.size == 0 or not np.isfinite(record).all() or np.ptp(record) == 0:
+        return 0.0
+    stuck = 0
+    for side in (record, -record):
+        distance = side.max() - side
+        inside = distance > 1e-6 * np.ptp(record)
+        quantum = float(distance[inside].min())
+        next_to = int(np.count_nonzero(distance[inside] <= max(quantum, 0.02 * abs(side.max()))))
+        at_extreme = record.size - int(np.count_nonzero(inside))
+        if at_extreme >= 3 and at_extreme > 3 * next_to:
+            stuck += at_extreme
+    return stuck / record.size
+
+
+def double_hit(force: NDArray[np.float64]) -> float:
+    """Return the largest later pulse of an impact record over its main pulse; 0 where there is only one.
+
+    The main pulse is followed down to a tenth of its peak; what rises again above a tenth is a second hit.
+    """
+    force = np.abs(np.asarray(force, float))
+    peak = int(np.argmax(force))
+    below = np.flatnonzero(force[peak:] < 0.1 * force[peak])
+    if below.size == 0:
+        return 0.0
+    later = force[peak + int(below[0]) :]
+    # a pulse rings on through the filter of the recorder, so only a new rise counts
+    settled = np.flatnonzero(later < 0.05 * force[peak])
+    if settled.size == 0:
+        return 0.0
+    second = float(later[int(settled[0]) :].max() / force[peak])
+    return second if second > 0.1 else 0.0

@@ -1,0 +1,441 @@
+"""Measured functions of a configuration, merged into one block of FRFs with global, signed DOFs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.campaign.campaign import UFF_SUFFIXES, Campaign, Configuration, Correction, Files
+from ema.campaign.records import frfs_from_records
+from ema.io.measured_function import MeasuredFunction
+from ema.io.table import read_table
+from ema.io.uff import read_uff_functions
+from ema.types.arrays import readonly
+from ema.types.errors import CampaignError, MeasurementError
+from ema.types.frf import DERIVATIVE, FRF, Quantity
+from ema.types.geometry import Dof, Dofs, Geometry
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Measurement:
+    """The FRFs of one configuration, with all that had to be resolved to make one block of them.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    configuration : Configuration
+        Its torque, pressure and files.
+    frf : FRF
+        All functions. Where there are more force points than responses (a roving hammer) it is given by
+        reciprocity, with the force points as outputs, so that the shapes live on all measured points.
+    geometry : Geometry
+        The measured points.
+    overload : (n_output,) float
+        Share of overloaded samples in the records of each output or its force; 0 for files of FRFs.
+    notes : tuple of str
+        What was odd in the files and how it was resolved: duplicates, exclusions, units.
+    """
+
+    name: str
+    configuration: Configuration
+    frf: FRF
+    geometry: Geometry
+    overload: NDArray[np.float64]
+    notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        shape = (self.frf.output.node.size,)
+        object.__setattr__(self, "overload", readonly("Measurement", "overload", self.overload, shape))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Entry:
+    """One FRF on its way into the block."""
+
+    frequency: NDArray[np.float64]
+    value: NDArray[np.complex128]
+    coherence: NDArray[np.float64] | None
+    quantity: Quantity
+    output: Dof
+    input: Dof
+    run: int
+    source: str
+    overload: float = 0.0
+
+
+def read_measurement(campaign: Campaign, name: str) -> Measurement:
+    """Read all files of a configuration and merge them into one block of FRFs.
+
+    Rules, each reported in the notes where it was applied: of several measurements of the same pair of DOFs
+    the last one is used; functions of another quantity are differentiated to the highest one; functions with
+    another frequency axis are cropped to the common lines, or left out where the lines differ; where some
+    pairs of DOFs are missing, the force points or responses with most of them missing are left out.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    name : str
+        The configuration's name.
+
+    Raises
+    ------
+    CampaignError
+        There is no such configuration, or its DOF lists do not fit its files.
+    MeasurementError
+        A file cannot be read, or does not say what the campaign file leaves open.
+    """
+    return _merged(campaign, campaign.configuration(name))
+
+
+def read_force_levels(campaign: Campaign, name: str) -> tuple[Measurement, ...]:
+    """Read what was measured of a configuration at other force levels, each as `read_measurement` does.
+
+    Raises
+    ------
+    CampaignError, MeasurementError
+        As `read_measurement`.
+    """
+    return tuple(_merged(campaign, level) for level in campaign.configuration(name).force_levels)
+
+
+def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
+    notes = list(campaign.notes)
+    entries: list[_Entry] = []
+    n_run = 0
+    for files in configuration.files:
+        found, n_run = _entries(campaign, files, n_run, notes)
+        entries += found
+    if not entries:
+        message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
+        raise MeasurementError(message)
+    entries = _with_axis(entries, notes)
+    entries = _one_quantity(entries, notes)
+    entries = _one_axis(entries, notes)
+    pairs = _without_duplicates(entries, notes)
+    outputs, inputs = _full_block(pairs, notes)
+    frf, overload = _block(pairs, outputs, inputs, notes)
+    absent = sorted({int(n) for n in frf.output.node} - {int(n) for n in campaign.geometry.node})
+    if absent:
+        notes.append(f"points without coordinates, measured but not drawn: {absent}")
+    return Measurement(
+        name=configuration.name,
+        configuration=configuration,
+        frf=frf,
+        geometry=campaign.geometry,
+        overload=overload,
+        notes=tuple(notes),
+    )
+
+
+def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFunction, ...]:
+    if campaign.format == "uff" or (campaign.format is None and file.suffix.lower() in UFF_SUFFIXES):
+        functions, odd = read_uff_functions(file, campaign.unit)
+        notes += odd
+        return functions
+    if campaign.table is None:
+        message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
+        raise CampaignError(message)
+    return read_table(file, campaign.table, campaign.unit)
+
+
+def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
+    """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
+    found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, int, int]] = []
+    for group in [files.files] if files.together else [(file,) for file in files.files]:
+        contents = [(file, _read(campaign, file, notes)) for file in group]
+        if campaign.averaging is not None:
+            estimated = frfs_from_records(contents, campaign.averaging, notes)
+            found += [(*f, n_run, i) for i, f in enumerate(estimated, start=1)]
+        else:
+            for file, functions in contents:
+                found += [(*f, 0.0, n_run, i) for i, f in enumerate(_frfs(file, functions, notes), start=1)]
+        n_run += 1
+    outputs = _listed(campaign, "output", files, files.output, len(found))
+    inputs = _listed(campaign, "input", files, files.input, len(found))
+    entries = []
+    for (function, coherence, overload, run, position), output, force in zip(
+        found, outputs, inputs, strict=True
+    ):
+        entry = _corrected(campaign, function, coherence, run, position, output, force, notes)
+        if entry is not None:
+            entries.append(replace(entry, overload=overload))
+    return entries, n_run
+
+
+def _frfs(
+    file: Path, functions: tuple[MeasuredFunction, ...], notes: list[str]
+) -> list[tuple[MeasuredFunction, MeasuredFunction | None]]:
+    """Return the FRFs of a file, each with the coherence of its DOFs or, unstated, of its place."""
+    frfs = [f for f in functions if f.kind == "frf"]
+    coherences = [f for f in functions if f.kind == "coherence"]
+    if not frfs:
+        kinds = ", ".join(sorted({f.kind for f in functions}))
+        notes.append(f"{file}: no FRF in the file, only functions of kind {kinds}")
+    return list(zip(frfs, _coherences(frfs, coherences, file, notes), strict=True))
+
+
+def _coherences(
+    frfs: list[MeasuredFunction], coherences: list[MeasuredFunction], file: Path, notes: list[str]
+) -> Sequence[MeasuredFunction | None]:
+    if not coherences:
+        return [None] * len(frfs)
+    if len({f.abscissa.size for f in (*frfs, *coherences)}) > 1:
+        notes.append(
+            f"{file}: coherences and FRFs have different numbers of lines; the coherences are left out"
+        )
+        return [None] * len(frfs)
+    if all(f.output is None or f.input is None for f in coherences):
+        if len(coherences) == len(frfs):
+            return list(coherences)
+        notes.append(f"{file}: {len(coherences)} coherences for {len(frfs)} FRFs; they are left out")
+        return [None] * len(frfs)
+    by_dof = {(f.output, f.input): f for f in coherences}
+    return [by_dof.get((f.output, f.input)) for f in frfs]
+
+
+def _listed(
+    campaign: Campaign, key: str, files: Files, dofs: tuple[Dof, ...], count: int
+) -> Sequence[Dof | None]:
+    if not dofs:
+        return [None] * count
+    if len(dofs) not in (1, count):
+        names = ", ".join(f.name for f in files.files[:3])
+        message = (
+            f"{campaign.path}: {key}: {len(dofs)} DOFs are listed for {count} FRFs in {names}"
+            f"{', ...' if len(files.files) > 3 else ''}; list one for each FRF, or one for all"
+        )
+        raise CampaignError(message)
+    return dofs if len(dofs) == count else dofs * count
+
+
+def _corrected(
+    campaign: Campaign,
+    function: MeasuredFunction,
+    coherence: MeasuredFunction | None,
+    run: int,
+    position: int,
+    output: Dof | None,
+    force: Dof | None,
+    notes: list[str],
+) -> _Entry | None:
+    """Return the function with its DOFs and corrections, or None where a correction excludes it."""
+    output = output or _from_file(campaign.geometry, function.output)
+    force = force or _from_file(campaign.geometry, function.input)
+    scale = 1.0
+    for correction in campaign.corrections:
+        if not _applies(correction, function, position, output):
+            continue
+        notes.append(f"{function.source}: corrected as the campaign file says: {correction.reason}")
+        if correction.exclude:
+            return None
+        scale *= correction.scale
+        output, force = correction.new_output or output, correction.new_input or force
+    for key, dof in (("output", output), ("input", force)):
+        if dof is None:
+            message = (
+                f"{function.source}: the file does not state the {key} DOF (point 0 or direction 0); "
+                f"list it in the campaign file, such as {key} = ['12+z']"
+            )
+            raise MeasurementError(message)
+    if function.quantity is None:
+        message = (
+            f"{function.source}: the file does not state which quantity over force this FRF is; "
+            "say [measurement] unit = 'm/s2/N' or what it is in the campaign file"
+        )
+        raise MeasurementError(message)
+    assert output is not None
+    assert force is not None
+    return _Entry(
+        frequency=_snapped(function.abscissa),
+        value=function.value * complex(scale),
+        coherence=None if coherence is None else coherence.value,
+        quantity=function.quantity,
+        output=output,
+        input=force,
+        run=run,
+        source=function.source,
+    )
+
+
+def _from_file(geometry: Geometry, stated: tuple[int, int] | None) -> Dof | None:
+    return None if stated is None else Dof(stated[0], geometry.direction(*stated))
+
+
+def _applies(correction: Correction, function: MeasuredFunction, position: int, output: Dof | None) -> bool:
+    return (
+        any(function.source.startswith(f"{file}:") for file in correction.files)
+        and correction.function in (None, position)
+        and (correction.output is None or (output is not None and _key(correction.output) == _key(output)))
+    )
+
+
+def _key(dof: Dof) -> tuple[int, tuple[float, ...]]:
+    return dof.node, tuple(round(d, 6) + 0.0 for d in dof.direction)
+
+
+def _name(key: tuple[int, tuple[float, ...]]) -> str:
+    return _dofs([Dof(key[0], key[1])]).name(0)  # type: ignore[arg-type]  # three components
+
+
+def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
+    if frequency.size < 3:
+        return frequency
+    uniform = np.linspace(frequency[0], frequency[-1], frequency.size)
+    tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))
+    tolerance = min(tolerance, 0.4 * abs(uniform[1] - uniform[0]))
+    return uniform if np.abs(frequency - uniform).max() <= tolerance else frequency
+
+
+def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
+    """Leave out functions without an ascending frequency axis, which nothing can be done with."""
+    good = []
+    for entry in entries:
+        step = np.diff(entry.frequency)
+        if step.size and np.all(step > 0) and np.isfinite(entry.frequency).all():
+            good.append(entry)
+        else:
+            notes.append(f"{entry.source}: left out, its frequency axis does not ascend")
+    if not good:
+        message = f"{entries[0].source}: no function has an ascending frequency axis"
+        raise MeasurementError(message)
+    return good
+
+
+def _one_quantity(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
+    """Differentiate all functions to the highest quantity present; that needs no division at 0 Hz."""
+    highest = max((e.quantity for e in entries), key=DERIVATIVE.__getitem__)
+    others = sorted({e.quantity for e in entries} - {highest})
+    if not others:
+        return entries
+    notes.append(f"functions of {' and '.join(others)} are differentiated to {highest}")
+    converted = []
+    for entry in entries:
+        factor = (2j * np.pi * entry.frequency) ** (DERIVATIVE[highest] - DERIVATIVE[entry.quantity])
+        converted.append(replace(entry, value=entry.value * factor, quantity=highest))
+    return converted
+
+
+def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
+    """Bring all functions onto the lines that they share."""
+    axes = Counter((e.frequency.size, float(e.frequency[0]), float(e.frequency[-1])) for e in entries)
+    reference = next(
+        e.frequency
+        for e in entries
+        if (e.frequency.size, e.frequency[0], e.frequency[-1]) == axes.most_common(1)[0][0]
+    )
+    if all(e.frequency.shape == reference.shape and np.allclose(e.frequency, reference) for e in entries):
+        return [replace(e, frequency=reference) for e in entries]
+    step = float(np.median(np.diff(reference))) if reference.size > 1 else 1.0
+    fitting, lower, upper = [], reference[0], reference[-1]
+    for entry in entries:
+        offset = np.interp(entry.frequency, reference, np.arange(reference.size))
+        inside = (entry.frequency >= reference[0] - 0.1 * step) & (
+            entry.frequency <= reference[-1] + 0.1 * step
+        )
+        offset = offset[inside]
+        on_lines = offset.size > 1 and np.abs(offset - np.round(offset)).max() < 0.1
+        if on_lines and np.all(np.diff(np.round(offset)) == 1) and offset.size >= reference.size // 2:
+            fitting.append(entry)
+            lower, upper = max(lower, entry.frequency[inside][0]), min(upper, entry.frequency[inside][-1])
+        else:
+            notes.append(
+                f"{entry.source}: left out, its {entry.frequency.size} lines from {entry.frequency[0]:g} to "
+                f"{entry.frequency[-1]:g} Hz are not among those of the others, "
+                f"{reference.size} from {reference[0]:g} to {reference[-1]:g} Hz"
+            )
+    common = reference[(reference >= lower - 0.1 * step) & (reference <= upper + 0.1 * step)]
+    if common.size < 2:
+        message = f"{fitting[0].source} and the other functions share fewer than two frequency lines"
+        raise MeasurementError(message)
+    if common.size < reference.size:
+        notes.append(f"all functions are cropped to their common lines, {common[0]:g} to {common[-1]:g} Hz")
+    cropped = []
+    for entry in fitting:
+        keep = (entry.frequency >= common[0] - 0.1 * step) & (entry.frequency <= common[-1] + 0.1 * step)
+        coherence = None if entry.coherence is None else entry.coherence[keep]
+        cropped.append(replace(entry, frequency=common, value=entry.value[keep], coherence=coherence))
+    return cropped
+
+
+_Pairs = dict[tuple[tuple[int, tuple[float, ...]], tuple[int, tuple[float, ...]]], _Entry]
+
+
+def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
+    """Keep the last measurement of each pair of DOFs: one repeats what was in doubt."""
+    pairs: _Pairs = {}
+    for entry in entries:
+        key = (_key(entry.output), _key(entry.input))
+        earlier = pairs.get(key)
+        if earlier is not None:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                change = np.linalg.norm(entry.value - earlier.value) / np.linalg.norm(entry.value)
+            notes.append(
+                f"{_name(key[0])} over {_name(key[1])} is measured twice: {entry.source} replaces "
+                f"{earlier.source}, from which it differs by {100 * change:.2g} %"
+            )
+        pairs[key] = entry
+    return pairs
+
+
+def _full_block(
+    pairs: _Pairs, notes: list[str]
+) -> tuple[list[tuple[int, tuple[float, ...]]], list[tuple[int, tuple[float, ...]]]]:
+    """Return outputs and inputs of which every pair is measured; leave out what has most pairs missing."""
+    outputs = list(dict.fromkeys(output for output, _ in pairs))
+    inputs = list(dict.fromkeys(force for _, force in pairs))
+    while True:
+        missing = np.array([[(o, i) not in pairs for i in inputs] for o in outputs])
+        if not missing.any():
+            return outputs, inputs
+        of_output, of_input = missing.mean(axis=1), missing.mean(axis=0)
+        if of_output.max() >= of_input.max():
+            left_out, role = outputs.pop(int(of_output.argmax())), "response"
+        else:
+            left_out, role = inputs.pop(int(of_input.argmax())), "force"
+        notes.append(f"{role} {_name(left_out)} is left out: not measured with all of the others")
+
+
+def _block(
+    pairs: _Pairs,
+    outputs: list[tuple[int, tuple[float, ...]]],
+    inputs: list[tuple[int, tuple[float, ...]]],
+    notes: list[str],
+) -> tuple[FRF, NDArray[np.float64]]:
+    table = [[pairs[o, i] for i in inputs] for o in outputs]
+    responses, forces = [row[0].output for row in table], [entry.input for entry in table[0]]
+    if len(inputs) > len(outputs):
+        notes.append(
+            f"{len(inputs)} force points and {len(outputs)} response(s): given by reciprocity as "
+            f"{len(inputs)} responses to {len(outputs)} force(s)"
+        )
+        table = [list(column) for column in zip(*table, strict=True)]
+        responses, forces = forces, responses
+    coherence = None
+    entries = [entry for row in table for entry in row]
+    if all(e.coherence is not None for e in entries):
+        coherence = np.array([[e.coherence for e in row] for row in table])
+    elif any(e.coherence is not None for e in entries):
+        notes.append("only some functions have a coherence; it is left out")
+    overload = np.array([max(e.overload for e in row) for row in table])
+    frf = FRF(
+        frequency=entries[0].frequency,
+        value=np.array([[e.value for e in row] for row in table]),
+        quantity=entries[0].quantity,
+        output=_dofs(responses),
+        input=_dofs(forces),
+        run=np.array([row[0].run for row in table]),
+        source=tuple(row[0].source for row in table),
+        coherence=coherence,
+    )
+    return frf, overload
+
+
+def _dofs(dofs: list[Dof]) -> Dofs:
+    return Dofs(node=np.array([d.node for d in dofs]), direction=np.array([d.direction for d in dofs]))

@@ -1,0 +1,1 @@
+"""From FRFs to modes: LSCF poles, stabilisation, choice of modes, maximum likelihood, shapes."""

@@ -1,0 +1,293 @@
+"""From measured functions to a modal model, without any frequency guess.
+
+The way: poles of all model orders (`lscf`), clusters over the orders (`stabilization`), poles that are no
+modes taken away (`significance`), all modes refined together (`refinement`), shapes (`shapes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.campaign.campaign import Campaign
+from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
+from ema.identification.line_weights import coherence_weight
+from ema.identification.maximum_likelihood import Fit
+from ema.identification.run_poles import RunPoles, frequency_damping_std
+from ema.identification.selection import Functions, fit_chosen, inside, select_modes
+from ema.identification.shapes import driving_points, shapes_from_residues
+from ema.identification.significance import variance_inflation
+from ema.identification.stabilization import stabilization
+from ema.modal.mac import frac
+from ema.quality.channels import check, usable
+from ema.quality.linearity import check_force_levels
+from ema.quality.verdict import Verdict
+from ema.types.errors import IdentificationError, MeasurementError
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
+from ema.types.modal_model import ModalModel
+from ema.types.threads import single_threaded
+
+DEFAULT_ORDER = 60
+MIN_LINES = 6
+"""Fewest lines that a band may hold."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Identification:
+    """One configuration from its files to its modes.
+
+    Attributes
+    ----------
+    measurement : Measurement
+        What was identified, without the channels that failed a check; its notes say which.
+    verdicts : tuple of Verdict
+        What the checks found before the identification.
+    modal_model : ModalModel
+        The modes.
+    """
+
+    measurement: Measurement
+    verdicts: tuple[Verdict, ...]
+    modal_model: ModalModel
+
+
+def identify(
+    campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | None = None
+) -> Iterator[Identification]:
+    """Read, check and identify every configuration of a campaign, one after the other.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    poles : mapping of str to (n_mode,) complex, optional
+        Poles chosen by hand, rad/s, by the name of the configuration; the others are found.
+
+    Yields
+    ------
+    Identification
+        In the order of the campaign file, each as soon as it is done.
+
+    Raises
+    ------
+    MeasurementError, IdentificationError
+        See `read_measurement`, `check_linearity`, `usable` and `identify_frf`.
+    """
+    options, chosen = campaign.identification, poles or {}
+    for configuration in campaign.configurations:
+        measurement = read_measurement(campaign, configuration.name)
+        verdicts = check(measurement, options.band)
+        kept = usable(measurement, verdicts)
+        levels = read_force_levels(campaign, configuration.name)
+        verdicts += check_force_levels(measurement, verdicts, levels, options.band)
+        modal_model = identify_frf(
+            kept.frf,
+            kept.geometry,
+            name=configuration.name,
+            band=options.band,
+            order=options.order,
+            pole=chosen.get(configuration.name),
+        )
+        kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
+        yield Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
+
+
+@single_threaded
+def identify_frf(
+    frf: FRF,
+    geometry: Geometry,
+    *,
+    name: str,
+    band: tuple[float, float] | None = None,
+    order: int | None = None,
+    pole: NDArray[np.complex128] | None = None,
+) -> ModalModel:
+    """Identify the modes of one configuration.
+
+    Parameters
+    ----------
+    frf : FRF
+        Measured functions. With more inputs than outputs (a roving hammer) they are used as if response and
+        force had changed places, which linear structures allow (reciprocity): the model's outputs, and so its
+        shapes, are then at the inputs of `frf`.
+    geometry : Geometry
+        The measured points; handed on to the model.
+    name : str
+        The configuration, for the model and for messages.
+    band : (float, float), optional
+        Frequency band, Hz; all lines above 0 Hz where not given.
+    order : int, optional
+        Highest model order, to be well above the number of modes in the band. Where not given 60, less in
+        bands of few lines.
+    pole : (n_mode,) complex, optional
+        Poles chosen by hand (`ema.identification.picking`), rad/s. They are refined; none is added or taken away.
+
+    Raises
+    ------
+    MeasurementError
+        A function is not finite or zero throughout, or the lines do not ascend evenly.
+    IdentificationError
+        The band holds too few lines, or no mode stands out of the noise.
+    """
+    frf = _by_reciprocity(frf)
+    _check(frf, name)
+    lower, upper = band if band is not None else (frf.frequency[frf.frequency > 0.0][0], frf.frequency[-1])
+    lines = frf.band(max(lower, np.finfo(float).tiny), upper)
+    n_line = lines.frequency.size
+    if order is None:
+        order = min(DEFAULT_ORDER, n_line // 3)
+    if n_line < max(MIN_LINES, 2 * order):
+        message = (
+            f"{name}: {n_line} lines in {lower:g}-{upper:g} Hz of {frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz "
+            f"are too few for order {order}: widen the band"
+        )
+        raise IdentificationError(message)
+    data = Functions(
+        frequency=lines.frequency,
+        value=lines.value.reshape(-1, lines.frequency.size),
+        run=np.repeat(lines.run, lines.input.node.size),
+        quantity=lines.quantity,
+        weight=_weight(lines),
+    )
+    if pole is None:
+        candidates = stabilization(lines, order=order).chosen
+        fit, runs = select_modes(data, candidates, (lower, upper))
+    else:
+        candidates = pole
+        if not inside(pole, (lower, upper)).all():
+            outside = np.abs(pole[~inside(pole, (lower, upper))]) / (2.0 * np.pi)
+            message = (
+                f"{name}: chosen poles at {', '.join(f'{f:.6g}' for f in outside)} Hz are not within "
+                f"{lower:g}-{upper:g} Hz by a half bandwidth: widen the band or take them away"
+            )
+            raise IdentificationError(message)
+        fit, runs = fit_chosen(data, candidates, (lower, upper))
+    if not inside(fit.pole, (lower, upper)).any():
+        message = (
+            f"{name}: none of {candidates.size} stable poles in {lower:g}-{upper:g} Hz stands out of "
+            "the noise as a mode: check the data, or give another band"
+        )
+        raise IdentificationError(message)
+    return _model(fit, runs, lines, geometry, name, (float(lower), float(upper)))
+
+
+def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
+    """Say which shapes are not mass-normalised although a driving point was measured."""
+    output = Dofs(node=modal_model.node, direction=modal_model.direction)
+    if modal_model.scaled.all() or not driving_points(output, modal_model.input):
+        return ()
+    listed = ", ".join(f"{f:.5g} Hz" for f in modal_model.frequency[~modal_model.scaled])
+    return (
+        f"shapes at {listed} are not mass-normalised: the residue at the driving point is weaker than three "
+        "standard deviations (a nodal line) or has the wrong sign or phase",
+    )
+
+
+def _weight(frf: FRF) -> NDArray[np.float64]:
+    """Weights ``(n_function, n_frequency)`` of the lines; ones where no coherence was measured."""
+    shape = (-1, frf.frequency.size)
+    if frf.coherence is None:
+        return np.ones_like(frf.value.real).reshape(shape)
+    return coherence_weight(frf.value.reshape(shape), frf.coherence.reshape(shape))
+
+
+def _by_reciprocity(frf: FRF) -> FRF:
+    """Exchange response and force where there are more inputs than outputs."""
+    n_output, n_input, _ = frf.value.shape
+    if n_input <= n_output:
+        return frf
+    return FRF(
+        frequency=frf.frequency,
+        value=frf.value.swapaxes(0, 1),
+        quantity=frf.quantity,
+        output=frf.input,
+        input=frf.output,
+        run=np.zeros(n_input, dtype=int),
+        source=(", ".join(dict.fromkeys(frf.source)),) * n_input,
+        coherence=None if frf.coherence is None else frf.coherence.swapaxes(0, 1),
+    )
+
+
+def _check(frf: FRF, name: str) -> None:
+    """Refuse what would spoil a fit in silence."""
+    step = np.diff(frf.frequency)
+    if step.size == 0 or np.any(np.abs(step - np.median(step)) > 0.01 * np.median(step)):
+        message = f"{name}: the frequency lines do not ascend in even steps; resample the functions"
+        raise MeasurementError(message)
+    finite = np.isfinite(frf.value).all(axis=-1)
+    silent = ~np.any(frf.value, axis=-1)
+    for bad, what in ((~finite, "holds NaN or infinity"), (silent, "is zero at every line")):
+        for o, i in np.argwhere(bad)[:1]:
+            message = (
+                f"{name}: the function of point {frf.output.node[o]} over point {frf.input.node[i]} "
+                f"({frf.source[o]}) {what}; exclude it from the campaign"
+            )
+            raise MeasurementError(message)
+
+
+def _model(
+    fit: Fit, runs: RunPoles, frf: FRF, geometry: Geometry, name: str, band: tuple[float, float]
+) -> ModalModel:
+    n_output, n_input, _ = frf.value.shape
+    n_mode = int(np.count_nonzero(inside(fit.pole, band)))  # those outside come last
+    inflation = np.repeat(np.sqrt(variance_inflation(frf.frequency, fit)), 2)
+    covariance = fit.pole_covariance * np.outer(inflation, inflation)
+    frequency_std, damping_std = frequency_damping_std(fit.pole, covariance)
+    residue = fit.residue.reshape(n_output, n_input, fit.pole.size)
+    variance = _variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))
+    variance = variance[:, :n_mode].reshape(n_output, n_input, n_mode)
+    pole = fit.pole[:n_mode]
+    # Residues at a pole that a run does not have are too small; shapes then join the runs at their own poles.
+    constant = (runs.residue if runs.disagree() else fit.residue)[:, :n_mode]
+    shapes = shapes_from_residues(
+        pole, constant.reshape(n_output, n_input, n_mode), variance, frf.output, frf.input
+    )
+    residual = fit.residual.reshape(frf.value.shape)
+    power = np.sum(np.abs(frf.value) ** 2, axis=-1)
+    return ModalModel(
+        name=name,
+        frequency=np.abs(pole) / (2.0 * np.pi),
+        damping=-pole.real / np.abs(pole),
+        frequency_std=frequency_std[:n_mode],
+        damping_std=damping_std[:n_mode],
+        pole=pole,
+        residue=residue[..., :n_mode],
+        outside_pole=fit.pole[n_mode:],
+        outside_residue=residue[..., n_mode:],
+        lower=fit.lower.reshape(n_output, n_input),
+        upper=fit.upper.reshape(n_output, n_input),
+        shape=shapes.shape,
+        shape_std=shapes.std,
+        scaled=shapes.scaled,
+        node=frf.output.node,
+        direction=frf.output.direction,
+        sensor=frf.sensor,
+        input=frf.input,
+        band=band,
+        geometry=geometry,
+        quantity=frf.quantity,
+        covariance=covariance[: 2 * n_mode, : 2 * n_mode],
+        residue_std=np.sqrt(variance),
+        noise=fit.noise.reshape(n_output, n_input),
+        correlation=frac(frf.value, frf.value - residual),
+        error=np.sqrt(np.sum(np.abs(residual) ** 2, axis=-1) / power),
+        run=runs.run,
+        run_pole=runs.pole[:, :n_mode],
+        run_frequency_std=runs.frequency_std[:, :n_mode],
+        run_damping_std=runs.damping_std[:, :n_mode],
+        run_probability=runs.probability[:, :n_mode],
+    )
+
+
+def _variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance ``(n_function, n_mode)`` of each residue along its own phase."""
+    direction = np.exp(1j * np.angle(residue))
+    index = 2 * np.arange(residue.shape[1])
+    return (
+        direction.real**2 * covariance[:, index, index]
+        + 2.0 * direction.real * direction.imag * covariance[:, index, index + 1]
+        + direction.imag**2 * covariance[:, index + 1, index + 1]
+    )

@@ -1,0 +1,237 @@
+"""Which poles are modes: from candidates to a fit of all modes of a band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.identification.maximum_likelihood import Fit, linear_fit, refine
+from ema.identification.run_poles import RunPoles, run_poles
+from ema.identification.significance import (
+    is_confined,
+    is_split,
+    judge,
+    likeliest_poles,
+    significance_threshold,
+)
+from ema.identification.stabilization import MAX_DAMPING
+from ema.types.frf import Quantity
+
+MAX_MOVE = 5.0
+"""Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
+CLOSE = 3.0
+"""Poles of different runs nearer than this many sums of their half bandwidths may be one mode."""
+_ASIDE = 0.03  # of the band, from its ends: where a flank's pole is first sought; refinement moves it
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Functions:
+    """Functions to fit as rows.
+
+    Attributes
+    ----------
+    frequency : (n_frequency,) float
+        Lines of the band above 0 Hz.
+    value : (n_function, n_frequency) complex
+    run : (n_function,) int
+        Roving run of each function.
+    quantity : {"receptance", "mobility", "accelerance"}
+    weight : (n_function, n_frequency) float
+        Inverse variances that the coherences lead to (`ema.identification.line_weights`); ones where there are none.
+    """
+
+    frequency: NDArray[np.float64]
+    value: NDArray[np.complex128]
+    run: NDArray[np.int64]
+    quantity: Quantity
+    weight: NDArray[np.float64]
+
+    def linear_fit(self, pole: NDArray[np.complex128]) -> Fit:
+        """Fit residues and residual terms at fixed poles."""
+        return linear_fit(self.frequency, self.value, pole, self.quantity)
+
+
+def select_modes(
+    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
+    """Refine what looks like a mode, then look for modes in what is left until none is found.
+
+    Parameters
+    ----------
+    data : Functions
+    candidates : (n_candidate,) complex
+        Poles that may be modes, rad/s.
+    band : (float, float)
+        Where modes are wanted, Hz. A pole just outside of it is kept where it is needed for the misfit that
+        the lower and upper residual terms leave at the ends of the band.
+
+    Returns
+    -------
+    fit : Fit
+        All modes together, ascending in frequency; those outside the band last.
+    runs : RunPoles
+        The same poles run by run.
+    """
+    fit = _without_images(data, _refined(data, _screen(data, candidates), band), band)
+    threshold = significance_threshold(*data.value.shape)
+    searching = True
+    while searching:
+        searching = False
+        for more in _proposals(data, fit, candidates, band):
+            trial = np.append(fit.pole, more)
+            if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
+                continue
+            extended = refine(data.frequency, data.value, trial, data.quantity)
+            gain = 2.0 * (fit.objective - extended.objective)
+            # The others are judged when the search is over: a mode still missing spoils their phases.
+            if gain > threshold and _keep(data, extended, trial, band)[-1] and not is_split(extended, -1):
+                fit = extended
+                searching = True
+                break
+    fit = _refined(data, fit.pole, band)
+    return _finished(data, fit, band)
+
+
+def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit, RunPoles]:
+    """Refine once more with the weights of the coherences, sort, and refine run by run.
+
+    A function is weighted only where that makes its residuals likelier: coherences are lost in files, rounded,
+    or low for other reasons than noise.
+    """
+    residual = np.abs(fit.residual) ** 2
+    likelier = np.sum(data.weight * residual, axis=1) < np.sum(residual, axis=1)
+    weight = np.where(likelier[:, None], data.weight, 1.0)
+    if likelier.any():
+        weighted = refine(data.frequency, data.value, fit.pole, data.quantity, weight)
+        # What leaves its resonance was held there by lines that now count for little.
+        if np.all(np.abs(weighted.pole - fit.pole) < -fit.pole.real):
+            fit = weighted
+    rank = np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))
+    fit = linear_fit(data.frequency, data.value, fit.pole[rank], data.quantity, fit.weight)
+    return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+
+
+def fit_chosen(
+    data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
+    """Refine poles that were chosen by hand, and judge, add and take away none.
+
+    The parameters and results are those of `select_modes`.
+    """
+    return _finished(data, refine(data.frequency, data.value, pole, data.quantity), band)
+
+
+def _proposals(
+    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> NDArray[np.complex128]:
+    """Poles worth a trial: what stands out of the residuals, candidates that no pole of the fit is near, and flanks."""
+    flanks = _flanks(fit, band)
+    if likeliest_poles(data.frequency, fit).size == 0:
+        return flanks
+    distance = np.abs(candidates[:, None] - fit.pole)
+    unused = candidates[np.all(distance > -candidates.real[:, None], axis=1)]
+    return np.concatenate([likeliest_poles(data.frequency, _run_by_run(data, fit)), unused, flanks])
+
+
+def _flanks(fit: Fit, band: tuple[float, float]) -> NDArray[np.complex128]:
+    """Poles just beyond both ends of the band: the flank of a mode there is no line that stands out within it.
+
+    Left out, it is shared between the modes of the band: one 7 % above it, 1 % of every shape.
+    """
+    if fit.pole.size == 0:
+        return np.empty(0, dtype=complex)
+    damping = float(np.median(-fit.pole.real / np.abs(fit.pole)))
+    aside = _ASIDE * (band[1] - band[0])
+    ends = 2.0 * np.pi * np.array([end for end in (band[0] - aside, band[1] + aside) if end > 0.0])
+    return np.asarray(ends * (1j * np.sqrt(1.0 - damping**2) - damping))
+
+
+def _without_images(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit:
+    """Take away poles that stand for one mode at different places in different roving runs.
+
+    Of two close poles the weaker one goes if the runs, each with poles of its own, are likelier without it.
+    """
+    numbers = np.unique(data.run)
+    if numbers.size < 3:
+        return fit
+    rank = np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0))
+    for pole in fit.pole[rank]:
+        rest = fit.pole[fit.pole != pole]
+        if not np.any(np.abs(rest - pole) < CLOSE * -(rest.real + pole.real)):
+            continue
+        alone = sum(
+            refine(data.frequency, data.value[data.run == n], rest, data.quantity).objective for n in numbers
+        )
+        # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
+        if alone + 2 * rest.size * (numbers.size - 1) < fit.objective + 2:
+            fit = _refined(data, rest, band)
+    return fit
+
+
+def _run_by_run(data: Functions, fit: Fit) -> Fit:
+    """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one."""
+    runs = run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+    if not runs.disagree():
+        return fit
+    residual, noise = np.empty_like(fit.residual), np.empty_like(fit.noise)
+    for number, pole in zip(runs.run, runs.pole, strict=True):
+        own = data.run == number
+        alone = linear_fit(data.frequency, data.value[own], pole, data.quantity)
+        residual[own], noise[own] = alone.residual, alone.noise
+    return replace(fit, residual=residual, noise=noise)
+
+
+def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:
+    """Refine, take away what is no mode, and refine again until every pole is one."""
+    while True:
+        fit = refine(data.frequency, data.value, pole, data.quantity)
+        keep = _keep(data, fit, pole, band)
+        if keep.all():
+            return fit
+        pole = pole[keep]
+
+
+def _keep(
+    data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]
+) -> NDArray[np.bool_]:
+    """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
+    verdicts = judge(data.frequency, fit, data.quantity)
+    modes = verdicts.accepted & _sound(fit, start, band) & ~is_confined(fit, data.run)
+    neighbours = (
+        ~inside(fit.pole, band)
+        & ~inside(start, band)
+        & inside(fit.pole, (band[0] - (band[1] - band[0]), 2.0 * band[1] - band[0]))
+        & (-fit.pole.real > 1e-6 * np.abs(fit.pole))
+        & (-fit.pole.real < MAX_DAMPING * np.abs(fit.pole))
+        & (verdicts.statistic > verdicts.threshold)
+    )
+    return modes | neighbours
+
+
+def _screen(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
+    pole = candidates
+    while pole.size:
+        verdicts = judge(data.frequency, data.linear_fit(pole), data.quantity)
+        if verdicts.accepted.all():
+            break
+        score = np.where(verdicts.accepted, np.inf, verdicts.score)
+        pole = np.delete(pole, np.argmin(score))
+    return pole
+
+
+def _sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which refined poles are determined by the data and stayed where they started."""
+    half_bandwidth = -fit.pole.real
+    std = np.sqrt(np.diag(fit.pole_covariance)[1::2])
+    moved = np.abs(fit.pole - start) > MAX_MOVE * np.maximum(half_bandwidth, -start.real)
+    determined = (std < half_bandwidth) & (half_bandwidth <= MAX_DAMPING * np.abs(fit.pole))
+    return inside(fit.pole, band) & ~moved & determined
+
+
+def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell which poles the band (Hz) holds with at least one half bandwidth on each side."""
+    hertz, half_bandwidth = np.abs(pole) / (2.0 * np.pi), -pole.real / (2.0 * np.pi)
+    return (hertz - half_bandwidth >= band[0]) & (hertz + half_bandwidth <= band[1])

@@ -1,0 +1,293 @@
+"""Tables of text: FRFs in the column layouts that test systems export, and lists of points. To SI here."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from ema.io.measured_function import MeasuredFunction
+from ema.io.units import Unit
+from ema.types.errors import MeasurementError
+from ema.types.geometry import Geometry
+
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+Column = Annotated[int, Field(ge=1)]
+
+
+class TableLayout(BaseModel):
+    """How the columns of a text file hold measured functions; keys of ``[measurement.table]``.
+
+    Attributes
+    ----------
+    layout : {"real-imaginary", "magnitude-phase", "complex", "time"}
+        Two columns for each FRF, or one of complex numbers written like ``(1.2-3.4j)`` or ``1.2-3.4i``, or
+        one for each time history.
+    delimiter : {"comma", "semicolon", "tab", "space"}
+        What separates the columns; "space" is any amount of blanks and tabs.
+    decimal : {".", ","}
+        Decimal mark.
+    header_rows : int
+        Rows before the first row of numbers.
+    encoding : str
+        Text encoding of the header.
+    axis_column : int
+        Column of the frequency in Hz or the time in s, counted from 1; 0 when there is none.
+    axis_start, axis_step : float
+        First value and step (Hz or s) of a file without such a column.
+    columns : tuple of tuple of int
+        Columns of each function, e.g. ``[[2, 3], [6, 7]]``; empty takes all columns but the axis.
+    coherence_columns : tuple of int
+        Column of each function's coherence, in the order of the functions; may be empty.
+    phase_unit : {"deg", "rad"}
+        Unit of the phase.
+    magnitude_unit : {"linear", "dB"}
+        "dB" is 20 log10 of the magnitude over one of its unit.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    layout: Literal["real-imaginary", "magnitude-phase", "complex", "time"]
+    delimiter: Literal["comma", "semicolon", "tab", "space"] = "comma"
+    decimal: Literal[".", ","] = "."
+    header_rows: int = Field(default=0, ge=0)
+    encoding: str = "utf-8"
+    axis_column: int = Field(default=1, ge=0)
+    axis_start: float = 0.0
+    axis_step: float = Field(default=0.0, ge=0)
+    columns: tuple[tuple[Column, ...], ...] = ()
+    coherence_columns: tuple[Column, ...] = ()
+    phase_unit: Literal["deg", "rad"] = "deg"
+    magnitude_unit: Literal["linear", "dB"] = "linear"
+
+    @property
+    def width(self) -> int:
+        """Number of columns of one function."""
+        return 2 if self.layout in ("real-imaginary", "magnitude-phase") else 1
+
+    @model_validator(mode="after")
+    def _consistent(self) -> TableLayout:
+        width = self.width
+        if any(len(columns) != width for columns in self.columns):
+            message = f"layout {self.layout!r} takes {width} column(s) for each function in 'columns'"
+            raise ValueError(message)
+        if self.axis_column == 0 and self.axis_step <= 0:
+            message = (
+                "without a column of the frequency or time (axis_column = 0), axis_step must be positive"
+            )
+            raise ValueError(message)
+        if self.decimal == "," and self.delimiter == "comma":
+            message = "the comma cannot be both delimiter and decimal mark"
+            raise ValueError(message)
+        return self
+
+
+def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[MeasuredFunction, ...]:
+    """Read every function of a text table, plain or gzip-compressed (``.gz``).
+
+    FRFs of `unit` come in SI units. Time histories come as they stand, as functions of kind "response",
+    since only the user knows which column is the force. Tables state no degrees of freedom, so `output` and
+    `input` of the functions are None.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read as `layout` describes it; the message names file, row and column.
+    """
+    rows = _rows(path, layout)
+    width = len(_split(rows[0], layout.delimiter))
+    columns = layout.columns or _all_columns(width, layout, path)
+    used = [*(c for group in columns for c in group), *layout.coherence_columns]
+    if layout.axis_column:
+        used.append(layout.axis_column)
+    if max(used) > width:
+        message = (
+            f"{path}: column {max(used)} is asked for, but row {layout.header_rows + 1} has {width} columns"
+        )
+        raise MeasurementError(message)
+    table = _numbers(path, rows, layout, sorted(set(used)))
+    if layout.axis_column:
+        axis = table[layout.axis_column].real
+    else:
+        axis = layout.axis_start + layout.axis_step * np.arange(len(rows))
+    if not np.all(np.diff(axis) > 0):
+        row = layout.header_rows + 2 + int(np.argmin(np.diff(axis) > 0))
+        message = f"{path}: row {row}, column {layout.axis_column}: the frequency or time does not ascend"
+        raise MeasurementError(message)
+    functions = []
+    for group in columns:
+        source = f"{path}: column {', '.join(map(str, group))}"
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # what is not finite is for the quality check to say
+            value = _complex(layout, [table[c] for c in group]) * (1.0 if unit is None else unit.factor)
+        functions.append(
+            MeasuredFunction(
+                kind="response" if layout.layout == "time" else "frf",
+                abscissa=axis,
+                value=value,
+                quantity=None if unit is None else unit.frf,
+                output=None,
+                input=None,
+                source=source,
+            )
+        )
+    for column in layout.coherence_columns:
+        functions.append(
+            MeasuredFunction(
+                kind="coherence",
+                abscissa=axis,
+                value=table[column].real,
+                quantity=None,
+                output=None,
+                input=None,
+                source=f"{path}: column {column}",
+            )
+        )
+    return tuple(functions)
+
+
+def read_points(path: Path, unit: Unit) -> Geometry:
+    """Read a list of points: a header row ``node,x,y,z``, then one row for each point.
+
+    Columns may stand in any order and others are ignored; semicolons as delimiters allow decimal commas.
+
+    Raises
+    ------
+    MeasurementError
+        A column is missing or a row is not numbers; the message names file, row and column.
+    """
+    text = _text(path, "utf-8-sig")
+    head = text.partition("\n")[0]
+    delimiter = next((d for d in ";\t," if d in head), ",")
+    reader = csv.DictReader(text.splitlines(), delimiter=delimiter)
+    names = {(name or "").strip().casefold(): name for name in reader.fieldnames or ()}
+    missing = [name for name in ("node", "x", "y", "z") if name not in names]
+    if missing:
+        message = f"{path}: row 1 must name the columns node, x, y, z; missing: {', '.join(missing)}"
+        raise MeasurementError(message)
+    points: dict[int, list[float]] = {}
+    for row in reader:
+        if not any((value or "").strip() for value in row.values() if isinstance(value, str)):
+            continue
+        cells = {key: str(row[names[key]] or "").strip() for key in ("node", "x", "y", "z")}
+        decimal = "," if delimiter == ";" else "."
+        try:
+            node = int(np.int64(cells["node"]))
+            xyz = [float(cells[key].replace(decimal, ".")) for key in ("x", "y", "z")]
+        except (ValueError, OverflowError) as error:
+            message = f"{path}: row {reader.line_num}: expected a point number and x, y, z, found {cells}"
+            raise MeasurementError(message) from error
+        if node in points or not np.isfinite(xyz).all():
+            message = f"{path}: row {reader.line_num}: point {node} is given twice or not finite"
+            raise MeasurementError(message)
+        points[node] = xyz
+    if not points:
+        message = f"{path}: no points below the header row"
+        raise MeasurementError(message)
+    return Geometry(
+        node=np.array(list(points)),
+        coordinate=np.array(list(points.values())) * unit.factor,
+        line=np.empty((0, 2), dtype=np.int64),
+    )
+
+
+def _text(path: Path, encoding: str) -> str:
+    try:
+        data = path.read_bytes()
+        if path.suffix == ".gz":
+            data = gzip.decompress(data)
+        return data.decode(encoding)
+    except FileNotFoundError as error:
+        message = f"{path}: cannot be read: there is no such file"
+        raise MeasurementError(message) from error
+    except (OSError, EOFError, ValueError, LookupError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
+        message = (
+            f"{path}: cannot be read as text in encoding {encoding!r}: {error}; say encoding = 'latin-1' or "
+            "another one in [measurement.table], or convert binary files (MATLAB, NumPy, zip) to CSV"
+        )
+        raise MeasurementError(message) from error
+
+
+def _rows(path: Path, layout: TableLayout) -> list[str]:
+    rows = _text(path, layout.encoding).splitlines()[layout.header_rows :]
+    while rows and not rows[-1].strip():
+        rows.pop()
+    if not rows:
+        message = f"{path}: no rows of numbers after {layout.header_rows} header rows"
+        raise MeasurementError(message)
+    return rows
+
+
+def _split(row: str, delimiter: str) -> list[str]:
+    cells = row.split(_DELIMITERS[delimiter])
+    while cells and not cells[-1].strip():  # a delimiter that ends the row opens no column
+        cells.pop()
+    return cells
+
+
+def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int, ...], ...]:
+    step = layout.width
+    taken = {layout.axis_column, *layout.coherence_columns}
+    free = [c for c in range(1, width + 1) if c not in taken]
+    if not free or len(free) % step:
+        message = (
+            f"{path}: row {layout.header_rows + 1} has {len(free)} columns for functions, which is not "
+            f"{step} for each; is the delimiter {layout.delimiter!r} right? Else name them in 'columns'"
+        )
+        raise MeasurementError(message)
+    return tuple(tuple(free[i : i + step]) for i in range(0, len(free), step))
+
+
+def _numbers(path: Path, rows: list[str], layout: TableLayout, columns: list[int]) -> dict[int, NDArray[Any]]:
+    """Return the wanted columns; numbers are read in one go, and cell by cell only to name the fault."""
+    if layout.decimal == ",":
+        rows = [row.replace(",", ".") for row in rows]
+    if layout.layout != "complex":
+        try:
+            table = np.loadtxt(
+                rows,
+                delimiter=_DELIMITERS[layout.delimiter],
+                usecols=[c - 1 for c in columns],
+                ndmin=2,
+                comments=None,
+            )
+            if len(table) == len(rows):
+                return dict(zip(columns, table.T, strict=True))
+        except ValueError:
+            pass  # the loop below names the cell
+    cells: dict[int, list[complex]] = {c: [] for c in columns}
+    for index, row in enumerate(rows):
+        words = _split(row, layout.delimiter)
+        for column in columns:
+            word = words[column - 1].strip() if column <= len(words) else ""
+            try:
+                cells[column].append(_number(word))
+            except ValueError as error:
+                where = f"{path}: row {layout.header_rows + index + 1}, column {column}"
+                message = f"{where}: expected a number, found {word!r}"
+                raise MeasurementError(message) from error
+    return {column: np.array(values) for column, values in cells.items()}
+
+
+def _number(word: str) -> complex:
+    compact = word.replace(" ", "").strip("()")
+    # "i" alone, and not that of "inf", is the other spelling of the imaginary unit
+    return complex(compact[:-1] + "j" if compact.endswith(("i", "I", "J")) else compact)
+
+
+def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[Any]:
+    if layout.layout == "time":
+        return np.asarray(columns[0].real)
+    if layout.layout == "complex":
+        return np.asarray(columns[0], dtype=complex)
+    first, second = columns[0].real, columns[1].real
+    if layout.layout == "real-imaginary":
+        return np.asarray(first + 1j * second)
+    magnitude = 10 ** (first / 20) if layout.magnitude_unit == "dB" else first
+    return np.asarray(magnitude * np.exp(1j * (np.deg2rad(second) if layout.phase_unit == "deg" else second)))

@@ -1,0 +1,418 @@
+"""Universal files: measured functions, points and units in; FRFs and points out. All to SI here.
+
+pyuff reads and writes the sets of points, lines, coordinate systems and units. It is handed data sets that
+were cut out and cleaned here: it pairs delimiters by searching the raw bytes, so that a doubled delimiter,
+or a data line that ends in ``-1``, would shift every later set.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyuff
+from numpy.typing import NDArray
+
+from ema.io.files import whole
+from ema.io.measured_function import Kind, MeasuredFunction
+from ema.io.uff58 import DataSet, Record58, cut, read_58
+from ema.io.uff_sets import encoded_frfs, geometry_sets, mode_sets
+from ema.io.units import Unit, parse_unit
+from ema.types.errors import MeasurementError
+from ema.types.frf import FRF, Quantity
+from ema.types.geometry import Geometry
+from ema.types.modal_model import ModalModel
+
+_GEOMETRY_SETS = ("15", "18", "82", "164", "2411", "2412", "2420")
+_MOTION_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+_FORCE_TYPES = (9, 13)
+_LARGEST = 1e10  # point numbers have ten digits
+_KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FileUnits:
+    """Length and force unit of a file's values, in m and N, and whether data set 164 stated them."""
+
+    length: float
+    force: float
+    stated: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _System:
+    """A Cartesian coordinate system: its axes as rows, and its origin, in global coordinates."""
+
+    axes: NDArray[np.float64]
+    origin: NDArray[np.float64]
+
+
+def read_uff_functions(
+    path: Path, unit: Unit | None = None
+) -> tuple[tuple[MeasuredFunction, ...], tuple[str, ...]]:
+    """Read every dataset 58 and 58b of a universal file, in SI units.
+
+    The unit labels of a function decide, as the standard says; where they are absent, its data types with
+    the factors of data set 164; where both contradict each other the labels are followed and a note says so.
+
+    Parameters
+    ----------
+    path : Path
+        Universal file.
+    unit : Unit, optional
+        Unit of all FRFs in the file, from a user who knows better than the file.
+
+    Returns
+    -------
+    functions : tuple of MeasuredFunction
+    notes : tuple of str
+        What was odd in the file and how it was resolved.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read; the message names file, data set and field.
+    """
+    sets = cut(path)
+    notes: list[str] = []
+    units = _file_units(_parsed([s for s in sets if s.kind == "164"]), notes)
+    functions = []
+    for data_set in sets:
+        if data_set.kind in ("58", "58b"):
+            record = read_58(data_set)
+            notes += record.notes
+            functions.append(_function(record, units, unit, notes))
+    if not functions:
+        message = f"{path}: no function (dataset 58) in the file; it holds {_listed(sets)}"
+        raise MeasurementError(message)
+    return tuple(functions), tuple(notes)
+
+
+def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geometry, tuple[str, ...]]:
+    """Read points (15, 2411), coordinate systems (18, 2420) and trace lines (82, 2412) of a universal file.
+
+    Parameters
+    ----------
+    path : Path
+        Universal file.
+    length_unit : Unit, optional
+        Unit of the coordinates, from a user who knows better than data set 164.
+
+    Returns
+    -------
+    geometry : Geometry
+        Coordinates in m; local axes are those of each point's displacement coordinate system.
+    notes : tuple of str
+        What was odd in the file and how it was resolved.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or holds no points; the message names file, data set and field.
+    """
+    sets = cut(path)
+    parsed = _parsed([s for s in sets if s.kind in _GEOMETRY_SETS])
+    notes: list[str] = []
+    units = _file_units(parsed, notes)
+    if length_unit is None and not units.stated:
+        notes.append(f"{path}: no units (data set 164); coordinates are taken to be in m")
+    scale = units.length if length_unit is None else length_unit.factor
+    geometry = _points(
+        parsed, scale, f"{path}: no points (15, 2411) in the file; it holds {_listed(sets)}", notes
+    )
+    line = _trace_lines(parsed)
+    known = np.isin(line, geometry.node).all(axis=1)
+    if not known.all():
+        absent = sorted({int(n) for n in line[~known].ravel()} - {int(n) for n in geometry.node})
+        notes.append(f"{path}: lines to points without coordinates are left out, points {absent[:10]}")
+    return replace(geometry, line=line[known]), tuple(notes)
+
+
+def write_uff(
+    path: Path, geometry: Geometry, frf: FRF | None = None, modal_model: ModalModel | None = None
+) -> None:
+    """Write points, trace lines and, if given, modes and FRFs to a universal file, in SI units.
+
+    Sets 164, 2420 (where points have local axes), 2411, 82 and for each mode 55 through pyuff, then a dataset
+    58b of single precision for each function and its coherence. The file is written beside its place and then
+    put there.
+
+    Raises
+    ------
+    MeasurementError
+        A direction is not along an axis of its point, or the frequency axis is not uniform, so that the
+        format cannot hold it.
+    """
+    path = Path(path)
+    blocks = b"" if frf is None else b"".join(encoded_frfs(frf, geometry))
+    sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model))
+    with whole(path, MeasurementError) as part:
+        pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
+        with part.open("ab") as file:
+            file.write(blocks)
+
+
+def _listed(sets: list[DataSet]) -> str:
+    return "data sets " + ", ".join(sorted({s.kind for s in sets}))
+
+
+def _parsed(sets: list[DataSet]) -> list[tuple[str, dict[str, Any]]]:
+    """Have pyuff read geometry and unit sets; return each with the name to use in messages."""
+    result = []
+    with tempfile.TemporaryDirectory() as folder:
+        clean = Path(folder) / "clean.uff"
+        for data_set in sets:
+            clean.write_bytes(
+                b"    -1\n" + data_set.kind_line.rstrip() + b"\n" + _cleaned(data_set) + b"    -1\n"
+            )
+            try:
+                content = pyuff.UFF(str(clean)).read_sets(0)
+            except Exception as error:  # pyuff raises bare exceptions
+                message = f"{data_set.where}: {_first_fault(data_set)}"
+                raise MeasurementError(message) from error
+            if "type" not in content:
+                message = f"{data_set.where}: {_first_fault(data_set)}"
+                raise MeasurementError(message)
+            result.append((data_set.where, content))
+    return result
+
+
+def _cleaned(data_set: DataSet) -> bytes:
+    """Keep pyuff from taking data for a delimiter, and separate the columns of set 15 that may touch."""
+    lines = []
+    for line in data_set.body.replace(b"\r", b"").splitlines():
+        text = line.decode("latin-1")
+        if data_set.kind == "15":
+            cells = [text[10 * i : 10 * i + 10] for i in range(4)] + [
+                text[13 * i + 40 : 13 * i + 53] for i in range(3)
+            ]
+            if all(_is_number(cell) for cell in cells):
+                text = " " + " ".join(cells)
+        lines.append(re.sub("    -1$", "    -1 ", text) + "\n")
+    return "".join(lines).encode("ascii", errors="replace")
+
+
+def _first_fault(data_set: DataSet) -> str:
+    """Name the first line with a word that should be a number, or else the set as a whole."""
+    labelled = data_set.kind in (
+        "18",
+        "82",
+        "164",
+        "2420",
+    )  # these have lines of free text between the numbers
+    for row, line in enumerate(data_set.body.splitlines(), start=1):
+        words = line.decode("latin-1").split()
+        if not labelled and not all(_is_number(word) for word in words):
+            return (
+                f"line {row} of the set holds {line.decode('latin-1').strip()!r}, which is not numbers only"
+            )
+    return "its records are incomplete or hold text in place of numbers"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.lower().replace("d", "e"))
+    except ValueError:
+        return False
+    return True
+
+
+def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> _FileUnits:
+    """Return the units of data set 164, whose factors divide a value of the file to give SI."""
+    stated = [(where, content) for where, content in parsed if content["type"] == 164]
+    if not stated:
+        return _FileUnits(length=1.0, force=1.0, stated=False)
+    where, content = stated[0]
+    length, force = content["length"], content["force"]
+    if not (np.isfinite(length) and np.isfinite(force) and length > 0 and force > 0):
+        message = f"{where}: field 'unit factors' must be positive, found length {length}, force {force}"
+        raise MeasurementError(message)
+    factors = {1: (1.0, 1.0), 3: (1.0, 1 / 9.80665), 5: (1e3, 1e3), 6: (1e2, 1e2)}
+    expected = factors.get(content["units_code"], (length, force))
+    if not np.allclose(expected, (length, force), rtol=1e-3):
+        notes.append(
+            f"{where}: units code {content['units_code']} contradicts the factors "
+            f"(length {length:g}, force {force:g}); the factors are used"
+        )
+    return _FileUnits(length=1.0 / length, force=1.0 / force, stated=True)
+
+
+def _function(record: Record58, units: _FileUnits, unit: Unit | None, notes: list[str]) -> MeasuredFunction:
+    header = record.header
+    kind = _KINDS.get(header["function type"], "other")
+    if any(abs(header[f"{end} direction"]) > 3 for end in ("response", "reference")):
+        notes.append(f"{record.where}: a rotation or an unknown direction; it is not used")
+        kind = "other"
+    quantity: Quantity | None = None
+    factor = 1.0
+    if kind == "frf" and unit is not None:
+        factor, quantity = unit.factor, unit.frf
+    elif kind in ("frf", "response"):
+        motion = _axis_unit(record, "ordinate numerator", units, notes)
+        force = _axis_unit(record, "ordinate denominator", units, notes)
+        if kind == "response":
+            kind = "force" if motion is not None and motion.is_force else kind
+            factor, quantity = (1.0, None) if motion is None else (motion.factor, motion.motion)
+        elif motion is not None and motion.frf is not None:
+            factor, quantity = motion.factor, motion.frf
+        elif motion is not None and motion.motion is not None:
+            denominator = force.factor if force is not None and force.is_force else units.force
+            factor, quantity = motion.factor / denominator, motion.motion
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
+        value = record.value.real if kind == "coherence" else record.value * factor
+    return MeasuredFunction(
+        kind=kind,
+        abscissa=record.abscissa,
+        value=value,
+        quantity=quantity,
+        output=_degree(header["response node"], header["response direction"]),
+        input=_degree(header["reference node"], header["reference direction"]),
+        source=record.where,
+    )
+
+
+def _axis_unit(record: Record58, axis: str, units: _FileUnits, notes: list[str]) -> Unit | None:
+    """Return the unit of an axis from its label, else from its data type with the units of the file."""
+    code = record.header[f"{axis} specific data type"]
+    label = record.header[f"{axis} units label"]
+    from_type = None
+    if code in _MOTION_TYPES:
+        dimension = {"receptance": 0, "mobility": -1, "accelerance": -2}[_MOTION_TYPES[code]]
+        from_type = Unit(factor=units.length, dimension=(1, dimension, 0))
+    elif code in _FORCE_TYPES:
+        from_type = Unit(factor=units.force, dimension=(0, 0, 1))
+    if label.upper() in ("", "NONE"):
+        return from_type
+    try:
+        from_label = parse_unit(label)
+    except MeasurementError as error:
+        notes.append(f"{record.where}: field '{axis} units label': {error}; its data type {code} is used")
+        return from_type
+    single = from_label.frf is None  # a label of the whole FRF says more than the type of its numerator
+    if from_type is not None and single and from_type.dimension != from_label.dimension:
+        notes.append(
+            f"{record.where}: {axis}: data type {code} contradicts the unit {label!r}; the unit is used"
+        )
+    return from_label
+
+
+def _degree(node: int, direction: int) -> tuple[int, int] | None:
+    return (node, direction) if node > 0 and 1 <= abs(direction) <= 3 else None
+
+
+def _points(
+    parsed: list[tuple[str, dict[str, Any]]], scale: float, none_found: str, notes: list[str]
+) -> Geometry:
+    systems = _systems(parsed)
+    coordinate: dict[int, NDArray[np.float64]] = {}
+    axes: dict[int, NDArray[np.float64]] = {}
+    unknown: set[int] = set()
+    for where, content in parsed:
+        if content["type"] not in (15, 2411):
+            continue
+        columns = [content[key] for key in ("node_nums", "def_cs", "disp_cs", "x", "y", "z")]
+        if len({len(column) for column in columns}) != 1 or not np.all(
+            np.abs(np.array(columns, float)) < _LARGEST
+        ):
+            message = f"{where}: the records of the points are incomplete or not finite"
+            raise MeasurementError(message)
+        for label, defined, measured, *xyz in zip(*columns, strict=True):
+            node = int(label)
+            unknown |= {int(s) for s in (defined, measured) if s and int(s) not in systems}
+            system = systems.get(int(defined))
+            local = np.array(xyz, float)
+            position = local if system is None else local @ system.axes + system.origin
+            if node in coordinate and not np.allclose(position, coordinate[node]):
+                notes.append(
+                    f"{where}: point {node} is given twice with other coordinates; the first ones are kept"
+                )
+                continue
+            coordinate[node] = position
+            axes[node] = systems[int(measured)].axes if int(measured) in systems else np.eye(3)
+    if not coordinate:
+        raise MeasurementError(none_found)
+    if unknown:
+        notes.append(
+            f"coordinate systems {sorted(unknown)} are used but not defined; taken to be the global one"
+        )
+    return Geometry(
+        node=np.array(list(coordinate)),
+        coordinate=np.array(list(coordinate.values())) * scale,
+        line=np.empty((0, 2), dtype=np.int64),
+        axes=np.array(list(axes.values())),
+    )
+
+
+def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
+    """Return the coordinate systems by label.
+
+    A matrix of set 2420 has the origin as its fourth row, so it multiplies row vectors from the right and
+    its first three rows are the local axes in global coordinates.
+    """
+    systems: dict[int, _System] = {}
+    for where, content in parsed:
+        if content["type"] == 2420:
+            keys = ("CS_sys_labels", "CS_types", "CS_sys_labels")
+            matrices = [np.asarray(matrix, float) for matrix in content["CS_matrices"]]
+            frames = [(matrix[:3], matrix[3]) for matrix in matrices]
+        elif content["type"] == 18:
+            keys = ("cs_num", "cs_type", "ref_cs_num")
+            points = [np.asarray(content[key], float) for key in ("ref_o", "x_point", "xz_point")]
+            if not all(np.all(np.abs(p) < 1e30) for p in points):
+                message = f"{where}: the points of the coordinate systems are not finite"
+                raise MeasurementError(message)
+            frames = [(_axes(o, x, xz), o) for o, x, xz in zip(*points, strict=False)]
+        else:
+            continue
+        numbers = [np.asarray(content[key], float) for key in keys]
+        if {len(n) for n in numbers} != {len(frames)} or not np.all(np.abs(numbers) < _LARGEST):
+            message = f"{where}: the records of the coordinate systems are incomplete or not finite"
+            raise MeasurementError(message)
+        for (label, kind, reference), (rows, origin) in zip(np.transpose(numbers), frames, strict=True):
+            length = np.linalg.norm(rows, axis=1, keepdims=True)
+            if kind != 0 or not (np.isfinite(rows).all() and np.all(length > 0)):
+                message = f"{where}: coordinate system {int(label)} is not Cartesian with three axes"
+                raise MeasurementError(message)
+            base = systems.get(int(reference)) if content["type"] == 18 else None
+            axes, start = rows / length, origin
+            if base is not None:
+                axes, start = axes @ base.axes, origin @ base.axes + base.origin
+            systems[int(label)] = _System(axes=axes, origin=start)
+    return systems
+
+
+def _axes(
+    origin: NDArray[np.float64], on_x: NDArray[np.float64], on_xz: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return axes (not of unit length) from the origin, a point on +x and one in the +xz plane."""
+    x = on_x - origin
+    y = np.cross(on_xz - origin, x)
+    return np.array([x, y, np.cross(x, y)])
+
+
+def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
+    """Return the pairs of points joined by trace lines (82) and element edges (2412), once each."""
+    pairs: list[tuple[int, int]] = []
+    for where, content in parsed:
+        if content["type"] == 82:
+            values = np.asarray(content["nodes"], float)
+            if not np.all(np.abs(values) < _LARGEST):  # also where it is not a number
+                message = f"{where}: field 'nodes defining trace line' holds values that are no point numbers"
+                raise MeasurementError(message)
+            nodes = values.astype(int).tolist()
+            pairs += [(a, b) for a, b in pairwise(nodes) if a > 0 and b > 0]
+        elif content["type"] == 2412:
+            for elements in (value for value in content.values() if isinstance(value, list)):
+                for element in elements:
+                    nodes = [int(n) for n in element["nodes_nums"]]
+                    if any(abs(n) >= _LARGEST for n in nodes):
+                        message = f"{where}: an element has nodes that are no point numbers"
+                        raise MeasurementError(message)
+                    pairs += zip(nodes, nodes[1:] + nodes[:1] if len(nodes) > 2 else nodes[1:], strict=False)
+    once = dict.fromkeys((min(pair), max(pair)) for pair in pairs if pair[0] != pair[1])
+    return np.array(list(once), dtype=np.int64).reshape(-1, 2)

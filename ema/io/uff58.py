@@ -1,0 +1,368 @@
+"""Universal file structure, and dataset 58 (ASCII) and 58b (binary), function at nodal DOF.
+
+Dataset 58 is read and written here and not by pyuff, because pyuff replaces an unreadable integer of the
+header by 0 without a word, ends a binary block at the first bytes that look like a delimiter, answers every
+fault with one message, and writes a wrong byte count into the header of 58b.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.errors import MeasurementError
+
+_HEADER_LINES = 11
+_SIZE = {2: 4, 4: 8, 5: 4, 6: 8}
+_COMPLEX = (5, 6)
+# Field widths of the records, each as (width, name, type), after the description of dataset 58.
+_Fields = tuple[tuple[int, str, Callable[[str], Any]], ...]
+_DOF: _Fields = (
+    (5, "function type", int),
+    (10, "function number", int),
+    (5, "version number", int),
+    (10, "load case", int),
+    (11, "response name", str),
+    (10, "response node", int),
+    (4, "response direction", int),
+    (11, "reference name", str),
+    (10, "reference node", int),
+    (4, "reference direction", int),
+)
+_FORM: _Fields = (
+    (10, "ordinate data type", int),
+    (10, "number of values", int),
+    (10, "abscissa spacing", int),
+    (13, "abscissa minimum", float),
+    (13, "abscissa increment", float),
+    (13, "z-axis value", float),
+)
+_AXIS: _Fields = (
+    (10, "specific data type", int),
+    (5, "length exponent", int),
+    (5, "force exponent", int),
+    (5, "temperature exponent", int),
+    (21, "axis label", str),
+    (21, "units label", str),
+)
+_BINARY: _Fields = (
+    (7, "kind", str),
+    (6, "byte order", int),
+    (6, "floating-point format", int),
+    (12, "number of ASCII lines", int),
+    (12, "number of bytes", int),
+)
+_AXES = ("abscissa", "ordinate numerator", "ordinate denominator", "z-axis")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DataSet:
+    """One data set cut out of a universal file.
+
+    Attributes
+    ----------
+    where : str
+        File, number and kind of the data set, for messages.
+    kind : str
+        "58", "58b", "2411", ...
+    kind_line : bytes
+        Its first line, which for 58b also describes the binary block.
+    body : bytes
+        All that follows the first line, without the closing delimiter.
+    closed : bool
+        Whether a delimiter closed it.
+    """
+
+    where: str
+    kind: str
+    kind_line: bytes
+    body: bytes
+    closed: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Record58:
+    """Content of a dataset 58 in the units of its file.
+
+    `header` holds "function type", "response node", "response direction", "reference node", "reference
+    direction" and, for each axis, entries like "ordinate numerator units label".
+    """
+
+    where: str
+    header: dict[str, Any]
+    abscissa: NDArray[np.float64]
+    value: NDArray[Any]
+    notes: tuple[str, ...]
+
+
+def cut(path: Path) -> list[DataSet]:
+    """Cut a universal file into data sets; doubled or missing delimiters do not shift the following sets.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read or has no data set.
+    """
+    try:
+        data = path.read_bytes().removeprefix(codecs.BOM_UTF8)  # which editors put before the first delimiter
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
+        raise MeasurementError(message) from error
+    sets: list[DataSet] = []
+    position = 0
+    while position < len(data):
+        line, position = _line(data, position)
+        if not _is_delimiter(line):
+            continue
+        while _is_delimiter(line):
+            line, position = _line(data, position)
+        kind = re.match(rb" *(\d{1,6})([bB]?)", line)
+        if kind is None:
+            continue
+        name = (kind[1].lstrip(b"0") + kind[2].lower()).decode()
+        where = f"{path}: data set {len(sets) + 1} ({name})"
+        end = _binary_end(data, position, where) if name == "58b" else _text_end(data, position)
+        body = data[position : end[0]]
+        sets.append(DataSet(where=where, kind=name, kind_line=line, body=body, closed=end[1] >= 0))
+        position = end[1] if end[1] >= 0 else len(data)
+    if not sets:
+        message = f"{path}: not a universal file: no data set between delimiter lines '    -1'"
+        raise MeasurementError(message)
+    return sets
+
+
+def read_58(data_set: DataSet) -> Record58:
+    """Read one dataset 58 or 58b.
+
+    Raises
+    ------
+    MeasurementError
+        A field of the header or the data cannot be read; the message names file, data set and field.
+    """
+    notes = (
+        []
+        if data_set.closed
+        else [f"{data_set.where}: not closed by a delimiter; read to the end of the file"]
+    )
+    lines, body = _header_lines(data_set.body)
+    if len(lines) < _HEADER_LINES:
+        message = f"{data_set.where}: the header has {len(lines)} lines instead of {_HEADER_LINES}"
+        raise MeasurementError(message)
+    header = _fields(lines[5], _DOF, "", data_set.where) | _fields(lines[6], _FORM, "", data_set.where)
+    for name, line in zip(_AXES, lines[7:], strict=True):
+        header |= _fields(line, _AXIS, f"{name} ", data_set.where)
+    ordinate = header["ordinate data type"]
+    if ordinate not in _SIZE:
+        message = f"{data_set.where}: ordinate data type {ordinate} is not one of 2, 4, 5, 6"
+        raise MeasurementError(message)
+    uneven = header["abscissa spacing"] == 0
+    per_value = (2 if ordinate in _COMPLEX else 1) + (1 if uneven else 0)
+    if data_set.kind == "58b":
+        numbers = _binary_numbers(data_set, body, header, per_value, notes)
+    else:
+        numbers = _text_numbers(data_set.where, body, ordinate, uneven)
+    count = numbers.size // per_value
+    announced = header["number of values"]
+    if count < announced or numbers.size - announced * per_value >= 6:
+        notes.append(
+            f"{data_set.where}: the header announces {announced} values, the data hold {count}; all are used"
+        )
+    else:
+        count = announced  # what exceeds the count by less than a line fills up the last line
+    if count == 0:
+        message = f"{data_set.where}: no data values"
+        raise MeasurementError(message)
+    table = numbers[: count * per_value].reshape(count, per_value)
+    abscissa, table = (
+        (table[:, 0], table[:, 1:]) if uneven else (_even_abscissa(header, count, data_set), table)
+    )
+    value = table[:, 0] + 1j * table[:, 1] if ordinate in _COMPLEX else table[:, 0]
+    return Record58(where=data_set.where, header=header, abscissa=abscissa, value=value, notes=tuple(notes))
+
+
+def encode_58b(header: dict[str, Any], start: float, step: float, value: NDArray[Any]) -> bytes:
+    """Return a dataset 58b with delimiters: little-endian, single precision, even abscissa.
+
+    Parameters
+    ----------
+    header : dict
+        Entries as in `Record58.header`; those that are absent are written as 0 or NONE. "id" may hold up
+        to five identification lines.
+    start, step : float
+        First abscissa and its increment.
+    value : (n_value,) float or complex
+        Ordinate.
+    """
+    is_complex = np.iscomplexobj(value)
+    block = np.ascontiguousarray(value, dtype="<c8" if is_complex else "<f4").tobytes()
+    form = {
+        "ordinate data type": 5 if is_complex else 2,
+        "number of values": value.size,
+        "abscissa spacing": 1,
+        "abscissa minimum": start,
+        "abscissa increment": step,
+    }
+    identification = [*header.get("id", ()), *["NONE"] * 5][:5]
+    lines = [
+        f"{-1:6d}",
+        f"{58:6d}b{1:6d}{2:6d}{_HEADER_LINES:12d}{len(block):12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+        *(f"{line:<80.80}" for line in identification),
+        _record(header, _DOF, ""),
+        _record(form, _FORM, ""),
+        *(_record(header, _AXIS, f"{name} ") for name in _AXES),
+    ]
+    return ("\n".join(lines) + "\n").encode() + block + f"{-1:6d}\n".encode()
+
+
+def _record(values: dict[str, Any], fields: _Fields, prefix: str) -> str:
+    text = ""
+    for width, name, kind in fields:
+        if kind is str:
+            text += f" {values.get(prefix + name, 'NONE'):<{width - 1}.{width - 1}}"
+        elif kind is float:
+            # seven decimals fill the 13 columns; the standard's five misplace a fine frequency axis
+            text += f"{values.get(prefix + name, 0.0):{width}.{width - 6}e}"
+        else:
+            text += f"{values.get(prefix + name, 0):{width}d}"
+    return text
+
+
+def _line(data: bytes, position: int) -> tuple[bytes, int]:
+    """Return the line that starts at `position` without its end, and where the next one starts."""
+    end = data.find(b"\n", position)
+    end = len(data) if end < 0 else end
+    return data[position:end].rstrip(b"\r"), end + 1
+
+
+def _is_delimiter(line: bytes) -> bool:
+    return line.strip() == b"-1" and len(line.rstrip()) <= 6
+
+
+_DELIMITER = re.compile(rb"(?:^|\n) {0,4}-1 *\r?(?:\n|\Z)")
+_AFTER_BLOCK = re.compile(rb"[\r\n]{0,4} {0,4}-1 *\r?(?:\n|\Z)")
+
+
+def _text_end(data: bytes, position: int) -> tuple[int, int]:
+    """Return where the body ends and where the next set may start (-1 without a closing delimiter)."""
+    found = _DELIMITER.search(data, max(position - 1, 0))
+    return (len(data), -1) if found is None else (max(found.start(), position), found.end())
+
+
+def _header_lines(data: bytes) -> tuple[list[bytes], bytes]:
+    lines: list[bytes] = []
+    position = 0
+    while len(lines) < _HEADER_LINES and position < len(data):
+        line, position = _line(data, position)
+        lines.append(line)
+    return lines, data[position:]
+
+
+def _binary_end(data: bytes, position: int, where: str) -> tuple[int, int]:
+    """Find the end of a 58b by what it announces: its bytes may look like a delimiter."""
+    head = data[position : position + 4096]
+    lines, rest = _header_lines(head)
+    start = position + len(head) - len(rest)
+    try:
+        form = _fields(lines[6], _FORM, "", where)
+        size = _SIZE[form["ordinate data type"]]
+        per_value = (2 if form["ordinate data type"] in _COMPLEX else 1) + (form["abscissa spacing"] == 0)
+        announced = start + size * per_value * max(form["number of values"], 0)
+    except (MeasurementError, KeyError, IndexError):
+        announced = start  # the fault is reported when the set itself is read
+    # The delimiter may follow the block without a line end. Where it does not follow what is announced, the
+    # count is wrong: take the first delimiter behind the header instead.
+    end = _AFTER_BLOCK.match(data, min(announced, len(data)))
+    return (announced, end.end()) if end is not None else _text_end(data, start)
+
+
+def _fields(line: bytes, fields: _Fields, prefix: str, where: str) -> dict[str, Any]:
+    """Split a record at its fixed columns; blank numbers are 0, as in the standard's fixed format."""
+    values: dict[str, Any] = {}
+    position = 0
+    for width, name, kind in fields:
+        text = _decoded(line[position : position + width]).strip()
+        position += width
+        try:
+            values[prefix + name] = kind(text or "0") if kind is not str else text
+        except ValueError as error:
+            message = f"{where}: field {prefix + name!r} is not a number: {text!r}"
+            raise MeasurementError(message) from error
+    return values
+
+
+def _decoded(text: bytes) -> str:
+    """Decode a label: UTF-8 where it is valid, else Latin-1, which older systems wrote."""
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("latin-1")
+
+
+def _even_abscissa(header: dict[str, Any], count: int, data_set: DataSet) -> NDArray[np.float64]:
+    step = header["abscissa increment"]
+    if not (np.isfinite(step) and step > 0 and np.isfinite(header["abscissa minimum"])):
+        message = (
+            f"{data_set.where}: field 'abscissa increment' must be positive for even spacing, found {step}"
+        )
+        raise MeasurementError(message)
+    return header["abscissa minimum"] + step * np.arange(count)
+
+
+def _binary_numbers(
+    data_set: DataSet, body: bytes, header: dict[str, Any], per_value: int, notes: list[str]
+) -> NDArray[np.float64]:
+    description = _fields(data_set.kind_line, _BINARY, "", data_set.where)
+    if description["floating-point format"] not in (0, 2):
+        message = (
+            f"{data_set.where}: field 'floating-point format' is {description['floating-point format']}; "
+            "only IEEE 754 (2) is read"
+        )
+        raise MeasurementError(message)
+    size = _SIZE[header["ordinate data type"]]
+    order = ">" if description["byte order"] == 2 else "<"
+    surplus = len(body) - header["number of values"] * per_value * size
+    if surplus:
+        notes.append(f"{data_set.where}: the binary block is {surplus:+d} bytes off its announced size")
+    with np.errstate(invalid="ignore"):  # a bit pattern may be no number; the quality check says so
+        return np.frombuffer(body[: len(body) // size * size], dtype=f"{order}f{size}").astype(float)
+
+
+def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> NDArray[np.float64]:
+    """Read the numbers between blanks or, where numbers touch, from the fixed columns of the standard."""
+    text = body.replace(b"D", b"E").replace(b"d", b"e")
+    numbers = _converted(text.split())
+    if numbers is not None:
+        return numbers
+    widths: tuple[int, ...] = (13,) * 6
+    if ordinate in (4, 6):
+        widths = (20,) * 4 if not uneven else (13, 20, 13, 20) if ordinate == 4 else (13, 20, 20)
+    edges = np.cumsum((0, *widths))
+    numbers = _converted(
+        [
+            line[start:end]
+            for line in text.splitlines()
+            for start, end in pairwise(edges)
+            if line[start:end].strip()
+        ]
+    )
+    if numbers is None:
+        rows = enumerate(text.splitlines(), start=1)
+        row, line = next((row, line) for row, line in rows if _converted(line.split()) is None)
+        message = f"{where}: data line {row} does not hold numbers: {_decoded(line).rstrip()!r}"
+        raise MeasurementError(message)
+    return numbers
+
+
+def _converted(words: list[bytes]) -> NDArray[np.float64] | None:
+    try:
+        return np.array(words, dtype="S").astype(float) if words else np.empty(0)
+    except ValueError:
+        return None

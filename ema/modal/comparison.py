@@ -1,0 +1,111 @@
+"""Modes followed through the configurations of a campaign by their shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from ema.modal.mac import mac
+from ema.types.arrays import readonly
+from ema.types.modal_model import ModalModel
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison:
+    """Every mode of a campaign, one column each, over the configurations, one row each.
+
+    Attributes
+    ----------
+    name : tuple of str
+        The configurations.
+    frequency, frequency_std : (n_configuration, n_mode) float
+        Natural frequencies and their standard deviations, Hz; NaN where a configuration lacks the mode.
+    damping, damping_std : (n_configuration, n_mode) float
+        Damping ratios and their standard deviations; NaN likewise.
+    mac : (n_configuration, n_mode) float
+        MAC with the same mode in the nearest earlier configuration that has it; 1 in the first one.
+    """
+
+    name: tuple[str, ...]
+    frequency: NDArray[np.float64]
+    frequency_std: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    damping_std: NDArray[np.float64]
+    mac: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.name), np.shape(self.frequency)[-1])
+        for name in ("frequency", "frequency_std", "damping", "damping_std", "mac"):
+            object.__setattr__(self, name, readonly("Comparison", name, getattr(self, name), shape))
+
+
+def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparison:
+    """Follow modes from configuration to configuration.
+
+    Each mode goes on as the one of the next configuration with which its shape, at the DOFs that both
+    have, makes the largest sum of MAC values; below `threshold` it ends and the other one begins.
+
+    Parameters
+    ----------
+    models : sequence of ModalModel
+        The configurations in order.
+    threshold : float
+        Smallest MAC of a shape with itself in the next configuration.
+
+    Returns
+    -------
+    Comparison
+        Its columns are in ascending order of the mean frequency.
+    """
+    tracks: list[dict[int, tuple[int, float]]] = []  # of each mode: configuration -> (its number there, MAC)
+    for c, model in enumerate(models):
+        values = np.zeros((len(tracks), model.frequency.size))
+        for t, track in enumerate(tracks):
+            before = max(track)
+            values[t] = _shared_mac(models[before], track[before][0], model)
+        rows, columns = linear_sum_assignment(np.where(values >= threshold, values, 0.0), maximize=True)
+        taken = set()
+        for t, r in zip(rows, columns, strict=True):
+            if values[t, r] >= threshold:
+                tracks[t][c] = (int(r), float(values[t, r]))
+                taken.add(int(r))
+        tracks += [{c: (r, 1.0)} for r in range(model.frequency.size) if r not in taken]
+
+    def table(name: str) -> NDArray[np.float64]:
+        found = np.full((len(models), len(tracks)), np.nan)
+        for t, track in enumerate(tracks):
+            for c, (r, _) in track.items():
+                found[c, t] = getattr(models[c], name)[r]
+        return found
+
+    order = np.argsort([np.mean([models[c].frequency[r] for c, (r, _) in track.items()]) for track in tracks])
+    values = np.full((len(models), len(tracks)), np.nan)
+    for t, track in enumerate(tracks):
+        for c, (_, value) in track.items():
+            values[c, t] = value
+    return Comparison(
+        name=tuple(model.name for model in models),
+        frequency=table("frequency")[:, order],
+        frequency_std=table("frequency_std")[:, order],
+        damping=table("damping")[:, order],
+        damping_std=table("damping_std")[:, order],
+        mac=values[:, order],
+    )
+
+
+def _shared_mac(first: ModalModel, mode: int, second: ModalModel) -> NDArray[np.float64]:
+    """MAC ``(n_mode,)`` of one mode with those of another model over the DOFs that both have; 0 without any."""
+    place = {_key(second, k): k for k in range(second.node.size)}
+    pairs = [(k, place[_key(first, k)]) for k in range(first.node.size) if _key(first, k) in place]
+    if not pairs:
+        return np.zeros(second.frequency.size)
+    rows, columns = np.array(pairs).T
+    return mac(first.shape[rows][:, [mode]], second.shape[columns])[0]
+
+
+def _key(model: ModalModel, k: int) -> tuple[float, ...]:
+    return (int(model.node[k]), *np.round(model.direction[k], 6).tolist())

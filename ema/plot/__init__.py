@@ -1,0 +1,1 @@
+"""Pictures of functions, stabilisation charts and shapes."""

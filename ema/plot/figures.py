@@ -1,0 +1,225 @@
+"""Figures of a modal identification, drawn with matplotlib without a display."""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.identification.stabilization import StabilizationDiagram
+from ema.modal.comparison import Comparison
+from ema.modal.mac import real_shape
+from ema.types.frf import FRF
+from ema.types.modal_model import ModalModel, synthesize
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MEASURED, FITTED, ACCENT = "0.6", "#1f5f8b", "#b3341f"
+UNIT = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s²)"}
+MAX_POINTS = 2000
+"""Lines drawn of one function; wider ones are thinned to the extremes of every bin."""
+
+
+def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Figure:
+    """Draw measured functions with the synthesised ones over them and the poles marked.
+
+    Parameters
+    ----------
+    frf : FRF
+        Measured functions, with the model's outputs and inputs.
+    modal_model : ModalModel
+    n_function : int, default 4
+        Functions to draw, spread over the outputs; at the first input.
+    """
+    from matplotlib.figure import Figure
+
+    lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
+    fitted = synthesize(modal_model, lines.frequency, lines.quantity)
+    chosen = np.unique(np.linspace(0, lines.output.node.size - 1, n_function).round().astype(int))
+    figure = Figure(figsize=(7.5, 1.2 + 1.7 * chosen.size), layout="constrained")
+    rows = figure.subplots(2 * chosen.size, 1, sharex=True, height_ratios=[2, 1] * chosen.size, squeeze=False)
+    for k, o in enumerate(chosen):
+        magnitude, phase = rows[2 * k, 0], rows[2 * k + 1, 0]
+        for value, color, width in (
+            (lines.value[o, 0], MEASURED, 1.4),
+            (fitted[o, 0], FITTED, 0.8),
+        ):
+            at = _thinned(np.abs(value))
+            magnitude.semilogy(lines.frequency[at], np.abs(value[at]), color=color, linewidth=width)
+            phase.plot(
+                lines.frequency[at], np.degrees(np.angle(value[at])), ".", color=color, markersize=1.5 * width
+            )
+        _mark_poles((magnitude, phase), modal_model.frequency)
+        magnitude.set_ylabel(UNIT[lines.quantity])
+        phase.set_ylabel("phase [°]")
+        phase.set_yticks([-180, 0, 180])
+        magnitude.set_title(
+            f"point {lines.output.node[o]} over point {lines.input.node[0]}, "
+            f"FRAC {modal_model.correlation[o, 0]:.4f}",
+            fontsize="small",
+            loc="left",
+        )
+    rows[-1, 0].set_xlabel("frequency [Hz]")
+    return figure
+
+
+def stabilization_figure(diagram: StabilizationDiagram, figure: Figure | None = None) -> Figure:
+    """Draw the poles over the model orders, those of clusters filled, on the mode indicator function.
+
+    The chart is drawn on a figure of its own, or on `figure` where a window holds one.
+    """
+    from matplotlib.figure import Figure
+
+    if figure is None:
+        figure = Figure(figsize=(7.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    behind = axes.twinx()
+    indicator = diagram.indicator[0]
+    at = _thinned(indicator)
+    behind.semilogy(diagram.frequency[at], indicator[at], color="0.8", linewidth=0.9)
+    behind.tick_params(which="both", right=False, labelright=False)
+    axes.set_zorder(behind.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    hertz = np.abs(diagram.pole) / (2.0 * np.pi)
+    loose = ~diagram.stable
+    axes.plot(hertz[loose], diagram.order[loose], ".", color="0.45", markersize=2, label="pole")
+    axes.plot(
+        hertz[diagram.stable],
+        diagram.order[diagram.stable],
+        ".",
+        color=FITTED,
+        markersize=4,
+        label="in a cluster",
+    )
+    _mark_poles((axes,), np.abs(diagram.chosen) / (2.0 * np.pi))
+    axes.set_xlim(diagram.frequency[0], diagram.frequency[-1])
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel("model order")
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize="small", frameon=False
+    )
+    return figure
+
+
+def mac_figure(
+    values: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]
+) -> Figure:
+    """Draw a MAC matrix ``(n_row, n_column)`` with the frequencies (Hz) of its rows and columns."""
+    from matplotlib.figure import Figure
+
+    n_row, n_column = values.shape
+    figure = Figure(figsize=(1.6 + 0.5 * n_column, 1.2 + 0.5 * n_row), layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(values, cmap="Blues", vmin=0.0, vmax=1.0)
+    axes.set_xticks(range(n_column), [f"{f:.4g}" for f in columns], rotation=90)
+    axes.set_yticks(range(n_row), [f"{f:.4g}" for f in rows])
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel("frequency [Hz]")
+    for (i, j), value in np.ndenumerate(values):
+        color = "white" if value > 0.6 else "black"
+        axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize="x-small", color=color)
+    figure.colorbar(image, label="MAC")
+    return figure
+
+
+def shape_figure(modal_model: ModalModel, mode: int) -> Figure:
+    """Draw a mode shape as a wireframe of the measured points, its real approximation, over the rest shape.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+    mode : int
+        Position of the mode in the model.
+    """
+    from matplotlib.figure import Figure
+
+    geometry = modal_model.geometry
+    at_rest = geometry.coordinate
+    displaced = at_rest + _displacement(modal_model, mode)
+    index = {int(n): k for k, n in enumerate(geometry.node)}
+    lines = np.array([[index[int(a)], index[int(b)]] for a, b in geometry.line], dtype=int).reshape(-1, 2)
+    figure = Figure(figsize=(5.0, 4.0), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    for points, color in ((at_rest, "0.75"), (displaced, FITTED)):
+        axes.scatter(*points.T, color=color, s=8)
+        for line in lines:
+            axes.plot(*points[line].T, color=color, linewidth=1.0)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title(
+        f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small"
+    )
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    return figure
+
+
+def _displacement(modal_model: ModalModel, mode: int) -> NDArray[np.float64]:
+    """Displacement ``(n_node, 3)`` of the points, largest component a sixth of the structure's size.
+
+    A point measured in skew directions moves so as to meet them in the least-squares sense.
+    """
+    geometry = modal_model.geometry
+    component = real_shape(modal_model.shape[:, mode : mode + 1])[:, 0]
+    displacement = np.zeros_like(geometry.coordinate)
+    for k, node in enumerate(geometry.node):
+        at = modal_model.node == node
+        if at.any():
+            direction = modal_model.direction[at]
+            displacement[k] = np.linalg.pinv(direction) @ component[at]
+    size = float(np.max(np.ptp(geometry.coordinate, axis=0), initial=0.0)) or 1.0
+    largest = float(np.max(np.linalg.norm(displacement, axis=1), initial=0.0)) or 1.0
+    return displacement * size / (6.0 * largest)
+
+
+def _mark_poles(panels: tuple[Axes, ...], frequency: NDArray[np.float64]) -> None:
+    for axes in panels:
+        for f in frequency:
+            axes.axvline(f, color=ACCENT, linewidth=0.7, linestyle="--")
+
+
+def _thinned(magnitude: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Choose the smallest and the largest value of every bin, so that no peak is lost."""
+    n = magnitude.size
+    if n <= MAX_POINTS:
+        return np.arange(n)
+    bins = np.array_split(np.arange(n), MAX_POINTS // 2)
+    extremes = [(b[magnitude[b].argmin()], b[magnitude[b].argmax()]) for b in bins]
+    return np.unique(np.array(extremes).ravel())
+
+
+def comparison_figure(comparison: Comparison, at: NDArray[np.float64], label: str) -> Figure:
+    """Draw frequency and damping of every mode over a property of the configurations.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    at : (n_configuration,)
+        The property: bolt torque, pressure or simply the number of the configuration.
+    label : str
+        Its name with its unit, for the axis.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    order = np.argsort(at)
+    for r, marker in zip(range(comparison.frequency.shape[1]), cycle("osD^vPX<>"), strict=False):
+        name = f"{np.nanmean(comparison.frequency[:, r]):.0f} Hz"
+        style: dict[str, Any] = {"marker": marker, "markersize": 4, "linewidth": 1.0, "capsize": 2}
+        for axes, value, std, factor in (
+            (left, comparison.frequency, comparison.frequency_std, 1.0),
+            (right, comparison.damping, comparison.damping_std, 100.0),
+        ):
+            axes.errorbar(
+                at[order], factor * value[order, r], 2.0 * factor * std[order, r], label=name, **style
+            )
+    left.set(xlabel=label, ylabel="natural frequency [Hz]")
+    right.set(xlabel=label, ylabel="damping ratio [%]")
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside right center", title="mode (mean)", frameon=False
+    )
+    return figure

@@ -1,0 +1,106 @@
+"""Frequency-response functions of one configuration as one small data type."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.arrays import readonly
+from ema.types.geometry import Dofs
+
+Quantity = Literal["receptance", "mobility", "accelerance"]
+"""Response over force: displacement (m/N), velocity (m/(N s)) or acceleration (m/(N s2))."""
+
+DERIVATIVE: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+"""How often displacement is differentiated in time."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FRF:
+    """A block of frequency-response functions on a common, uniform frequency axis, in SI units.
+
+    Attributes
+    ----------
+    frequency : (n_frequency,) float
+        Frequency lines, Hz, ascending.
+    value : (n_output, n_input, n_frequency) complex
+        Response of each output over force at each input.
+    quantity : {"receptance", "mobility", "accelerance"}
+        What the response is.
+    output, input : Dofs
+        Response and force DOFs, `n_output` and `n_input` of them.
+    run : (n_output,) int
+        Roving run in which each output was measured, counted from 0 in reading order.
+    source : tuple of str
+        Where each output comes from (file and data set), for messages; `n_output` entries.
+    coherence : (n_output, n_input, n_frequency) float or None
+        Ordinary coherence of each function, or None when the test system did not store it.
+    """
+
+    frequency: NDArray[np.float64]
+    value: NDArray[np.complex128]
+    quantity: Quantity
+    output: Dofs
+    input: Dofs
+    run: NDArray[np.int64]
+    source: tuple[str, ...]
+    coherence: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        frequency = readonly("FRF", "frequency", self.frequency, (None,))
+        shape = (self.output.node.size, self.input.node.size, frequency.size)
+        object.__setattr__(self, "frequency", frequency)
+        object.__setattr__(self, "value", readonly("FRF", "value", self.value, shape, complex))
+        object.__setattr__(self, "run", readonly("FRF", "run", self.run, (shape[0],), np.int64))
+        if len(self.source) != shape[0]:
+            message = f"FRF.source: expected {shape[0]} entries, got {len(self.source)}"
+            raise ValueError(message)
+        if self.coherence is not None:
+            object.__setattr__(self, "coherence", readonly("FRF", "coherence", self.coherence, shape))
+
+    def band(self, lower: float, upper: float) -> FRF:
+        """Return the lines with ``lower <= frequency <= upper`` (Hz)."""
+        return self._lines((self.frequency >= lower) & (self.frequency <= upper))
+
+    def outputs(self, keep: NDArray[np.bool_]) -> FRF:
+        """Return the outputs for which `keep` (n_output,) is true."""
+        return replace(
+            self,
+            value=self.value[keep],
+            output=Dofs(node=self.output.node[keep], direction=self.output.direction[keep]),
+            run=self.run[keep],
+            source=tuple(s for s, k in zip(self.source, keep, strict=True) if k),
+            coherence=None if self.coherence is None else self.coherence[keep],
+        )
+
+    @property
+    def sensor(self) -> NDArray[np.int64]:
+        """Number of each output among those of its run, from 0: the accelerometer where some rove."""
+        return place_in_run(self.run)
+
+    def convert(self, quantity: Quantity) -> FRF:
+        """Return the same functions as another quantity.
+
+        Differentiation in time is multiplication by ``i omega``. Integration divides by it, so the line
+        at 0 Hz, where the result does not exist, is then left out.
+        """
+        power = DERIVATIVE[quantity] - DERIVATIVE[self.quantity]
+        lines = self._lines(self.frequency > 0) if power < 0 else self
+        factor = (2j * np.pi * lines.frequency) ** power
+        return replace(lines, value=lines.value * factor, quantity=quantity)
+
+    def _lines(self, keep: NDArray[np.bool_]) -> FRF:
+        return replace(
+            self,
+            frequency=self.frequency[keep],
+            value=self.value[..., keep],
+            coherence=None if self.coherence is None else self.coherence[..., keep],
+        )
+
+
+def place_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of each output, (n_output,), among those of its run, from 0."""
+    return np.array([np.count_nonzero(run[:i] == own) for i, own in enumerate(run)], dtype=np.int64)

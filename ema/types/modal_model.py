@@ -1,0 +1,195 @@
+"""The modal model: what identification hands to the rest of the program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.arrays import readonly
+from ema.types.errors import IdentificationError
+from ema.types.frf import DERIVATIVE, Quantity
+from ema.types.geometry import Dofs, Geometry
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModalModel:
+    """Poles, residues and shapes of one configuration, ascending in frequency.
+
+    The receptance it stands for is, with ``s = i omega``,
+
+        H(s) = sum_r [ A_r / (s - pole_r) + conj(A_r) / (s - conj(pole_r)) ] + lower / s**2 + upper
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    frequency, damping : (n_mode,) float
+        Undamped natural frequency abs(pole) / 2 pi, Hz, and damping ratio -Re(pole) / abs(pole).
+    frequency_std, damping_std : (n_mode,) float
+        Their standard deviations.
+    pole : (n_mode,) complex
+        Upper half-plane poles, rad/s.
+    residue : (n_output, n_input, n_mode) complex
+        Residues of the receptance, m/(N s).
+    lower, upper : (n_output, n_input) complex
+        Residual terms of the modes below (1/kg) and above (m/N) the band.
+    outside_pole : (n_outside,) complex
+        Poles, rad/s, of modes just outside the band whose flanks the residual terms do not meet; often none.
+        They belong to the sum above and are no result: the band does not determine them.
+    outside_residue : (n_output, n_input, n_outside) complex
+        Their residues, m/(N s).
+    shape : (n_dof, n_mode) complex
+        Shapes at the outputs. Mass-normalised (1/sqrt(kg)) for the modes that are `scaled`, else of unit
+        largest component.
+        Where roving runs disagree they are drawn from each run at its own poles.
+    shape_std : (n_dof, n_mode) float
+        Standard deviation of each component's magnitude.
+    scaled : (n_mode,) bool
+        Which modes have a driving-point residue of the phase and sign that a passive structure allows, which
+        gives their shapes the mass-normalised scale; False throughout where no driving point was measured.
+    node : (n_dof,) int
+        Point number of each shape component.
+    direction : (n_dof, 3) float
+        Measured direction of each shape component.
+    sensor : (n_dof,) int
+        Number of each shape component among the outputs of its run, from 0: the accelerometer where some rove.
+    input : Dofs
+        Force DOFs.
+    band : (float, float)
+        Frequency band that was identified, Hz.
+    geometry : Geometry
+        The measured points.
+    quantity : {"receptance", "mobility", "accelerance"}
+        What was measured and fitted.
+    covariance : (2 n_mode, 2 n_mode) float
+        Covariance of Re and Im of each pole in turn, (rad/s)**2.
+    residue_std : (n_output, n_input, n_mode) float
+        Standard deviation of the magnitude of each residue.
+    noise : (n_output, n_input) float
+        Standard deviation of the residual of each function, in the unit of the measured quantity.
+    correlation : (n_output, n_input) float
+        Correlation (FRAC) of measured and synthesised functions over the band.
+    error : (n_output, n_input) float
+        Root mean square of measured less synthesised over that of measured.
+    run : (n_run,) int
+        Roving runs.
+    run_pole : (n_run, n_mode) complex
+        Poles that each run alone gives, rad/s.
+    run_frequency_std, run_damping_std : (n_run, n_mode) float
+        Their standard deviations.
+    run_probability : (n_run, n_mode) float
+        Probability that noise alone would make any run's frequency of any mode differ this much from those of
+        the other runs (Bonferroni's bound); 1 where there is one run only.
+    """
+
+    name: str
+    frequency: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    frequency_std: NDArray[np.float64]
+    damping_std: NDArray[np.float64]
+    pole: NDArray[np.complex128]
+    residue: NDArray[np.complex128]
+    lower: NDArray[np.complex128]
+    upper: NDArray[np.complex128]
+    outside_pole: NDArray[np.complex128]
+    outside_residue: NDArray[np.complex128]
+    shape: NDArray[np.complex128]
+    shape_std: NDArray[np.float64]
+    scaled: NDArray[np.bool_]
+    node: NDArray[np.int64]
+    direction: NDArray[np.float64]
+    sensor: NDArray[np.int64]
+    input: Dofs
+    band: tuple[float, float]
+    geometry: Geometry
+    quantity: Quantity
+    covariance: NDArray[np.float64]
+    residue_std: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+    error: NDArray[np.float64]
+    run: NDArray[np.int64]
+    run_pole: NDArray[np.complex128]
+    run_frequency_std: NDArray[np.float64]
+    run_damping_std: NDArray[np.float64]
+    run_probability: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n_mode, n_dof = np.size(self.frequency), np.size(self.node)
+        n_outside = np.size(self.outside_pole)
+        n_input, n_run = self.input.node.size, np.size(self.run)
+        expected: dict[str, tuple[tuple[int, ...], type]] = {
+            "frequency": ((n_mode,), float),
+            "damping": ((n_mode,), float),
+            "frequency_std": ((n_mode,), float),
+            "damping_std": ((n_mode,), float),
+            "pole": ((n_mode,), complex),
+            "residue": ((n_dof, n_input, n_mode), complex),
+            "lower": ((n_dof, n_input), complex),
+            "upper": ((n_dof, n_input), complex),
+            "outside_pole": ((n_outside,), complex),
+            "outside_residue": ((n_dof, n_input, n_outside), complex),
+            "shape": ((n_dof, n_mode), complex),
+            "shape_std": ((n_dof, n_mode), float),
+            "scaled": ((n_mode,), bool),
+            "node": ((n_dof,), int),
+            "direction": ((n_dof, 3), float),
+            "sensor": ((n_dof,), int),
+            "covariance": ((2 * n_mode, 2 * n_mode), float),
+            "residue_std": ((n_dof, n_input, n_mode), float),
+            "noise": ((n_dof, n_input), float),
+            "correlation": ((n_dof, n_input), float),
+            "error": ((n_dof, n_input), float),
+            "run": ((n_run,), int),
+            "run_pole": ((n_run, n_mode), complex),
+            "run_frequency_std": ((n_run, n_mode), float),
+            "run_damping_std": ((n_run, n_mode), float),
+            "run_probability": ((n_run, n_mode), float),
+        }
+        for name, (shape, dtype) in expected.items():
+            object.__setattr__(self, name, readonly("ModalModel", name, getattr(self, name), shape, dtype))
+
+    @property
+    def run_frequency(self) -> NDArray[np.float64]:
+        """Undamped natural frequency that each run alone gives, Hz, ``(n_run, n_mode)``."""
+        return np.abs(self.run_pole) / (2.0 * np.pi)
+
+    def disagreeing_runs(self, level: float = 0.05) -> NDArray[np.bool_]:
+        """Tell which run differs from the others in which mode, ``(n_run, n_mode)``, at a false alarm rate."""
+        return self.run_probability < level
+
+
+def synthesize(
+    modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity
+) -> NDArray[np.complex128]:
+    """Evaluate the functions that a modal model stands for.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+    frequency : (n_frequency,) float
+        Lines, Hz.
+    quantity : {"receptance", "mobility", "accelerance"}
+        What to return.
+
+    Returns
+    -------
+    (n_output, n_input, n_frequency) complex
+
+    Raises
+    ------
+    IdentificationError
+        A line at 0 Hz is asked of receptance or mobility, where the lower residual term is singular.
+    """
+    s = 2j * np.pi * np.asarray(frequency, dtype=float)
+    exponent = DERIVATIVE[quantity]
+    if exponent < 2 and np.any(s == 0.0):
+        message = f"{quantity} has no value at 0 Hz: its lower residual term is singular; ask for lines above"
+        raise IdentificationError(message)
+    pole = np.concatenate([modal_model.pole, modal_model.outside_pole])[:, None]
+    residue = np.concatenate([modal_model.residue, modal_model.outside_residue], axis=-1)
+    modes = residue @ (s**exponent / (s - pole)) + residue.conj() @ (s**exponent / (s - pole.conj()))
+    lower = modal_model.lower[..., None] * s ** (exponent - 2)
+    return modes + lower + modal_model.upper[..., None] * s**exponent

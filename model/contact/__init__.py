@@ -1,0 +1,1 @@
+"""Contact between sheets: how the clamps press, the pressure field, tangential and normal stiffness."""

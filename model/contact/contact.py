@@ -1,0 +1,151 @@
+"""Stage 2: contact stiffness and damping between the laminas, linearised at the pressure between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.contact.normal import normal_krons
+from model.contact.pressing import pressure_distribution
+from model.contact.pressure import separate
+from model.contact.tangential import mean, tangential_krons
+from model.elements.equations import Kron, Monomial, Target, Term
+from model.elements.mesh import Plan
+from model.stack.stack import Stack
+
+SEPARATION = 1e-6  # largest error of a field written as a sum of products, relative to its largest value
+
+Vector = NDArray[np.float64]
+Product = tuple[Vector, Vector | float]  # over the interfaces, over the plan
+ContactQuantity = Literal["pressure", "normal", "pressure squared", "pressure times normal"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactField:
+    """A coefficient of the contact over interfaces and plan, as a short sum of products.
+
+    Attributes
+    ----------
+    stack : Stack
+        What it belongs to.
+    plan : Plan
+        The lamina's mesh.
+    products : sequence of ((n_interface,), float or (n_element, n_point))
+        Factors over the interfaces and over the plan's quadrature points.
+    """
+
+    stack: Stack
+    plan: Plan
+    products: Sequence[Product]
+
+    def tangential(self, modulation: Vector | float = 1.0, axes: str = "xy") -> tuple[Kron, ...]:
+        """Return the tangential stiffness with the field, times a `modulation` over the plan, as shear modulus."""
+        return tuple(
+            kron
+            for over_z, weight in self.products
+            for kron in tangential_krons(
+                self.plan, self.stack.spacing, over_z, _times(weight, modulation), axes
+            )
+        )
+
+    def normal(self, modulation: Vector | float = 1.0) -> tuple[Kron, ...]:
+        """Return the normal stiffness with the field, times a `modulation` over the plan, as tangent modulus."""
+        return tuple(
+            kron
+            for over_z, weight in self.products
+            for kron in normal_krons(self.plan, self.stack.spacing, over_z, _times(weight, modulation))
+        )
+
+    def over_interfaces(self, share: Vector) -> ContactField:
+        """Return the field with each interface multiplied by its `share`, (n_interface,)."""
+        return replace(self, products=[(share * over_z, weight) for over_z, weight in self.products])
+
+
+def _times(weight: Vector | float, modulation: Vector | float) -> Vector | float:
+    return weight if isinstance(modulation, float) and modulation == 1.0 else weight * modulation
+
+
+def contact_fields(stack: Stack, plan: Plan) -> dict[ContactQuantity, ContactField]:
+    """Return the fields that the linearised contact is made of.
+
+    They are "pressure", p over its mean, "normal", the tangent modulus in Pa, "pressure squared" and "pressure times
+    normal". Each is off by at most 1e-6 of its largest value and is 0 where a soft layer takes the place of
+    contact.
+    """
+    touching = stack.touching
+    products: list[list[Product]]
+    distribution = pressure_distribution(stack)
+    if distribution is None:
+        normal = stack.contact.normal_modulus * touching
+        products = [[(touching, 1.0)], [(normal, 1.0)], [(touching, 1.0)], [(normal, 1.0)]]
+    else:
+        points = plan.quadrature_points
+        p, tangent = distribution.at(points.reshape(2, -1).T)
+        p, tangent = p / stack.contact.pressure * touching[:, None], tangent * touching[:, None]
+        products = [_products(value, points.shape[1:]) for value in (p, tangent, p**2, p * tangent)]
+    return {
+        name: ContactField(stack=stack, plan=plan, products=found)
+        for name, found in zip(get_args(ContactQuantity), products, strict=True)
+    }
+
+
+def contact_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
+    """Return stiffness and damping of the contact: G = G_f p, beta = d_f p, and the normal tangent modulus.
+
+    The parameter `pressure` is the mean pressure. Under uneven pressure every coefficient is a field over interfaces
+    and plan, integrated over the area at the plan's quadrature points; its distribution is that at the stack's own
+    mean pressure.
+    """
+    field = contact_fields(stack, plan)
+
+    def term(name: str, target: Target, powers: dict[str, int], krons: tuple[Kron, ...]) -> Term:
+        return Term(name=name, target=target, factor=Monomial(exponent=powers), krons=krons)
+
+    uniform = stack.pressing is None
+    tangential, normal = field["pressure"].tangential(), field["normal"].normal()
+    squared = tangential if uniform else field["pressure squared"].tangential()
+    mixed = normal if uniform else field["pressure times normal"].normal()
+    return (
+        term("tangential contact", "K", {"G_f": 1, "pressure": 1}, tangential),
+        term("normal contact", "K", {"normal_modulus": 1}, normal),
+        term("tangential contact damping", "C", {"d_f": 1, "G_f": 1, "pressure": 2}, squared),
+        term("normal contact damping", "C", {"d_f": 1, "normal_modulus": 1, "pressure": 1}, mixed),
+        *interlayer_terms(stack, plan),
+    )
+
+
+def _products(value: Vector, shape: tuple[int, ...]) -> list[Product]:
+    found = separate(value, SEPARATION)
+    return [
+        (over_z, weight.reshape(shape)) for over_z, weight in zip(found.over_z, found.over_plan, strict=True)
+    ]
+
+
+def interlayer_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
+    """Return stiffness and mass of the soft layers; the factor `layer_modulus` scales all their moduli."""
+    if not stack.interlayers:
+        return ()
+    spacing = stack.spacing
+    shear, normal, mass = np.zeros((3, spacing.size))
+    for layer in stack.interlayers:
+        i = layer.below - 1
+        # the faces of the laminas slip by spacing times the strain, and all of it shears the layer
+        shear[i] = layer.shear_modulus * spacing[i] / layer.thickness
+        normal[i] = layer.normal_modulus * spacing[i] / layer.thickness
+        mass[i] = layer.density * layer.thickness
+    middle = mean(stack.n_lamina)
+    over_z = middle.T @ (mass[:, None] * middle.toarray())
+    krons = [Kron(row=f, column=f, z=over_z, planar=plan.form(f, f)) for f in ("u", "v", "w")]
+    return (
+        Term(
+            name="interlayers",
+            target="K",
+            factor=Monomial(exponent={"layer_modulus": 1}),
+            krons=(*tangential_krons(plan, spacing, shear), *normal_krons(plan, spacing, normal)),
+        ),
+        Term(name="interlayer mass", target="M", factor=Monomial(exponent={}), krons=tuple(krons)),
+    )

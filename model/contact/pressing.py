@@ -1,0 +1,285 @@
+"""Stage 1: how the clamps press the stack, and the pressure field that this leaves between the laminas.
+
+Only deflections along z take part. Every lamina bends as a thin plate, every interface follows the measured
+compression curve and does not pull, and the clamps press through the plates on both faces. This is the
+paper's first stage (Pirnat et al. 2013, section 3) with the contact integrated over the area instead of gathered in
+link elements. The potential energy is convex, so the pressure is unique and does not depend on the loading path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as splinalg
+from numpy.typing import NDArray
+
+from model.contact.pressure import InterfaceLaw, PressureField
+from model.elements.clamping import footprint_points
+from model.elements.mesh import Plan, plan_of
+from model.elements.shell import plate_form
+from model.stack.errors import SolveError, StackError
+from model.stack.stack import Pressing, PressureDistribution, Stack
+
+Vector = NDArray[np.float64]
+
+_TOLERANCE = 1e-8  # of the residual relative to the load
+_MAX_NEWTON = 40
+_MAX_CG = 400
+_SMALLEST_STEP = 1e-3
+_FORCING = 1e-2  # residual of the linear solution relative to the Newton residual
+_RATIO = 1.8  # of neighbouring values over z that share one planar factor of the preconditioner
+_RIGID = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
+_FLOOR = 1e-6  # of the mean tangent; lost contact would make the preconditioner singular
+_PLATE_POISSON = 0.3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Problem:
+    """Equilibrium of all laminas.
+
+    A deflection is (n_lamina, n_planar), counted from uniform compression: the whole of it would carry a rounding
+    error that the bending of thick plates makes larger than the residual sought.
+    """
+
+    bending: sp.csr_matrix
+    face_bending: sp.csr_matrix
+    face_ratio: float
+    rigid: Vector
+    evaluate: sp.csr_matrix
+    area: Vector
+    law: InterfaceLaw
+    closed: Vector
+    is_rigid: bool
+
+    def contact(self, w: Vector) -> tuple[Vector, Vector]:
+        """Return pressure and tangent modulus at all quadrature points, (n_interface, n_point) each."""
+        return self.law(self.closed[:, None] + self.strain(w))
+
+    def strain(self, w: Vector) -> Vector:
+        """Return the compressive strain that a deflection adds to the interfaces at all quadrature points."""
+        return -np.diff((self.evaluate @ w.T).T, axis=0) / self.law.spacing[:, None]
+
+    def allowed(self, x: Vector) -> Vector:
+        """Return the part of a force or deflection that the plates allow: rigid ones move as a whole."""
+        if self.is_rigid:
+            x = x.copy()
+            for face in (0, -1):
+                x[face] = self.rigid @ (self.rigid.T @ x[face])
+        return x
+
+    def _bend(self, x: Vector) -> Vector:
+        y = (self.bending @ x.T).T
+        for face in (0, -1):
+            y[face] += self.face_bending @ x[face]
+        return np.asarray(y)
+
+    def _gather(self, flux: Vector) -> Vector:
+        """Return the forces on the laminas of pressures given at all quadrature points of all interfaces."""
+        force = (self.evaluate.T @ (flux * self.area).T).T
+        total = np.zeros((force.shape[0] + 1, force.shape[1]))
+        total[:-1] += force
+        total[1:] -= force
+        return total
+
+    def internal(self, w: Vector, pressure: Vector) -> Vector:
+        """Return the forces that hold the deflection `w`."""
+        return self.allowed(self._bend(w) + self._gather(pressure))
+
+    def tangent_product(self, x: Vector, tangent: Vector) -> Vector:
+        """Return the tangent stiffness times a deflection."""
+        return self.allowed(self._bend(x) + self._gather(tangent * self.strain(x)))
+
+    def preconditioner(self, tangent: Vector) -> Callable[[Vector], Vector]:
+        """Return the product with the inverse of the nearest stiffness that separates into z and plan.
+
+        The tangent over spacing E(x, y, k) becomes e(k) m(x, y). In the modes of the chain e the laminas
+        decouple; chain eigenvalues that are close share one planar factor.
+        """
+        stiffness = tangent / self.law.spacing[:, None]
+        whole = np.sum(stiffness @ self.area) / (self.area.sum() * stiffness.shape[0])
+        over_z = np.maximum(stiffness @ self.area / self.area.sum() / whole, _FLOOR)
+        over_plan = np.maximum(stiffness.mean(axis=0), _FLOOR * whole)
+        planar = (self.evaluate.T @ sp.diags_array(over_plan * self.area) @ self.evaluate).tocsc()
+        jump = np.diff(np.eye(over_z.size + 1), axis=0)
+        inertia = np.ones(over_z.size + 1)
+        inertia[[0, -1]] += self.face_ratio
+        values, vectors = la.eigh((jump.T * over_z) @ jump, np.diag(inertia))
+        values[0] = 0.1 * values[1]  # rigid motion of the whole, of which the load has none
+        group = np.round(np.log(values / values[0]) / np.log(_RATIO)).astype(int)
+        solves = {
+            int(g): splinalg.factorized((self.bending + values[0] * _RATIO ** float(g) * planar).tocsc())
+            for g in np.unique(group)
+        }
+
+        def apply(r: Vector) -> Vector:
+            modal = vectors.T @ r
+            for g, solve in solves.items():
+                members = group == g
+                modal[members] = solve(modal[members].T).T
+            return self.allowed(vectors @ modal)
+
+        return apply
+
+
+def press(stack: Stack) -> PressureField:
+    """Solve for the pressure between the laminas under the clamps' force.
+
+    The start is uniform compression, whose solution is known; in load steps the clamps' load takes the place of the
+    uniform one at constant total force, each step solved by Newton's method with a conjugate-gradient
+    solution of the linearised equations of all laminas.
+
+    Parameters
+    ----------
+    stack : Stack
+        A stack with clamps whose `pressing` is a `Pressing`.
+
+    Returns
+    -------
+    PressureField
+        Frozen: it keeps its values whatever becomes of the stack.
+
+    Raises
+    ------
+    StackError
+        The stack has no `Pressing`, no clamp, fewer than two laminas, or is pressed beyond its compression curve.
+    SolveError
+        Newton's method does not converge.
+    """
+    pressing = stack.pressing
+    if not isinstance(pressing, Pressing):
+        message = "the stack says nothing about how it is pressed; give it a Pressing (table [pressing])"
+        raise StackError(message)
+    if stack.n_lamina < 2 or sum(clamp.share for clamp in stack.clamps) <= 0.0:
+        message = "the static stage needs at least two laminas and one clamp with a share of the force"
+        raise StackError(message)
+    plan = plan_of(stack)
+    law = InterfaceLaw.of(stack, pressing.curve)
+    problem = _problem(stack, plan, pressing, law)
+    mean = stack.contact.pressure
+    force = mean * plan.area
+
+    uniform = problem.evaluate.T @ problem.area * mean
+    clamped = np.zeros_like(uniform)
+    total = sum(clamp.share for clamp in stack.clamps)
+    for clamp in stack.clamps:
+        points, weights = footprint_points((clamp.x, clamp.y), clamp.footprint, plan)
+        clamped += force * clamp.share / total * (weights @ plan.point_rows("w", points))
+    load = np.zeros((stack.n_lamina, uniform.size))
+
+    one = plan.interpolate("w", (1.0, 0.0, 0.0))
+    closing = law.strain_at(mean) * law.spacing
+    heights = np.concatenate([[0.0], -np.cumsum(closing)])
+    w = np.zeros_like(load)
+
+    done, step, residuals, n_step = 0.0, 1.0, [0.0], 0
+    while done < 1.0:
+        aim = min(done + step, 1.0)
+        load[0] = (1.0 - aim) * uniform + aim * clamped
+        load[-1] = -load[0]
+        try:
+            found, residuals = _newton(problem, w, problem.allowed(load))
+        except SolveError:
+            step /= 2.0
+            if step < _SMALLEST_STEP:
+                raise
+            continue
+        w, done, n_step = found, aim, n_step + 1
+
+    pressure, _ = problem.contact(w)
+    highest, end = float(pressure[~law.is_layer].max(initial=0.0)), float(pressing.curve.pressure[-1])
+    if highest > end:
+        message = (
+            f"the pressure reaches {highest / 1e3:.4g} kPa, but the compression curve ends at {end / 1e3:.4g} kPa; "
+            "measure the curve farther, or spread the clamps' force by plates or wider footprints"
+        )
+        raise StackError(message)
+    shape = (stack.n_lamina - 1, *plan.membrane.dx.shape)
+    return PressureField(
+        plan=plan,
+        law=law,
+        deflection=np.outer(heights - heights.mean(), one) + w,
+        pressure=pressure.reshape(shape),
+        force=force,
+        residual=np.array(residuals),
+        n_step=n_step,
+    )
+
+
+def pressure_distribution(stack: Stack) -> PressureDistribution | None:
+    """Return the pressure between the laminas, solved for where the stack says how it is pressed; None if uniform."""
+    return press(stack) if isinstance(stack.pressing, Pressing) else stack.pressing
+
+
+def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) -> _Problem:
+    t = stack.pitch
+    bending = t**3 / 12.0 * plate_form(plan, stack.material.plane_stress())
+    nu, rigid = _PLATE_POISSON, bool(np.isinf(pressing.plate_rigidity))
+    rigidity = 0.0 if rigid else pressing.plate_rigidity
+    own = t**3 / 12.0 * stack.material.plane_stress()[0]
+    plate = rigidity * plate_form(plan, (1.0, nu, 1.0, (1.0 - nu) / 2.0))
+    functions = [plan.interpolate("w", c) for c in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    return _Problem(
+        bending=bending,
+        face_bending=plate,
+        face_ratio=_RIGID if rigid else rigidity / own,
+        rigid=la.qr(np.column_stack(functions), mode="economic")[0],
+        evaluate=plan.at_quadrature("w"),
+        area=plan.plate.dx.ravel(),
+        law=law,
+        closed=law.strain_at(stack.contact.pressure),
+        is_rigid=rigid,
+    )
+
+
+def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[float]]:
+    """Return the equilibrium under `load` and the relative residuals of the iteration, the last one below 1e-8.
+
+    A residual is measured in the norm of the preconditioner, where forces and moments count alike.
+    """
+    residuals: list[float] = []
+    pressure, tangent = problem.contact(w)
+    residual = load - problem.internal(w, pressure)
+    for _ in range(_MAX_NEWTON):
+        precondition = problem.preconditioner(tangent)
+        size = np.sqrt(np.sum(residual * precondition(residual)) / np.sum(load * precondition(load)))
+        residuals.append(float(size))
+        if size <= _TOLERANCE:
+            return w, residuals
+        step = _conjugate_gradients(problem, tangent, precondition, residual)
+        slope, length = float(np.sum(residual * step)), 1.0
+        while True:
+            trial = w + length * step
+            trial_pressure, trial_tangent = problem.contact(trial)
+            trial_residual = load - problem.internal(trial, trial_pressure)
+            # the energy is convex: a step that leaves less slope than it found has not gone too far
+            if abs(np.sum(trial_residual * step)) <= 0.9 * slope or length < 1e-3:
+                break
+            length /= 2.0
+        w, tangent, residual = trial, trial_tangent, trial_residual
+    message = f"the static stage did not converge in {_MAX_NEWTON} Newton steps; residual {residuals[-1]:.2g}"
+    raise SolveError(message)
+
+
+def _conjugate_gradients(
+    problem: _Problem, tangent: Vector, precondition: Callable[[Vector], Vector], residual: Vector
+) -> Vector:
+    step, r = np.zeros_like(residual), residual.copy()
+    z = precondition(r)
+    direction = z.copy()
+    before = first = float(np.sum(r * z))
+    for _ in range(_MAX_CG):
+        image = problem.tangent_product(direction, tangent)
+        length = before / float(np.sum(direction * image))
+        step += length * direction
+        r -= length * image
+        z = precondition(r)
+        now = float(np.sum(r * z))
+        if now <= _FORCING**2 * first:
+            break
+        direction = z + now / before * direction
+        before = now
+    return step

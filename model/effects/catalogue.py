@@ -1,0 +1,113 @@
+"""The catalogue of physical effects: those of `model/effects`, of installed packages and of the user's own files."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import importlib.metadata
+import importlib.util
+import pkgutil
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+
+import model.effects
+from model.stack.effect import Effect
+from model.stack.errors import EffectError
+
+ENTRY_POINTS = "lamella.effects"
+"""Group of entry points under which an installed package offers effects."""
+_NOT_EFFECTS = ("catalogue", "conformance", "parts")  # what stands beside the effects
+
+
+def catalogue(files: Iterable[Path] = ()) -> dict[str, Effect]:
+    """Return all effects by name: those that ship, those of installed packages, and those of the given files.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Python files that end in ``EFFECT = Effect(...)``. Their code runs.
+
+    Raises
+    ------
+    EffectError
+        A file cannot be read or has no effect, or two effects have one name.
+    """
+    installed = [
+        _checked(point.load(), f"entry point {point.name} = {point.value}")
+        for point in importlib.metadata.entry_points(group=ENTRY_POINTS)
+    ]
+    found: dict[str, Effect] = {}
+    for effect in (*shipped(), *installed, *map(read_effect, files)):
+        if effect.name in found:
+            message = f"two effects have the name {effect.name!r}; rename one of them"
+            raise EffectError(message)
+        found[effect.name] = effect
+    return found
+
+
+def shipped() -> tuple[Effect, ...]:
+    """Return the effects of `model/effects`."""
+    modules = (
+        importlib.import_module(f"model.effects.{found.name}")
+        for found in pkgutil.iter_modules(model.effects.__path__)
+        if found.name not in _NOT_EFFECTS
+    )
+    return tuple(_effect_of(module, module.__name__) for module in modules)
+
+
+def read_effect(path: Path) -> Effect:
+    """Run a Python file and return the effect in which it ends.
+
+    Raises
+    ------
+    EffectError
+        The file cannot be read or run, or does not end in ``EFFECT = Effect(...)``.
+    """
+    path = Path(path)
+    spec = importlib.util.spec_from_file_location(f"lamella_effect_{path.stem}", path)
+    if not path.is_file() or spec is None or spec.loader is None:
+        message = f"{path}: not a Python file that can be read; give one that ends in EFFECT = Effect(...)"
+        raise EffectError(message)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except EffectError as error:
+        message = f"{path}: {error}"
+        raise EffectError(message) from error
+    except Exception as error:  # whatever the user's own code raises
+        message = f"{path}: {type(error).__name__}: {error}"
+        raise EffectError(message) from error
+    return _effect_of(module, str(path))
+
+
+def find_effects(names: Iterable[str], known: dict[str, Effect] | None = None) -> tuple[Effect, ...]:
+    """Return effects by name, of the catalogue unless others are known.
+
+    Raises
+    ------
+    EffectError
+        There is none of a name; the message has the closest ones.
+    """
+    names, known = list(names), catalogue() if known is None else known
+    for name in names:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=3)
+            hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(sorted(known))}"
+            message = f"no effect {name!r}; {hint}"
+            raise EffectError(message)
+    return tuple(known[name] for name in names)
+
+
+def _effect_of(module: ModuleType, where: str) -> Effect:
+    if not hasattr(module, "EFFECT"):
+        message = f"{where}: has no EFFECT; an effect file ends in EFFECT = Effect(...)"
+        raise EffectError(message)
+    return _checked(module.EFFECT, where)
+
+
+def _checked(effect: object, where: str) -> Effect:
+    if not isinstance(effect, Effect):
+        message = f"{where}: EFFECT is a {type(effect).__name__}; it must be a model.Effect"
+        raise EffectError(message)
+    return effect

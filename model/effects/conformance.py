@@ -1,0 +1,291 @@
+"""Whether an effect is what the equations of motion need: the conformance check of the catalogue and of users' effects.
+
+Every check is made on a small stack, `CLAMPED`, or `HELD` for effects that need a support, at several strengths and two
+pressures.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from model.elements.equations import OMEGA, Assembly, Target, Term
+from model.elements.mesh import FIELDS
+from model.elements.rigid import rigid_body_modes
+from model.modes.modes import solve_modes
+from model.modes.observation import Observation
+from model.reduction.assemble import assemble
+from model.reduction.reduction import reduce
+from model.stack.effect import OMEGA_REFERENCE, Effect
+from model.stack.errors import EffectError
+from model.stack.material import Material
+from model.stack.stack import Clamp, Contact, EdgeSupport, Mesh, Stack
+
+SECTIONS = ("Enters:", "Range:", "Does:", "Mistaken for:")
+"""Paragraphs that an effect's description has."""
+
+CLAMPED = Stack(
+    name="check",
+    length=0.4,
+    width=0.06,
+    height=0.06,
+    n_lamina=8,
+    material=Material(young=200e9, poisson=0.28, density=7650.0),
+    contact=Contact(G_f=1500.0, d_f=1.5e-11, pressure=160e3, normal_modulus=1e9),
+    clamps=tuple(Clamp(mass=1.5, x=x, y=0.0, footprint=(0.04, 0.05)) for x in (-0.1, 0.1)),
+    mesh=Mesh(n_x=5, n_y=2),
+)
+"""Eight thick laminas with two clamps."""
+HELD = dataclasses.replace(CLAMPED, supports=(EdgeSupport(edge="left", across=np.inf, rotation=np.inf),))
+"""The same, held at one end."""
+
+_PRESSURES = (160e3, 320e3)
+_INSIDE = (
+    0.37,
+    0.81,
+)  # of the range: where derivatives are compared, off round numbers, where laws may have kinks
+_NEGATIVE = 1e-4  # of the first elastic mode's: stiffness or damping below minus this is negative
+_FORCE = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
+_SYMMETRIC = 1e-12
+_STEP = 1e-4  # of a parameter's range, of central differences
+_FACTOR_ERROR = 1e-5
+_GRADIENT_ERROR = 1e-4  # of the range's effect on the frequency; differences keep some six digits
+_TINY = 1e-6  # of the largest damping ratio: motion without contact has hardly any
+_N_MODE = 12
+
+_TARGETS: tuple[Target, ...] = ("M", "C", "K")
+
+
+def effect_faults(effect: Effect) -> tuple[str, ...]:
+    """Check an effect and return what is wrong with it, one sentence each; empty if nothing is.
+
+    Checked are: a description with its four sections; terms that the equations can take; matrices that are symmetric;
+    at the neutral value exactly the base model; a difference at the bounds; positive mass and no negative stiffness or
+    damping, in total, at all combinations of bounds and nominal values; no force on rigid-body motion unless the
+    effect is grounded, and one if it is; dependence on frequency as stated; derivatives of factors, and gradients of
+    the modes' frequencies and damping ratios, equal to finite differences.
+    """
+    found = list(_text_faults(effect))
+    try:
+        base, assembly = _assembled(effect)
+        structure = list(_structure(effect, base, assembly))
+        if structure:  # the matrices cannot be formed
+            return (*found, *structure)
+        for check in (_neutral, _symmetry, _definiteness, _rigid, _frequency, _derivatives):
+            found += check(effect, base, assembly)
+        if not found:
+            found += _gradients(effect, base.stack)
+    except Exception as error:  # what a user's own terms raise
+        found.append(f"its terms cannot be evaluated: {type(error).__name__}: {error}")
+    return tuple(found)
+
+
+def _assembled(effect: Effect) -> tuple[Assembly, Assembly]:
+    """Return the equations of motion of a stack that suits the effect, without and with it."""
+    try:
+        return _base(CLAMPED), assemble(CLAMPED.with_effects(effect))
+    except EffectError:
+        return _base(HELD), assemble(HELD.with_effects(effect))
+
+
+@functools.cache
+def _base(stack: Stack) -> Assembly:
+    return assemble(stack)
+
+
+@functools.cache
+def _reference(base: Assembly, pressure: float) -> tuple[NDArray[np.float64], dict[Target, float]]:
+    """Return the mass matrix and, in units of it, how negative M, C and K may be for rounding."""
+    theta = {**base.theta, "pressure": pressure}
+    mass = base.matrix("M", theta).toarray()
+    values, vectors = la.eigh(base.matrix("K", theta).toarray(), mass, subset_by_index=[0, 6])
+    damping = float(vectors[:, 6] @ base.matrix("C", theta) @ vectors[:, 6])
+    return mass, {"M": 0.0, "C": _NEGATIVE * damping, "K": _NEGATIVE * float(values[6])}
+
+
+def _text_faults(effect: Effect) -> Iterator[str]:
+    if not effect.summary.strip() or "\n" in effect.summary:
+        yield "its summary must be one line"
+    for section in SECTIONS:
+        paragraphs = [p.split() for p in effect.description.split("\n") if p.startswith(section)]
+        if not any(len(words) > len(section.split()) for words in paragraphs):
+            yield f"its description lacks a paragraph that begins with {section!r}"
+
+
+def _structure(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    sizes = {field: base.plan.size(field) for field in FIELDS}
+    taken = [p.name for p in effect.parameters if p.name in (*base.theta, OMEGA)]
+    if taken:
+        yield f"its parameter {taken[0]} has the name of a parameter of the base model"
+    names = [term.name for term in assembly.terms]
+    for term in _own(assembly, base):
+        if names.count(term.name) > 1:
+            yield f"two terms have the name {term.name!r}"
+        if term.target not in _TARGETS:
+            yield f"term {term.name!r}: target must be M, C or K, got {term.target!r}"
+        for kron in term.krons:
+            expected = (base.stack.n_lamina,) * 2, (sizes[kron.row], sizes[kron.column])
+            if (kron.z.shape, kron.planar.shape) != expected:
+                yield (
+                    f"term {term.name!r}: z and planar of {kron.row}, {kron.column} must be of shapes {expected[0]} "
+                    f"and {expected[1]}, got {kron.z.shape} and {kron.planar.shape}"
+                )
+    if not _own(assembly, base):
+        yield "it adds no term"
+
+
+def _neutral(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    neutral = {p.name: p.neutral for p in effect.parameters}
+    changed = False
+    for pressure, target in itertools.product(_PRESSURES, _TARGETS):
+        theta = {**assembly.theta, "pressure": pressure, "young": 1.02, "density": 0.98}
+        expected = base.matrix(target, theta)
+        if abs(assembly.matrix(target, {**theta, **neutral}) - expected).max() > 0.0:
+            yield f"at its neutral value the matrix {target} is not the base model's"
+        changed |= any(
+            abs(assembly.matrix(target, {**theta, **strong}) - expected).max() > 0.0
+            for strong in _corners(effect)
+        )
+    if not changed:
+        yield "it changes nothing at any strength"
+
+
+def _symmetry(_: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    for term in _own(assembly, base):
+        total = assembly.sparse_sum(term.krons)
+        if not np.all(np.isfinite(total.data)):
+            yield f"term {term.name!r}: its matrix is not finite"
+        elif abs(total - total.T).max() > _SYMMETRIC * abs(total).max():
+            yield f"term {term.name!r}: its matrix is not symmetric"
+
+
+def _definiteness(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    words = {"M": "not positive", "C": "negative for some motion", "K": "negative for some motion"}
+    targets = dict.fromkeys(term.target for term in _own(assembly, base))
+    for pressure in _PRESSURES:
+        mass, allowed = _reference(base, pressure)
+        for strong, target in itertools.product(_corners(effect), targets):
+            theta = {**assembly.theta, "pressure": pressure, **strong}
+            if not _is_positive(assembly.matrix(target, theta).toarray() + allowed[target] * mass):
+                at = ", ".join(f"{name} = {value:g}" for name, value in strong.items())
+                yield f"at {at} and {pressure / 1e3:g} kPa the matrix {target} is {words[target]}"
+
+
+def _rigid(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    rigid = rigid_body_modes(assembly, base.stack, dict.fromkeys(FIELDS, np.eye(base.stack.n_lamina)))
+    meets = False
+    for term in _own(assembly, base):
+        if term.target != "M":
+            matrix = assembly.sparse_sum(term.krons)
+            force = np.abs(matrix @ rigid).max(axis=0)
+            cancelling = (abs(matrix) @ np.abs(rigid)).max(axis=0)
+            turned = np.flatnonzero(force > _FORCE * cancelling)
+            meets |= turned.size > 0
+            if turned.size and not effect.grounded:
+                motion = ("moving along x", "moving along y", "moving along z",
+                          "turning about x", "turning about y", "turning about z")[turned[0]]  # fmt: skip
+                yield f"term {term.name!r}: the whole stack {motion} meets a force, but the effect is not grounded"
+    if effect.grounded and not meets:
+        yield "it is said to be grounded, but no rigid-body motion meets a force"
+
+
+def _frequency(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    depends = False
+    for theta in _inside(effect, assembly):
+        there = {OMEGA: OMEGA_REFERENCE, **theta}
+        for term in _own(assembly, base):
+            depends |= term.factor(there) != term.factor({**there, OMEGA: 1.3 * OMEGA_REFERENCE})
+    if depends != effect.frequency_dependent:
+        yield f"frequency_dependent is {effect.frequency_dependent}, but its factors say {depends}"
+
+
+def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    spans = {p.name: p.upper - p.lower for p in effect.parameters}
+    for theta, term in itertools.product(_inside(effect, assembly), _own(assembly, base)):
+        for name, value in theta.items():
+            step = _STEP * spans.get(name, value)
+            at = [term.factor({**theta, name: value + sign * step}) for sign in (1.0, -1.0)]
+            difference = (at[0] - at[1]) / (2.0 * step)
+            size = max(abs(difference), abs(term.factor(theta)) / abs(spans.get(name, value)))
+            if not abs(term.factor.derivative(theta, name) - difference) <= _FACTOR_ERROR * size:
+                yield (
+                    f"term {term.name!r}: the derivative of its factor by {name} is "
+                    f"{term.factor.derivative(theta, name):.6g}, finite differences say {difference:.6g}"
+                )
+                return
+
+
+def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
+    """Compare gradients of frequencies and damping ratios by each parameter with central differences."""
+    system = reduce(stack.with_effects(effect), n_snapshot=2, z_tolerance=1e-3)
+    nowhere = Observation(
+        node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]])
+    )
+
+    def modes(**values: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        found = solve_modes(
+            system, G_f=stack.contact.G_f, d_f=stack.contact.d_f, n_mode=_N_MODE, observation=nowhere,
+            parameters=values,
+        ).elastic()  # fmt: skip
+        columns = [found.parameter.index(p.name) for p in effect.parameters]
+        return (
+            np.array([found.frequency, found.damping]),
+            np.array([found.frequency_gradient[:, columns], found.damping_gradient[:, columns]]),
+        )
+
+    for share in _INSIDE:
+        values = {p.name: p.lower + share * (p.upper - p.lower) for p in effect.parameters}
+        at, gradient = modes(**values)
+        for j, parameter in enumerate(effect.parameters):
+            span = parameter.upper - parameter.lower
+            step = _STEP * span
+            moved = [
+                modes(**{**values, parameter.name: values[parameter.name] + s * step})[0] for s in (1, -1)
+            ]
+            slope = span * (moved[0] - moved[1]) / (2.0 * step)
+            error = np.abs(span * gradient[:, :, j] - slope)
+            sizes = at + _TINY * at.max(axis=1, keepdims=True) + np.abs(slope).max(axis=1, keepdims=True)
+            limit = _GRADIENT_ERROR * sizes
+            if np.any(error > limit):
+                quantity, r = np.argwhere(error > limit)[0]
+                yield (
+                    f"the gradient of {('the frequency', 'the damping ratio')[quantity]} of elastic mode {r + 1} by "
+                    f"{parameter.name} is {gradient[quantity, r, j]:.6g}, finite differences say "
+                    f"{slope[quantity, r] / span:.6g}"
+                )
+                return
+
+
+def _own(assembly: Assembly, base: Assembly) -> tuple[Term, ...]:
+    return assembly.terms[len(base.terms) :]
+
+
+def _corners(effect: Effect) -> list[dict[str, float]]:
+    """Return all combinations of bounds and nominal values."""
+    return list(effect.combinations(lambda p: (p.lower, p.nominal, p.upper)))
+
+
+def _inside(effect: Effect, assembly: Assembly) -> list[dict[str, float]]:
+    """Return all parameters, the effect's inside of their ranges and the pressure off the reference."""
+    return [
+        {
+            **assembly.theta,
+            "pressure": 1.3 * _PRESSURES[0],
+            **{p.name: p.lower + share * (p.upper - p.lower) for p in effect.parameters},
+        }
+        for share in _INSIDE
+    ]
+
+
+def _is_positive(matrix: NDArray[np.float64]) -> bool:
+    try:
+        la.cholesky((matrix + matrix.T) / 2.0, check_finite=True)
+    except (la.LinAlgError, ValueError):
+        return False
+    return True

@@ -1,0 +1,304 @@
+"""Parts that many effects are made of: masses, springs and dashpots at places, and changes of the pressure field."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.contact.contact import contact_fields
+from model.elements.clamping import footprint_points
+from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
+from model.elements.mesh import FIELDS, Derivative, Field
+from model.stack.errors import EffectError
+from model.stack.stack import Clamp, Instruments, Stack
+
+Vector = NDArray[np.float64]
+
+N_STATION = 11
+"""Stations of accelerometers along the stack where no test is known: with four edges the 44 points of the paper."""
+
+
+def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
+    """Return the stack's clamps.
+
+    Raises
+    ------
+    EffectError
+        It has none.
+    """
+    if not assembly.stack.clamps:
+        message = (
+            f"{effect}: the stack has no clamps; add [[clamps]] to its file, with mass_kg = 0 if need be"
+        )
+        raise EffectError(message)
+    return assembly.stack.clamps
+
+
+def known_or_usual_instruments(stack: Stack) -> Instruments:
+    """Return the stack's instruments; where no test is known, those of the paper's test.
+
+    By default there are 44 points on the four long edges, and the shaker under the corner at the highest x and y.
+    """
+    if stack.instruments is not None:
+        return stack.instruments
+    x = np.linspace(-0.5, 0.5, N_STATION) * stack.length
+    edges = itertools.product(
+        x, (-stack.width / 2.0, stack.width / 2.0), (-stack.height / 2.0, stack.height / 2.0)
+    )
+    return Instruments(
+        shaker=(stack.length / 2.0, stack.width / 2.0, -stack.height / 2.0), sensor=np.array(list(edges))
+    )
+
+
+def again(
+    assembly: Assembly,
+    base: str,
+    name: str,
+    change: Callable[[Theta], Any],
+    *,
+    target: Target | None = None,
+    krons: tuple[Kron, ...] | None = None,
+) -> Term:
+    """Return a term of the base model once more, `change` times as large: together they are 1 + `change` times it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    base : str
+        Name of the base model's term.
+    name : str
+        Name of the new term.
+    change : callable
+        From the parameters to the change, as in `Formula`.
+    target : "M", "C" or "K", optional
+        Matrix that it is part of; by default that of the base model's term.
+    krons : tuple of Kron, optional
+        What takes the place of the term's products, where only a part of them changes.
+    """
+    term = assembly.term(base)
+    return Term(
+        name=name,
+        target=term.target if target is None else target,
+        factor=Product(first=term.factor, second=Formula(change)),
+        krons=term.krons if krons is None else krons,
+    )
+
+
+def every_lamina(stack: Stack) -> sp.csr_array:
+    """Return the matrix over the laminas that gives each an equal share of one."""
+    return sp.eye_array(stack.n_lamina, format="csr") / stack.n_lamina
+
+
+def mean_lamina(stack: Stack) -> sp.csr_array:
+    """Return the matrix over the laminas that takes the square of their mean.
+
+    What is stiff over the height moves as the laminas do in the mean; a part of it on each would move with that one
+    alone, and where it is heavy bring motions over the height that no such body has.
+    """
+    return sp.csr_array(np.full((stack.n_lamina, stack.n_lamina), 1.0 / stack.n_lamina**2))
+
+
+def tie(stack: Stack) -> sp.csr_array:
+    """Return the matrix over the laminas of a spring from the bottom to the top of the stack.
+
+    It takes the mean strain over the height, which is what a stiff bar on either face feels; the faces' laminas
+    alone would give way under it.
+    """
+    row = reach(stack)
+    return sp.csr_array(row.T @ row)
+
+
+def reach(stack: Stack) -> Vector:
+    """Return the row over the laminas, (1, n_lamina), that takes the mean strain over the height times the height."""
+    return np.asarray(stack.lamina_z / np.sum(stack.lamina_z**2) * np.ptp(stack.lamina_z))[None]
+
+
+def mean_over(
+    assembly: Assembly,
+    field: Field,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    slope: Derivative = "",
+    *,
+    tapered: bool = False,
+) -> sp.csr_matrix:
+    """Return the row that takes the mean of a field, or of its slope, over a rectangle of the plan.
+
+    With `tapered` the rectangle counts less towards its ends along x, and there not at all: an edge within an element
+    is what a heavy or stiff part converges slowly by.
+    """
+    points, weights = _weighted(assembly, centre, size, tapered=tapered)
+    return sp.csr_matrix(weights @ assembly.plan.point_rows(field, points, slope))
+
+
+def _weighted(
+    assembly: Assembly, centre: tuple[float, float], size: tuple[float, float], *, tapered: bool
+) -> tuple[Vector, Vector]:
+    """Return points, (n, 2), of a rectangle of the plan and their weights, which sum to 1."""
+    points, weights = footprint_points(centre, size, assembly.plan)
+    if tapered:
+        weights = weights * (1.0 - (2.0 * (points[:, 0] - centre[0]) / size[0]) ** 2)
+        weights /= weights.sum()
+    return points, weights
+
+
+def turn_of(
+    assembly: Assembly,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    axis: Literal["x", "y"],
+    *,
+    tapered: bool = False,
+) -> sp.csr_matrix:
+    """Return the row that takes the slope along an axis of the plane that lies closest to w over a rectangle.
+
+    A stiff bar on the rectangle turns by it; on one without length it is the slope there. The mean slope is the
+    difference of w along two edges alone, and converges three times more slowly with the mesh.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    centre, size : (float, float)
+        The rectangle, m.
+    axis : "x" or "y"
+        Along which the slope is taken.
+    tapered : bool
+        As in `mean_over`.
+    """
+    points, weights = _weighted(assembly, centre, size, tapered=tapered)
+    along = points[:, "xy".index(axis)]
+    arm = along - weights @ along
+    if np.ptp(arm) == 0.0:
+        return mean_over(assembly, "w", centre, size, axis)
+    return sp.csr_matrix((weights * arm / (weights @ arm**2)) @ assembly.plan.point_rows("w", points))
+
+
+def shear_spring(
+    assembly: Assembly,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    axis: Literal["x", "y"],
+    over_z: tuple[Any, Any],
+    *,
+    tapered: bool = False,
+) -> tuple[Kron, ...]:
+    """Return a spring of stiffness 1 against shear at a rectangle of the plan.
+
+    Its elongations are slip times the mean of u (v along y) over the rectangle plus turned times its turn about y
+    (x): without the turning of the laminas a stack that turns as a whole would stretch it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    centre, size : (float, float)
+        The rectangle, m.
+    axis : "x" or "y"
+        Direction of the shear.
+    over_z : (slip, turned)
+        Matrices over the laminas, (n_spring, n_lamina) each.
+    tapered : bool
+        As in `mean_over`.
+    """
+    slip, turned = (sp.csr_array(matrix) for matrix in over_z)
+    field: Field = "u" if axis == "x" else "v"
+    along = mean_over(assembly, field, centre, size, tapered=tapered)
+    slope = turn_of(assembly, centre, size, axis, tapered=tapered)
+    return (
+        square(field, along, slip.T @ slip),
+        Kron(row=field, column="w", z=slip.T @ turned, planar=(along.T @ slope).tocsr()),
+        square("w", slope, turned.T @ turned),
+    )
+
+
+def square(field: Field, row: sp.csr_matrix, z: sp.csr_array, strength: float = 1.0) -> Kron:
+    """Return strength times the square of what a row takes of a field."""
+    return Kron(row=field, column=field, z=strength * z, planar=(row.T @ row).tocsr())
+
+
+def point_mass(
+    assembly: Assembly, effect: str, parameter: str, points: Vector, share: float = 1.0
+) -> tuple[Term, ...]:
+    """Return the term of masses at points (n, 2) of the plan, spread over the height, in all directions.
+
+    Each point gets a `share` of the mass that the parameter states.
+    """
+    z = share * every_lamina(assembly.stack)
+    krons = tuple(square(field, assembly.plan.point_rows(field, points), z) for field in FIELDS)
+    return (Term(name=effect, target="M", factor=Monomial(exponent={parameter: 1}), krons=krons),)
+
+
+def centred(weight: Vector, dx: Vector) -> Vector:
+    """Return a change of pressure that keeps the force: without mean, and -1 where pressure falls most."""
+    change = weight - float(np.sum(weight * dx) / np.sum(dx))
+    return np.asarray(change / -change.min())
+
+
+def pressure_change(
+    assembly: Assembly,
+    effect: str,
+    amplitude: str,
+    shape: Callable[[Vector, Vector], Vector],
+) -> tuple[Term, ...]:
+    """Return the terms of a pressure p (1 + a f(x, y)) in place of p, with the amplitude a.
+
+    The shear modulus G_f p and the damping d_f p change with it; the normal modulus stays.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    effect : str
+        Its name.
+    amplitude : str
+        Name of the parameter a.
+    shape : callable
+        From x and y, (n_element, n_point) m, to the change of pressure before `centred` keeps the clamping force.
+    """
+    plan = assembly.plan
+    x, y = plan.quadrature_points
+    f = centred(shape(x, y), np.asarray(plan.membrane.dx))
+    field = contact_fields(assembly.stack, plan)
+
+    def change(t: Theta) -> Any:
+        return t[amplitude]
+
+    def twice(t: Theta) -> Any:
+        return 2.0 * t[amplitude]
+
+    def squared(t: Theta) -> Any:
+        return t[amplitude] ** 2
+
+    pressure, square_of_it = field["pressure"].tangential(f), field["pressure squared"]
+    mixed = field["pressure times normal"].normal(f)
+    damping = f"{effect} damping"
+    return (
+        again(assembly, "tangential contact", f"{effect} stiffness", change, krons=pressure),
+        again(assembly, "tangential contact damping", damping, twice, krons=square_of_it.tangential(f)),
+        again(
+            assembly,
+            "tangential contact damping",
+            f"{damping}, squared",
+            squared,
+            krons=square_of_it.tangential(f**2),
+        ),
+        again(assembly, "normal contact damping", f"{effect} normal damping", change, krons=mixed),
+    )
+
+
+def hats(position: Any, grid: Vector) -> list[Any]:
+    """Return the piecewise linear functions of a grid at a position, real or complex: they sum to 1."""
+    real = float(np.real(position))
+    last = len(grid) - 2
+    i = min(max(int(np.searchsorted(grid, real, side="right")) - 1, 0), last)
+    part = (position - grid[i]) / (grid[i + 1] - grid[i])
+    values: list[Any] = [0.0] * len(grid)
+    values[i], values[i + 1] = 1.0 - part, part
+    return values

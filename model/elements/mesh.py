@@ -1,0 +1,273 @@
+"""Finite elements of one lamina in its plane: spaces, planar forms and point evaluation.
+
+The in-plane displacements u and v live on quadratic elements, the deflection w on plate elements whose slopes are
+continuous: Bogner-Fox-Schmit's on a rectangle, Argyris's on triangles. A deflection with kinks, or springs at nodes on
+slope freedoms, let a thin lamina bend between the nodes and bypass the contact; then frequencies do not
+converge.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as splinalg
+import scipy.spatial as spatial
+import skfem
+from numpy.typing import NDArray
+
+from model.stack.outline import Triangulation
+from model.stack.stack import Stack
+
+Field = Literal["u", "v", "w"]
+FIELDS: tuple[Field, ...] = ("u", "v", "w")
+Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
+
+_QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the rectangle
+_TRIANGLE_ORDER = 10  # exact for products of Argyris's quintic deflections
+_NEAREST = 12  # triangles tried for the place of a point
+_COINCIDE = 0.1  # of an element: edges that are closer are one
+_HALF = 0.45  # of an element from which a part has one more; the sizes of stacks and clamps make just a half common,
+# and then neither rounding nor a dimension that is slightly off may change the mesh
+
+
+def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
+    axes = ["xy".index(letter) for letter in derivative]
+    tensor = (field, field.grad, field.hess)[len(axes)]
+    return np.asarray(tensor)[tuple(axes)] if axes else np.asarray(tensor)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """The plan of one lamina, meshed, with the spaces of its displacement fields.
+
+    Attributes
+    ----------
+    membrane : skfem.CellBasis
+        Space of u and of v.
+    plate : skfem.CellBasis
+        Space of w.
+    """
+
+    membrane: Any
+    plate: Any
+
+    def basis(self, field: Field) -> Any:
+        """Return the space of a displacement field."""
+        return self.plate if field == "w" else self.membrane
+
+    def size(self, field: Field) -> int:
+        """Return the number of planar degrees of freedom of a field."""
+        return int(self.basis(field).N)
+
+    def elements(self, field: Field) -> sp.csr_matrix:
+        """Return 1 where an element holds a degree of freedom of a field, (size(field), n_element)."""
+        dofs = self.basis(field).element_dofs
+        columns = np.broadcast_to(np.arange(dofs.shape[1]), dofs.shape)
+        return sp.coo_matrix((np.ones(dofs.size), (dofs.ravel(), columns.ravel()))).tocsr()
+
+    def abscissa(self, field: Field) -> NDArray[np.float64]:
+        """Return x of each degree of freedom of a field, (size(field),) m."""
+        return np.asarray(self.basis(field).doflocs[0])
+
+    @property
+    def quadrature_points(self) -> NDArray[np.float64]:
+        """Coordinates of the quadrature points, (2, n_element, n_point) m."""
+        return np.asarray(self.membrane.global_coordinates())
+
+    @property
+    def area(self) -> float:
+        """Area of the plan, m2."""
+        return float(self.membrane.dx.sum())
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lowest and highest x, lowest and highest y, ((2, 2)) m."""
+        p = self.membrane.mesh.p
+        return np.column_stack([p.min(axis=1), p.max(axis=1)])
+
+    def form(
+        self,
+        row: Field,
+        column: Field,
+        derivatives: tuple[Derivative, Derivative] = ("", ""),
+        weight: NDArray[np.float64] | float = 1.0,
+    ) -> sp.csr_matrix:
+        """Integrate the product of two fields' shape functions, or of their derivatives, over the plan.
+
+        Parameters
+        ----------
+        row, column : "u", "v" or "w"
+            Fields whose shape functions give the rows and columns.
+        derivatives : (str, str)
+            Derivative of each, such as "x" or "xy".
+        weight : float or (n_element, n_point)
+            Factor under the integral, at `quadrature_points` where it varies.
+
+        Returns
+        -------
+        csr_matrix, (size(row), size(column))
+            Entries that cancel to zero stay stored, so the pattern depends on the mesh alone.
+        """
+        left, right = self.basis(row), self.basis(column)
+        values_left = np.array([_derivative(f[0], derivatives[0]) for f in left.basis])
+        values_right = np.array([_derivative(f[0], derivatives[1]) for f in right.basis])
+        blocks = np.einsum("ieq,jeq->eij", values_left * (left.dx * weight), values_right, optimize=True)
+        rows = np.broadcast_to(left.element_dofs.T[:, :, None], blocks.shape)
+        columns = np.broadcast_to(right.element_dofs.T[:, None, :], blocks.shape)
+        return sp.coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (left.N, right.N)).tocsr()
+
+    def at_quadrature(self, field: Field, derivative: Derivative = "") -> sp.csr_matrix:
+        """Return the matrix that evaluates a field at all quadrature points, (n_element n_point, size(field))."""
+        basis = self.basis(field)
+        values = np.array([_derivative(f[0], derivative).ravel() for f in basis.basis])
+        columns = np.repeat(basis.element_dofs, basis.dx.shape[1], axis=1)
+        rows = np.broadcast_to(np.arange(values.shape[1]), values.shape)
+        return sp.coo_matrix(
+            (values.ravel(), (rows.ravel(), columns.ravel())), (values.shape[1], basis.N)
+        ).tocsr()
+
+    def interpolate(self, field: Field, linear: tuple[float, float, float]) -> NDArray[np.float64]:
+        """Return the degrees of freedom, (size(field),), of the linear function c0 + c1 x + c2 y."""
+        return np.asarray(self._linear["w" if field == "w" else "u"] @ linear)
+
+    @functools.cached_property
+    def _linear(self) -> dict[Field, NDArray[np.float64]]:
+        """Degrees of freedom of 1, x and y in the spaces of u and w, (size(field), 3) each."""
+        found: dict[Field, NDArray[np.float64]] = {}
+        x, y = self.quadrature_points
+        for field in ("u", "w"):
+            basis = self.basis(field)
+            load = np.zeros((basis.N, 3))
+            for i, value in enumerate((np.ones_like(x), x, y)):
+                loads = np.array(
+                    [(np.asarray(shape[0]) * value * basis.dx).sum(axis=1) for shape in basis.basis]
+                )
+                load[:, i] = np.bincount(basis.element_dofs.ravel(), loads.ravel(), minlength=basis.N)
+            mass = self.form(field, field)
+            found[field] = splinalg.splu(mass.tocsc()).solve(load)
+        return found
+
+    def point_rows(
+        self, field: Field, points: NDArray[np.float64], derivative: Derivative = ""
+    ) -> sp.csr_matrix:
+        """Return the matrix that evaluates a field, or a derivative of it, at points of the plan.
+
+        A place outside the outline, such as one on the arc beside its polygon, counts as the nearest one inside.
+
+        Parameters
+        ----------
+        field : "u", "v" or "w"
+            The field.
+        points : (n, 2)
+            Places on the plan, m.
+        derivative : str
+            Derivative to evaluate.
+
+        Returns
+        -------
+        csr_matrix, (n, size(field))
+        """
+        basis = self.basis(field)
+        x, cells = self._located(np.asarray(points, dtype=float))
+        local = basis.mapping.invF(x[:, :, np.newaxis], tind=cells)
+        values = np.array(
+            [
+                _derivative(basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0], derivative)[:, 0]
+                for k in range(basis.Nbfun)
+            ]
+        )
+        rows = np.broadcast_to(np.arange(x.shape[1]), values.shape)
+        return sp.coo_matrix(
+            (values.ravel(), (rows.ravel(), basis.element_dofs[:, cells].ravel())), (x.shape[1], basis.N)
+        ).tocsr()
+
+    def nearest(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the points, (n, 2), of the plan that are nearest to places (n, 2)."""
+        return self._located(np.asarray(points, dtype=float))[0].T
+
+    def _located(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Return the nearest points of the plan, (2, n), and the elements that they lie in."""
+        mesh = self.membrane.mesh
+        if isinstance(mesh, skfem.MeshQuad):
+            low, high = self.bounds.T
+            x = np.clip(points, low, high).T
+            return x, mesh.element_finder(mapping=self.membrane.mapping)(*x)
+        corners = mesh.p.T[mesh.t.T]
+        n_near = min(_NEAREST, len(corners))
+        near = spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
+        candidate = _nearest_in_triangle(points[:, None], corners[near])
+        chosen = np.argmin(np.linalg.norm(candidate - points[:, None], axis=2), axis=1)
+        rows = np.arange(len(points))
+        return candidate[rows, chosen].T, near[rows, chosen]
+
+
+def _nearest_in_triangle(point: NDArray[np.float64], corner: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points (..., 2) of triangles (..., 3, 2) that are nearest to points (..., 2)."""
+    point = np.broadcast_to(point, (*corner.shape[:-2], 2))
+    edge = np.roll(corner, -1, axis=-2) - corner
+    offset = point[..., None, :] - corner
+    cross = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
+    within = np.all(cross >= 0.0, axis=-1) | np.all(cross <= 0.0, axis=-1)
+    along = np.clip(np.sum(offset * edge, axis=-1) / np.sum(edge**2, axis=-1), 0.0, 1.0)
+    on_edge = corner + along[..., None] * edge
+    distance = np.linalg.norm(on_edge - point[..., None, :], axis=-1)
+    best = np.argmin(distance, axis=-1)[..., None, None]
+    outside = np.take_along_axis(on_edge, best, axis=-2)[..., 0, :]
+    return np.where(within[..., None], point, outside)
+
+
+def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[float] = ()) -> Plan:
+    """Mesh a rectangle centred at the origin.
+
+    Parameters
+    ----------
+    length, width : float
+        Along x and y, m.
+    n_x, n_y : int
+        Number of elements along x and y; they are equal where no edges are given.
+    edges : sequence of float
+        Places along x, m, where elements shall end: what acts on a part of an element is met slowly as the mesh grows
+        finer. Those that nearly coincide count once. Between them elements are as near to length / n_x as may be.
+    """
+    mesh = skfem.MeshQuad.init_tensor(
+        _cuts(length, n_x, edges), np.linspace(-width / 2.0, width / 2.0, n_y + 1)
+    )
+    membrane = skfem.Basis(mesh, skfem.ElementQuadS2(), intorder=_QUADRATURE_ORDER)
+    plate = skfem.Basis(mesh, skfem.ElementQuadBFS(), intorder=_QUADRATURE_ORDER)
+    return Plan(membrane=membrane, plate=plate)
+
+
+def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
+    """Return where elements end, from -length / 2 to length / 2."""
+    end, size = length / 2.0, length / n
+    inner = np.unique([edge for edge in edges if abs(edge) < end - _COINCIDE * size])
+    apart = np.flatnonzero(np.diff(inner) > _COINCIDE * size) + 1
+    marks = [-end, *(float(group.mean()) for group in np.split(inner, apart) if group.size), end]
+    parts = [
+        np.linspace(low, high, max(1, math.floor((high - low) / size + 1.0 - _HALF)) + 1)
+        for low, high in itertools.pairwise(marks)
+    ]
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+
+
+def triangles(mesh: Triangulation) -> Plan:
+    """Take a lamina that is cut into triangles."""
+    tri = skfem.MeshTri(np.ascontiguousarray(mesh.point.T), np.ascontiguousarray(mesh.triangle.T))
+    membrane = skfem.Basis(tri, skfem.ElementTriP2(), intorder=_TRIANGLE_ORDER)
+    plate = skfem.Basis(tri, skfem.ElementTriArgyris(), intorder=_TRIANGLE_ORDER)
+    return Plan(membrane=membrane, plate=plate)
+
+
+def plan_of(stack: Stack) -> Plan:
+    """Mesh a lamina of the stack as its `mesh` says; elements of a rectangle end where clamps do."""
+    if stack.outline is None:
+        edges = [clamp.x + side * clamp.footprint[0] / 2.0 for clamp in stack.clamps for side in (-1.0, 1.0)]
+        return rectangle(stack.length, stack.width, stack.mesh.n_x, stack.mesh.n_y, edges)
+    return triangles(stack.outline.triangulated(stack.length / stack.mesh.n_x))

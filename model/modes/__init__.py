@@ -1,0 +1,1 @@
+"""Natural modes, their derivatives and verification, points of observation, responses."""

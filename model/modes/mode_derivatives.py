@@ -1,0 +1,203 @@
+"""Derivatives of modes by the parameters of the equations: beside all other modes, or of one mode alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.elements.equations import OMEGA, Target
+from model.reduction.reduced_equations import ReducedEquations
+from model.solvers.eigen import orthogonal_answers
+
+_SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Derivatives:
+    """Eigenvalues, vectors and phi' C phi of some modes, with derivatives by each parameter as the last axis.
+
+    With c = V' C V, mode r obeys s**2 (1 - S) + s c_rr + lambda_r = 0 to second order of the damping, where its
+    `coupling` S is the sum of c_rs**2 / (lambda_s - lambda_r) over the other modes.
+    """
+
+    eigenvalue: NDArray[np.float64]
+    coordinate: NDArray[np.float64]
+    modal_damping: NDArray[np.float64]
+    coupling: NDArray[np.float64]
+    d_eigenvalue: NDArray[np.float64]
+    d_coordinate: NDArray[np.float64]
+    d_modal_damping: NDArray[np.float64]
+
+    def without_omega(self) -> Derivatives:
+        """Return the derivatives along the modes' own frequency, which was the last parameter.
+
+        The eigenvalue obeys lambda = L(theta, omega) with omega = sqrt(lambda), so by a parameter
+        d lambda = L_theta / (1 - L_omega / (2 omega)), and likewise for all that follows from it.
+        """
+        omega = np.sqrt(self.eigenvalue)[:, None]
+        d_eigenvalue = self.d_eigenvalue[:, :-1] / (1.0 - self.d_eigenvalue[:, -1:] / (2.0 * omega))
+        d_omega = d_eigenvalue / (2.0 * omega)
+        return dataclasses.replace(
+            self,
+            d_eigenvalue=d_eigenvalue,
+            d_coordinate=self.d_coordinate[:, :, :-1] + self.d_coordinate[:, :, -1:] * d_omega,
+            d_modal_damping=self.d_modal_damping[:, :-1] + self.d_modal_damping[:, -1:] * d_omega,
+        )
+
+    @classmethod
+    def steady(
+        cls, eigenvalue: NDArray[np.float64], coordinate: NDArray[np.float64], n_parameter: int
+    ) -> Derivatives:
+        """Return modes that no parameter changes, undamped: rigid-body motion, of which any mixture is as good."""
+        n, n_mode = coordinate.shape
+        return cls(
+            eigenvalue=eigenvalue,
+            coordinate=coordinate,
+            modal_damping=np.zeros(n_mode),
+            coupling=np.zeros(n_mode),
+            d_eigenvalue=np.zeros((n_mode, n_parameter)),
+            d_coordinate=np.zeros((n, n_mode, n_parameter)),
+            d_modal_damping=np.zeros((n_mode, n_parameter)),
+        )
+
+    @classmethod
+    def joined(cls, parts: list[Derivatives]) -> Derivatives:
+        """Return the modes of all parts, in their order."""
+        axis = {"coordinate": 1, "d_coordinate": 1}
+        return cls(
+            **{
+                field.name: np.concatenate(
+                    [getattr(part, field.name) for part in parts], axis=axis.get(field.name, 0)
+                )
+                for field in dataclasses.fields(cls)
+            }
+        )
+
+
+def mode_derivatives(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    eigenvalues: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    which: range,
+    omega: NDArray[np.float64] | None = None,
+) -> Derivatives:
+    """Return modes and their derivatives as sums over all modes (Fox and Kapoor 1968).
+
+    Parameters
+    ----------
+    system : ReducedEquations
+        The equations.
+    theta : mapping of str to float
+        All their parameters.
+    names : tuple of str
+        Those by which derivatives are wanted.
+    eigenvalues, vectors : (n,), (n, n)
+        All eigenpairs at `theta`, the vectors mass-normalised.
+    which : range
+        Modes whose derivatives are wanted.
+    omega : (n_mode,), optional
+        Angular frequencies, rad/s, of these: factors are taken at each mode's own.
+    """
+    row, column = np.array(which, dtype=np.intp), np.arange(len(which))
+    chosen, lam = vectors[:, row], eigenvalues[row]
+    gap = lam - eigenvalues[:, None]
+    scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
+    apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
+    slopes, damped = _images(
+        system, theta, names, lambda matrix: vectors.T @ (matrix @ chosen), lam.size, omega
+    )
+    coupling = slopes["K"] - slopes["M"] * lam  # (n_parameter, n, n_mode), as all below
+    mixing = coupling / apart
+    mixing[:, row, column] = -0.5 * slopes["M"][:, row, column]
+    d_modal = 2.0 * np.sum(mixing * damped, axis=1) + slopes["C"][:, row, column]
+    return Derivatives(
+        eigenvalue=lam,
+        coordinate=chosen,
+        modal_damping=damped[row, column],
+        coupling=-np.sum(damped**2 / apart, axis=0),
+        d_eigenvalue=coupling[:, row, column].T,
+        d_coordinate=np.moveaxis(vectors @ mixing, 0, -1),
+        d_modal_damping=d_modal.T,
+    )
+
+
+def own_derivatives(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    shape: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    stiffness: NDArray[np.float64],
+) -> Derivatives:
+    """Return one mode and its derivatives without the other modes: one factorisation takes their place (Nelson 1976).
+
+    Parameters
+    ----------
+    system, theta, names
+        As in `mode_derivatives`; the mode's own frequency is among `theta`.
+    shape : (n,)
+        The mode, of unit modal mass.
+    mass, stiffness : (n, n)
+        The matrices at `theta`.
+    """
+    eigenvalue = theta[OMEGA] ** 2
+    found, image = _images(system, theta, names, lambda matrix: matrix @ shape[:, None], 1)
+    slopes, damped = {target: own[:, :, 0].T for target, own in found.items()}, image[:, 0]
+    unbalanced = slopes["K"] - eigenvalue * slopes["M"]
+    answer = orthogonal_answers(
+        stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped])
+    )
+    d_shape = answer[:, :-1] - 0.5 * np.outer(shape, shape @ slopes["M"])
+    return Derivatives(
+        eigenvalue=np.array([eigenvalue]),
+        coordinate=shape[:, None],
+        modal_damping=np.array([shape @ damped]),
+        coupling=np.array([answer[:, -1] @ damped]),
+        d_eigenvalue=(shape @ unbalanced)[None],
+        d_coordinate=d_shape[:, None],
+        d_modal_damping=(2.0 * damped @ d_shape + shape @ slopes["C"])[None],
+    )
+
+
+def _images(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    image: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    n_mode: int,
+    omega: NDArray[np.float64] | None = None,
+) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the images of modes by the derivatives of M, C and K, (n_parameter, n, n_mode) each, and by C.
+
+    `image` takes a matrix to its image, (n, n_mode), once for terms that share it. With `omega`, (n_mode,), factors
+    are taken at each mode's own.
+    """
+    known: dict[int, NDArray[np.float64]] = {}
+    shape = (system.size, n_mode)
+    slopes: dict[Target, NDArray[np.float64]] = {t: np.zeros((len(names), *shape)) for t in ("M", "C", "K")}
+    damped = np.zeros(shape)
+    for term in system.terms:
+        used = term.factor.names(theta)
+        here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
+        every = {
+            j: np.array([term.factor.derivative(t, n) for t in here])
+            for j, n in enumerate(names)
+            if n in used
+        }
+        shares = {j: share for j, share in every.items() if share.any()}
+        factor = np.array([term.factor(t) for t in here]) if term.target == "C" else np.zeros(1)
+        if not (shares or factor.any()):
+            continue
+        if id(term.matrix) not in known:
+            known[id(term.matrix)] = image(term.matrix)
+        for j, share in shares.items():
+            slopes[term.target][j] += share * known[id(term.matrix)]
+        if factor.any():
+            damped += factor * known[id(term.matrix)]
+    return slopes, damped

@@ -1,0 +1,344 @@
+"""Modes of all laminas: what the reduction leaves, measured by the full equations and removed.
+
+A step of preconditioned subspace iteration on the full equations (LOBPCG: Knyazev 2001, SIAM J. Sci. Comput.
+23, 517-541) lowers each frequency towards its value without any reduction. The drop is a lower bound of the
+error, and close to it as long as the preconditioner is good; it has two levels, the equations with functions
+of z, factorised, for what is smooth over the height, and for the rest planar problems that eigenvectors over
+z of the interfaces leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as splinalg
+from numpy.typing import NDArray
+
+from model.elements.equations import Assembly, Kron
+from model.elements.mesh import FIELDS, Field
+from model.modes.modes import full_parameters, outside_ranges, reduced_eigenpairs
+from model.reduction.reduction import ReducedSystem, shifted_factor
+from model.reduction.through_thickness import SPARE, shear_shift
+from model.solvers.eigen import lowest_modes, orthonormalize
+from model.solvers.low_rank import Factor
+from model.stack.arrays import readonly
+
+Vector = NDArray[np.float64]
+
+_AT_ONCE = 2  # modes of which the residual is taken
+_RATIO = 8.0  # of eigenvalues over z that share one planar factor
+_MAX_STEPS = 30
+_MIN_STEPS = 6  # with functions of z, for modes that the reduced system lacks to come up
+_TOLERANCE = 1e-5  # relative change of eigenvalues with functions of z in the last step
+_SAFETY = 2.0  # the next drops together are taken as no more than this times their geometric sum
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Refined:
+    """Frequencies of the full equations, with all laminas and no reduction.
+
+    Attributes
+    ----------
+    frequency : (n_mode,) float
+        Natural frequencies after the last step, Hz, ascending; 0 for rigid-body motion.
+    error : (n_mode,) float
+        Estimated relative error that is left in `frequency`.
+    reduction_error : (n_mode,) float
+        Estimated relative error of the reduced system's frequencies.
+    outside : tuple of str
+        Parameters outside the ranges that the reduction was made for; then further random vectors are
+        iterated, because the reduction may lack modes.
+    n_step : int
+        Steps on the full equations.
+    converged : bool
+        Whether every `error` is within the tolerance.
+    """
+
+    frequency: NDArray[np.float64]
+    error: NDArray[np.float64]
+    reduction_error: NDArray[np.float64]
+    outside: tuple[str, ...]
+    n_step: int
+    converged: bool
+
+    def __post_init__(self) -> None:
+        n = np.size(self.frequency)
+        for name in ("frequency", "error", "reduction_error"):
+            object.__setattr__(self, name, readonly("Refined", name, getattr(self, name), (n,)))
+
+
+def refine(
+    system: ReducedSystem,
+    *,
+    G_f: float,
+    d_f: float = 0.0,
+    n_mode: int = 12,
+    parameters: Mapping[str, float] | None = None,
+    tolerance: float = 1e-6,
+    max_steps: int = _MAX_STEPS,
+) -> Refined:
+    """Verify the reduced system's frequencies on the full equations, and refine them.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The reduced stack.
+    G_f, d_f : float
+        Contact parameters, Pa/Pa and s/Pa; frequencies do not depend on `d_f`.
+    n_mode : int
+        Number of modes, rigid-body modes included.
+    parameters : mapping of str to float, optional
+        Values of further parameters that differ from `system.theta`.
+    tolerance : float
+        Relative error of frequencies at which the iteration ends.
+    max_steps : int
+        Steps at most; 1 gives an estimate of the reduction's error at the least cost.
+
+    Raises
+    ------
+    SolveError
+        A parameter is unknown, or the reduced system has fewer modes.
+    """
+    theta = full_parameters(system, G_f, d_f, parameters)
+    values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
+    full = system.laminas
+    stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
+    smooth = shifted_factor(system.assembly, theta)
+    correct = _preconditioner(system, theta, smooth)
+
+    rigid = _from_phi(system, system.basis @ vectors[:, :n_rigid])
+    rigid_mass = full.apply(mass, rigid)
+    x = _from_phi(system, _over_plan(system, theta, smooth, vectors, n_rigid, n_mode))
+    n = x.shape[1]
+    start = np.sqrt(values[n_rigid:n_mode])
+    fewest = 0
+    if outside_ranges(system, theta):  # the functions of z may lack modes altogether
+        fresh = correct(full.apply(mass, np.random.default_rng(0).standard_normal((full.size, SPARE))))
+        fresh -= rigid @ (rigid_mass.T @ fresh)
+        x, fewest = np.hstack([x, fresh]), _MIN_STEPS
+    nothing = x[:, :0]
+    step: tuple[Vector, Vector, Vector] = (nothing, nothing, nothing)
+    found, x, kx, mx, _ = _rayleigh_ritz([(x, full.apply(stiffness, x), full.apply(mass, x)), step])
+    history = [np.sqrt(found[:n])]
+    error = np.full(n, np.inf)
+    while len(history) <= min(max_steps, fewest) or (
+        len(history) <= max_steps and not np.all(error <= tolerance)
+    ):
+        t = correct(kx - mx * found)
+        t -= rigid @ (rigid_mass.T @ t)
+        t -= x @ (mx.T @ t)
+        t /= np.linalg.norm(t, axis=0)
+        space = [(x, kx, mx), (t, full.apply(stiffness, t), full.apply(mass, t)), step]
+        found, x, kx, mx, step = _rayleigh_ritz(space)
+        history.append(np.sqrt(found[:n]))
+        error = _left(history)
+    frequency = history[-1] / (2.0 * np.pi)
+    drop = (start - history[-1]) / history[-1]
+    return Refined(
+        frequency=np.concatenate([np.zeros(n_rigid), frequency]),
+        error=np.concatenate([np.zeros(n_rigid), error]),
+        reduction_error=np.concatenate([np.zeros(n_rigid), drop + error]),
+        outside=outside_ranges(system, theta),
+        n_step=len(history) - 1,
+        converged=bool(np.all(error <= tolerance)),
+    )
+
+
+def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Vector:
+    """Estimate the error that the reduction leaves in frequencies, with little memory.
+
+    One step along the preconditioned residual of the equations of all laminas, a few modes at a time. `refine` does the
+    same with all modes together, and goes on.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The reduced stack.
+    G_f : float
+        Contact stiffness parameter, Pa/Pa.
+    n_mode : int
+        Number of modes, rigid-body modes included.
+
+    Returns
+    -------
+    (n_mode,) float
+        Relative errors: twice what the step lowers each frequency; 0 for rigid-body motion.
+    """
+    theta = full_parameters(system, G_f, 0.0, None)
+    values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
+    full = system.laminas
+    stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
+    correct = _preconditioner(system, theta, shifted_factor(system.assembly, theta))
+    error = np.zeros(n_mode)
+    for first in range(n_rigid, n_mode, _AT_ONCE):
+        part = slice(first, min(first + _AT_ONCE, n_mode))
+        x = _from_phi(system, system.basis @ vectors[:, part])
+        kx, mx = full.apply(stiffness, x), full.apply(mass, x)
+        t = correct(kx - mx * values[part])
+        t /= np.linalg.norm(t, axis=0)
+        found = _rayleigh_ritz([(x, kx, mx), (t, full.apply(stiffness, t), full.apply(mass, t))])[0]
+        error[part] = 2.0 * (np.sqrt(values[part] / found) - 1.0)
+    return error
+
+
+def _over_plan(
+    system: ReducedSystem,
+    theta: Mapping[str, float],
+    smooth: Factor,
+    vectors: Vector,
+    n_rigid: int,
+    n_mode: int,
+) -> Vector:
+    """Return the elastic modes with all of the plan and functions of z, those too that the snapshots lack."""
+    assembly = system.assembly
+    mass = assembly.krons("M", theta)
+
+    def product(x: Vector) -> Vector:
+        return assembly.apply(mass, x)
+
+    known = [orthonormalize(system.basis @ vectors[:, :n_rigid], product)] if n_rigid else []
+    fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE))
+    start = np.hstack([system.basis @ vectors[:, n_rigid:n_mode], fresh])
+    shift, n = shear_shift(system.stack, theta), n_mode - n_rigid
+    return lowest_modes(smooth.solve, product, shift, start, n, _TOLERANCE, known, _MIN_STEPS)[1][:, :n]
+
+
+def _left(history: list[Vector]) -> Vector:
+    """Estimate the relative error that is left from how fast the frequencies fell."""
+    drops = -np.diff(history, axis=0) / history[-1]
+    last = np.maximum(drops[-1], np.finfo(float).eps)
+    if len(drops) == 1:
+        return last  # nothing is known of the rate yet: half the drop again and again
+    rate = np.clip(last / np.maximum(drops[-2], np.finfo(float).eps), 0.05, 0.9)
+    return _SAFETY * last * rate / (1.0 - rate)
+
+
+def _rayleigh_ritz(
+    space: list[tuple[Vector, Vector, Vector]],
+) -> tuple[Vector, Vector, Vector, Vector, tuple[Vector, Vector, Vector]]:
+    """Return the lowest Ritz pairs of the space spanned by all first members, and what was added to the first.
+
+    Each entry holds vectors and their products with K and M; the last result does too.
+    """
+    k, m = (_gram([entry[0] for entry in space], [entry[i] for entry in space]) for i in (1, 2))
+    n = space[0][0].shape[1]
+    scale = 1.0 / np.sqrt(np.diag(m))
+    k, m = k * np.outer(scale, scale), m * np.outer(scale, scale)
+    size, turn = la.eigh(m)
+    keep = size > 1e-12 * size[-1]
+    turn = turn[:, keep] / np.sqrt(size[keep])
+    values, vectors = la.eigh(turn.T @ k @ turn)
+    weight = scale[:, None] * (turn @ vectors[:, :n])
+    ends = np.cumsum([a[0].shape[1] for a in space])
+    parts = np.split(weight, ends[:-1])
+    added = tuple(sum(a[i] @ part for a, part in zip(space[1:], parts[1:], strict=True)) for i in range(3))
+    x, kx, mx = (space[0][i] @ parts[0] + added[i] for i in range(3))
+    return values[:n], x, kx, mx, added
+
+
+def _gram(left: list[Vector], right: list[Vector]) -> Vector:
+    """Return all products of left and right blocks, a symmetric matrix of which half is computed."""
+    ends = np.cumsum([0, *(block.shape[1] for block in left)])
+    gram = np.zeros((ends[-1], ends[-1]))
+    for i, a in enumerate(left):
+        for j, b in enumerate(right[: i + 1]):
+            part = a.T @ b
+            gram[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = part
+            gram[ends[j] : ends[j + 1], ends[i] : ends[i + 1]] = part.T
+    return (gram + gram.T) / 2.0
+
+
+def _from_phi(system: ReducedSystem, x: Vector) -> Vector:
+    """Return displacements in coordinates of the functions of z on all laminas."""
+    where, k = system.assembly.slices(), x.shape[1]
+    return np.vstack(
+        [(system.phi[f] @ x[where[f]].reshape(system.phi[f].shape[1], -1)).reshape(-1, k) for f in FIELDS]
+    )
+
+
+def _to_phi(system: ReducedSystem, x: Vector) -> Vector:
+    where, k = system.laminas.slices(), x.shape[1]
+    return np.vstack(
+        [(system.phi[f].T @ x[where[f]].reshape(system.phi[f].shape[0], -1)).reshape(-1, k) for f in FIELDS]
+    )
+
+
+def _preconditioner(
+    system: ReducedSystem, theta: Mapping[str, float], smooth: Factor
+) -> Callable[[Vector], Vector]:
+    """Return an approximation of (K + shift M)^-1 on all laminas; `smooth` is that of the functions of z."""
+    rest = _rough_part(system, theta)
+    return lambda r: _from_phi(system, smooth.solve(_to_phi(system, r))) + rest(r)
+
+
+def _rough_part(system: ReducedSystem, theta: Mapping[str, float]) -> Callable[[Vector], Vector]:
+    """Return an approximation of (K + shift M)^-1 for what is orthogonal to the functions of z."""
+    full, shift = system.laminas, shear_shift(system.stack, theta)
+    shifted = (*full.krons("K", theta), *_scaled(full.krons("M", theta), shift))
+    rough = {field: _Rough.of(full, field, shifted) for field in FIELDS}
+
+    def apply(r: Vector) -> Vector:
+        y = np.empty_like(r)
+        for field, where in full.slices().items():
+            phi = system.phi[field]
+            value = r[where].reshape(phi.shape[0], -1)
+            value = value - phi @ (phi.T @ value)
+            solved = rough[field].solve(value.reshape(phi.shape[0], full.plan.size(field), -1))
+            solved = solved.reshape(phi.shape[0], -1)
+            y[where] = (solved - phi @ (phi.T @ solved)).reshape(-1, r.shape[1])
+        return y
+
+    return apply
+
+
+def _scaled(krons: tuple[Kron, ...], factor: float) -> tuple[Kron, ...]:
+    return tuple(Kron(row=k.row, column=k.column, z=factor * k.z, planar=k.planar) for k in krons)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rough:
+    """Approximate inverse of one field's own block of a matrix, for displacements rough over z.
+
+    Attributes
+    ----------
+    over_z : (n_lamina, n_lamina)
+        Eigenvectors of the block's mean over the plan.
+    members : tuple of (m,) int
+        Eigenvectors that share a planar problem.
+    solve_planar : tuple of callable
+        Solution of each planar problem.
+    """
+
+    over_z: Vector
+    members: tuple[NDArray[np.intp], ...]
+    solve_planar: tuple[Callable[[Vector], Vector], ...]
+
+    @classmethod
+    def of(cls, assembly: Assembly, field: Field, krons: tuple[Kron, ...]) -> _Rough:
+        own = [(sp.csr_matrix(k.z), k.planar) for k in krons if k.row == k.column == field]
+        size = assembly.plan.form(field, field).diagonal()
+        mean = sum(float(np.mean(planar.diagonal() / size)) * z for z, planar in own)
+        values, vectors = la.eigh(mean.toarray())
+        group = np.floor(np.log(np.maximum(values, values[-1] * 1e-12)) / np.log(_RATIO)).astype(int)
+        members = tuple(np.flatnonzero(group == g) for g in np.unique(group))
+        solvers = []
+        for m in members:
+            shares = [float(np.mean(np.einsum("ij,ij->j", vectors[:, m], z @ vectors[:, m]))) for z, _ in own]
+            planar = sum(share * p for share, (_, p) in zip(shares, own, strict=True))
+            solvers.append(
+                splinalg.splu(planar.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).solve
+            )
+        return cls(over_z=vectors, members=members, solve_planar=tuple(solvers))
+
+    def solve(self, value: Vector) -> Vector:
+        """Return the solution for (n_lamina, n_planar, k)."""
+        n, n_planar, k = value.shape
+        turned = (self.over_z.T @ value.reshape(n, -1)).reshape(n, n_planar, k)
+        for m, solve in zip(self.members, self.solve_planar, strict=True):
+            part = turned[m].transpose(1, 0, 2).reshape(n_planar, -1)
+            turned[m] = solve(part).reshape(n_planar, m.size, k).transpose(1, 0, 2)
+        return (self.over_z @ turned.reshape(n, -1)).reshape(n, n_planar, k)

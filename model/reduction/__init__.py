@@ -1,0 +1,1 @@
+"""Fewer degrees of freedom: a through-thickness basis, snapshots, projection."""

@@ -1,0 +1,328 @@
+"""Reduction of the full equations of motion: over z, then to the span of snapshot modes.
+
+First the displacements over z are written with a few functions, drawn from modes over a few shapes of the plan with
+all laminas and all interfaces (proper orthogonal decomposition). What remains is solved exactly for a few
+values of the parameters; the modes found span the final basis, in which every term is projected on its own.
+A solve for new parameters then costs a small dense eigenvalue problem.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.elements.equations import Assembly, Term
+from model.elements.mesh import Field
+from model.elements.rigid import rigid_body_modes
+from model.reduction.assemble import assemble
+from model.reduction.effect_basis import effect_answers, effect_samples
+from model.reduction.projection import projected_terms
+from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
+from model.reduction.sobol import sobol
+from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, shear_shift, z_basis
+from model.solvers.eigen import orthonormalize
+from model.solvers.low_rank import Factor
+from model.solvers.stack_solver import solver_over_plan
+from model.stack.arrays import readonly
+from model.stack.errors import SolveError
+from model.stack.stack import Stack
+
+_TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
+_LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
+_ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
+_MIN_STEPS = 4  # for modes of a snapshot that those before it lack
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReducedSystem(ReducedEquations):
+    """A stack reduced to a few degrees of freedom, affine in its parameters, with what it was reduced from.
+
+    Attributes
+    ----------
+    phi : mapping of field to (n_lamina, n_function)
+        Functions of z of each field, one row a lamina.
+    assembly : Assembly
+        The equations of motion after reduction over z.
+    basis : (assembly.size, n)
+        Snapshot basis, orthonormal in the mass of the nominal parameters; the rigid-body modes come first.
+    laminas : Assembly
+        The equations of motion of all laminas, before any reduction.
+    """
+
+    phi: Mapping[Field, NDArray[np.float64]]
+    assembly: Assembly
+    basis: NDArray[np.float64]
+    laminas: Assembly
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None))
+        )
+
+    def rebased(
+        self, basis: NDArray[np.float64], projected: Callable[[ReducedTerm, Term], NDArray[np.float64]]
+    ) -> ReducedSystem:
+        """Return the system in another basis; `projected` gives a term's matrix in it, once for terms that share it."""
+        found: dict[int, NDArray[np.float64]] = {}
+        for old, full in zip(self.terms, self.assembly.terms, strict=True):
+            if id(old.matrix) not in found:
+                found[id(old.matrix)] = projected(old, full)
+        terms = tuple(dataclasses.replace(term, matrix=found[id(term.matrix)]) for term in self.terms)
+        return dataclasses.replace(self, basis=basis, terms=terms)
+
+    def field_rows(
+        self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]
+    ) -> sp.csr_matrix:
+        """Return the matrix from z-reduced coordinates to u, v or w on given laminas at points of the plan.
+
+        Parameters
+        ----------
+        field : "u", "v" or "w"
+            The displacement.
+        lamina : (n,)
+            Lamina of each point, 0 the bottom one.
+        points : (n, 2)
+            x and y of each point, m.
+
+        Returns
+        -------
+        csr_matrix, (n, assembly.size)
+            Its product with `basis` acts on the reduced coordinates.
+        """
+        rows = self.assembly.plan.point_rows(field, points).tocoo()
+        n_planar, n_function = self.assembly.plan.size(field), self.phi[field].shape[1]
+        over_z = self.phi[field][lamina[rows.row]]  # (n_entry, n_function)
+        start = self.assembly.slices()[field].start
+        columns = start + rows.col[:, None] + n_planar * np.arange(n_function)
+        return sp.coo_matrix(
+            (
+                (rows.data[:, None] * over_z).ravel(),
+                (np.repeat(rows.row, n_function), columns.ravel()),
+            ),
+            (lamina.size, self.assembly.size),
+        ).tocsr()
+
+
+def no_terms(assembly: Assembly) -> tuple[Term, ...]:  # noqa: ARG001
+    """Return no further terms."""
+    return ()
+
+
+def reduce(
+    stack: Stack,
+    *,
+    G_f_range: tuple[float, float] | None = None,
+    n_mode: int = 18,
+    n_snapshot: int | None = None,
+    z_tolerance: float = 1e-5,
+    terms: Callable[[Assembly], tuple[Term, ...]] = no_terms,
+    theta: Mapping[str, float] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+) -> ReducedSystem:
+    """Reduce a stack to a small system that is affine in its parameters.
+
+    Parameters
+    ----------
+    stack : Stack
+        The stack with its mesh. The reduction holds for its effects over the ranges of their parameters.
+    G_f_range : (float, float), optional
+        Values of G_f for which the reduction shall hold; by default from a quarter to four times the stack's
+        own.
+    n_mode : int
+        Modes of each snapshot, the six rigid-body modes included.
+    n_snapshot : int, optional
+        Number of snapshots: at the Chebyshev nodes of log G_f, or, with n further ranges, one in n + 2 of them there
+        and the others at points of a Sobol sequence over all ranges. By default four for each range.
+    z_tolerance : float
+        Relative error of frequencies that the functions of z may cause, checked over a few shapes of the plan.
+    terms : callable
+        What physical effects add to the equations of motion of all laminas.
+    theta : mapping of str to float, optional
+        Nominal values of the parameters of `terms`.
+    ranges : mapping of str to (float, float), optional
+        Values of further parameters for which the reduction shall hold.
+
+    Raises
+    ------
+    SolveError
+        A range names an unknown parameter or is empty, the equations are singular, or the modes do not
+        converge.
+    """
+    plain = assemble(stack)
+    stack = plain.stack  # with its pressure field
+    laminas = plain.with_terms(terms(plain), {} if theta is None else theta)
+    box = {
+        "G_f": G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0),
+        **({} if ranges is None else ranges),
+    }
+    _check_ranges(box, laminas.theta)
+    count = 4 * len(box) if n_snapshot is None else n_snapshot
+    samples = [{**laminas.theta, **sample} for sample in _samples(box, laminas.theta, count)]
+    middle = {**laminas.theta, "G_f": float(np.sqrt(np.prod(box["G_f"])))}
+    sampled = [effect for effect in stack.effects if any(p.name in box for p in effect.parameters)]
+    if sampled and count > 1:  # their typical strength is worth a sample of its own
+        samples[-1] = {**middle, **{p.name: p.nominal for effect in sampled for p in effect.parameters}}
+    outer = samples[: len(box) + 1]
+    with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
+    over_z = z_basis(stack, laminas, outer + with_effects, n_mode, z_tolerance)
+    assembly = laminas.project_z(over_z.phi)
+    solver = solver_over_plan(acting(assembly, samples))
+    mass = assembly.krons("M", assembly.theta)
+
+    def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return assembly.apply(mass, x)
+
+    rigid = rigid_body_modes(assembly, stack, over_z.phi)
+    basis, mass_basis = orthonormalize(rigid, product)
+    fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
+    modes = []
+    for i, sample in enumerate(samples):
+        if i < len(outer):
+            start = over_z.snapshots[i][:, N_RIGID:]
+        else:
+            stiffness, inertia = (
+                _symmetric(basis.T @ assembly.apply(assembly.krons(target, sample), basis))
+                for target in ("K", "M")
+            )
+            start = basis @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
+        start = np.hstack([start, fresh])
+        shift = shear_shift(stack, sample)
+        values, vectors = solver.modes(sample, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
+        block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
+        basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+        strained = np.flatnonzero(values[:n_mode] > FREE * shift)
+        modes.append(vectors[:, strained] / np.sqrt(values[strained]))
+    basis, mass_basis = orthonormalize(rigid, product)
+    principal = leading(np.hstack(modes), assembly, middle)
+    block, mass_block = orthonormalize(principal, product, [(basis, mass_basis)])
+    basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+    for effects, at in (
+        (stack.effects, middle),
+        (sampled, samples[-1]),
+    ):  # these have modes of their own there
+        answers = effect_answers(assembly, effects, solver, at, basis, n_mode)
+        if answers.shape[1]:
+            block, mass_block = orthonormalize(answers, product, [(basis, mass_basis)])
+            basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+    return ReducedSystem(
+        stack=stack,
+        phi=over_z.phi,
+        assembly=assembly,
+        basis=basis,
+        terms=reduced_terms(assembly, basis),
+        theta=assembly.theta,
+        ranges=box,
+        laminas=laminas,
+    )
+
+
+def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[ReducedTerm, ...]:
+    """Return the terms of equations of motion in a basis, (assembly.size, n), that begins with rigid-body motion.
+
+    Terms that differ by their factor alone share one matrix.
+    """
+    matrices = {
+        which: _without_rounding(_symmetric(matrix))
+        for which, matrix in projected_terms(assembly, basis).items()
+    }
+    return tuple(
+        ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
+        for term in assembly.terms
+    )
+
+
+def leading(
+    modes: NDArray[np.float64], assembly: Assembly, theta: Mapping[str, float]
+) -> NDArray[np.float64]:
+    """Return the directions, normalised, in which modes of unit energy have more than next to nothing.
+
+    Parameters
+    ----------
+    modes : (assembly.size, n)
+        The modes, or what they are beside a basis.
+    assembly : Assembly
+        Equations of motion after reduction over z.
+    theta : mapping of str to float
+        Parameters at which the energy is that of the strained stack.
+    """
+    shift = SOFT * shear_shift(assembly.stack, theta)
+    image = assembly.apply(assembly.krons("K", theta), modes)
+    image += shift * assembly.apply(assembly.krons("M", theta), modes)
+    energy, principal = la.eigh(_symmetric(modes.T @ image))
+    keep = energy > _LEFT_OUT
+    return np.asarray(modes @ (principal[:, keep] / np.sqrt(energy[keep])))
+
+
+def acting(assembly: Assembly, samples: Sequence[Mapping[str, float]]) -> Assembly:
+    """Return the equations of motion without the terms that vanish at all samples, such as neutral effects'."""
+    terms = tuple(t for t in assembly.terms if any(t.factor(theta) != 0.0 for theta in samples))
+    return dataclasses.replace(assembly, terms=terms)
+
+
+def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str, float]) -> None:
+    for name, (low, high) in ranges.items():
+        if name not in theta:
+            near = difflib.get_close_matches(name, theta, n=1)
+            hint = f"; did you mean {near[0]}?" if near else f"; there are {', '.join(theta)}"
+            message = f"ranges: unknown parameter {name!r}{hint}"
+            raise SolveError(message)
+        if not low < high:
+            message = f"ranges: {name} must reach from a lower to a higher value, got {low:g} to {high:g}"
+            raise SolveError(message)
+
+
+def _samples(
+    ranges: Mapping[str, tuple[float, float]], nominal: Mapping[str, float], n: int
+) -> list[dict[str, float]]:
+    """Return n points of a box of parameters, some of them along its first parameter, and then all over it.
+
+    Along the first parameter they stand at Chebyshev's nodes, the outer two first because they tell most, with the
+    others at their nominal values. Positive parameters are spaced by their logarithm, those from 0 more closely near
+    it.
+    """
+    n_first = n if len(ranges) == 1 else max(n // (len(ranges) + 1), 1)
+    nodes = (1.0 + np.cos((np.arange(n_first) + 0.5) * np.pi / n_first)) / 2.0
+    order = [*range(n_first)[:: max(n_first - 1, 1)], *range(n_first)[1:-1]]
+    unit = sobol(n - n_first, len(ranges))
+
+    def place(low: float, high: float, part: float) -> float:
+        return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**1.5)
+
+    (first, range_), *others = ranges.items()
+    middle = {name: float(np.clip(nominal[name], low, high)) for name, (low, high) in others}
+    return [
+        *({first: place(*range_, part), **middle} for part in nodes[order]),
+        *(
+            {
+                name: place(low, high, part)
+                for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
+            }
+            for point in unit
+        ),
+    ]
+
+
+def shifted_factor(assembly: Assembly, theta: Mapping[str, float]) -> Factor:
+    """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
+    return solver_over_plan(acting(assembly, [theta])).factor(theta, shear_shift(assembly.stack, theta))
+
+
+def _without_rounding(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a projected term with exact zeros for the rigid-body motion that it does not feel.
+
+    What rounding leaves there would, times a large stiffness, pass for a negative one.
+    """
+    if np.abs(matrix[:N_RIGID]).max() < _ROUNDING * np.abs(matrix).max():
+        matrix[:N_RIGID] = matrix[:, :N_RIGID] = 0.0
+    return matrix
+
+
+def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    return (matrix + matrix.T) / 2.0

@@ -1,0 +1,296 @@
+"""Functions of z: a few displacement profiles over the height that stand for all laminas.
+
+They are drawn by proper orthogonal decomposition from modes of all laminas and all interfaces over a few shapes of
+the plan, so weak interfaces, uneven pressure and masses on the faces shape them. Those shapes come from modes with
+polynomials over z. Polynomials alone do not do: the membrane stress has thin layers at both faces, and a weak
+interface is a jump; the shapes over the plan hardly feel that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.contact.tangential import jump, mean
+from model.elements.equations import Assembly
+from model.elements.mesh import FIELDS, Field
+from model.elements.rigid import rigid_body_modes
+from model.reduction.planar_basis import ShapePlan, leading_shapes, on_shapes
+from model.solvers.stack_solver import solver_over_laminas, solver_over_plan
+from model.stack.stack import Stack
+
+Vector = NDArray[np.float64]
+Phi = Mapping[Field, Vector]
+
+N_RIGID = 6
+SPARE = 8  # vectors iterated beyond the modes asked for, so that the last ones converge as fast as the first
+FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
+SOFT = 1e-2  # of it, beside stiffness where energies are compared: what an iteration leaves in softer modes is more
+_TOLERANCE = (
+    1e-6  # relative change of eigenvalues over the shapes in the last step; their error is far smaller
+)
+_FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
+_MIN_STEPS = 4  # for modes that the start lacks
+_POLYNOMIALS = 4
+_ROUGH = 1e-2  # relative change of the eigenvalues with polynomials in the last step
+_ROUNDING = 1e-15  # energy that no function can win any more
+_MIRRORED = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
+_REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth over the laminas
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ZBasis:
+    """Functions of z and the modes that they were drawn from.
+
+    Attributes
+    ----------
+    phi : mapping of field to (n_lamina, n_function)
+        Orthonormal columns. Uniform and linear displacement over z are among those of u and v, uniform
+        displacement among those of w, so rigid-body modes are exact.
+    snapshots : tuple of (n, n_vector)
+        These modes in coordinates of the functions of z and of all the plan, one array for each sample of the
+        parameters.
+    """
+
+    phi: Phi
+    snapshots: tuple[NDArray[np.float64], ...]
+
+
+def shear_shift(stack: Stack, theta: Mapping[str, float]) -> float:
+    """Return the squared angular frequency, (rad/s)**2, at which half a shear wave fits the length."""
+    shear = theta["G_f"] * theta["pressure"]
+    return float(shear / (theta["density"] * stack.material.density) * (np.pi / stack.length) ** 2)
+
+
+def _is_symmetric(assembly: Assembly) -> bool:
+    """Return whether the stack is its own mirror image about mid-height."""
+    sign = {"u": 1.0, "v": 1.0, "w": -1.0}
+    for term in assembly.terms:
+        for kron in term.krons:
+            z = sp.csr_matrix(kron.z)
+            turned = sign[kron.row] * sign[kron.column] * z[::-1, ::-1]
+            if abs(z - turned).max() > _MIRRORED * abs(z).max():
+                return False
+    return True
+
+
+def _principal_functions(
+    gram: NDArray[np.float64],
+    norm: NDArray[np.float64],
+    first: NDArray[np.float64],
+    *,
+    symmetric: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return functions of z: `first`, then the others by the energy that leaving them out would cost.
+
+    Parameters
+    ----------
+    gram : (n_lamina, n_lamina)
+        Products of the laminas' displacements with one another, all samples together.
+    norm : (n_lamina, n_lamina)
+        Symmetric positive definite matrix in which a function's size is measured.
+    first : (n_lamina, m)
+        Functions that must be in the span.
+    symmetric : bool
+        Whether to give every function a parity about mid-height.
+
+    Returns
+    -------
+    functions : (n_lamina, n_lamina)
+    energy : (n_lamina,)
+        Of all samples together in each function, without `first`'s, which is infinite.
+    """
+    if symmetric:
+        gram = (gram + gram[::-1, ::-1]) / 2.0
+    root = la.cholesky(norm, lower=True)
+    gram = root.T @ gram @ root
+    basis = la.qr(root.T @ first, mode="economic")[0]
+    gram -= basis @ (basis.T @ gram)
+    gram -= (gram @ basis) @ basis.T
+    energy, vectors = la.eigh((gram + gram.T) / 2.0)
+    n_rest = first.shape[0] - first.shape[1]
+    energy, vectors = energy[::-1][:n_rest], vectors[:, ::-1][:, :n_rest]
+    functions = la.solve_triangular(root.T, vectors)
+    if symmetric:
+        functions = _with_parity(functions)
+    return np.hstack([first, functions]), np.concatenate([np.full(first.shape[1], np.inf), energy])
+
+
+def _with_parity(functions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the even or the odd part of each function, whichever is larger."""
+    even, odd = functions + functions[::-1], functions - functions[::-1]
+    return np.where((even**2).sum(axis=0) > (odd**2).sum(axis=0), even, odd)
+
+
+def _over_phi(full: Assembly, phi: Phi, x: Vector) -> Vector:
+    """Return displacements of all laminas, (full.size, k), in coordinates of the functions of z."""
+    where, k = full.slices(), x.shape[1]
+    return np.vstack([(phi[f].T @ x[where[f]].reshape(full.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
+
+
+def _smooth_modes(
+    reduced: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], phi: Phi, n_mode: int
+) -> list[tuple[Vector, Vector]]:
+    """Return roughly converged eigenvalues and vectors with smooth functions of z, one pair for each sample."""
+    solver, rigid = solver_over_plan(reduced), rigid_body_modes(reduced, stack, phi)
+    start = np.random.default_rng(0).standard_normal((reduced.size, n_mode - N_RIGID + SPARE))
+    found = []
+    for theta in thetas:
+        found.append(solver.modes(theta, shear_shift(stack, theta), start, n_mode, _ROUGH, rigid))
+        start = found[-1][1][:, N_RIGID:]
+    return found
+
+
+def _elastic(eigenvalues: Sequence[Vector], modes: Sequence[Vector], shifts: Sequence[float]) -> Vector:
+    """Return the strained modes of all samples, of unit energy, so that every one counts alike.
+
+    Very soft ones, as of a stack on springs, have less: what the iteration leaves in them would pass for functions of
+    z.
+    """
+    return np.hstack(
+        [
+            m[:, : v.size][:, v > FREE * shift] / np.sqrt(np.maximum(v[v > FREE * shift], SOFT * shift))
+            for v, m, shift in zip(eigenvalues, modes, shifts, strict=True)
+        ]
+    )
+
+
+def z_basis(
+    stack: Stack,
+    laminas: Assembly,
+    thetas: Sequence[Mapping[str, float]],
+    n_mode: int,
+    tolerance: float,
+) -> ZBasis:
+    """Draw functions of z from modes of all laminas over a few shapes of the plan.
+
+    The number of functions grows until the frequencies over these shapes are those with all laminas.
+
+    Parameters
+    ----------
+    stack : Stack
+        The stack.
+    laminas : Assembly
+        Equations of motion of all its laminas.
+    thetas : sequence of mapping of str to float
+        Parameters at which the modes are taken.
+    n_mode : int
+        Number of modes for each, the six rigid-body modes included.
+    tolerance : float
+        Largest relative error of a frequency over the shapes.
+    """
+    z = np.linspace(-1.0, 1.0, stack.n_lamina)
+    polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
+    smooth: Phi = dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
+    reduced = laminas.project_z(smooth)
+    found = _smooth_modes(reduced, stack, thetas, smooth, n_mode)
+    shifts = [shear_shift(stack, theta) for theta in thetas]
+    values, modes = zip(*found, strict=True)
+    samples = _elastic(values, modes, shifts)
+    shapes = leading_shapes(
+        laminas.plan, {f: _over_plan(reduced, f, samples).reshape(laminas.plan.size(f), -1) for f in FIELDS}
+    )
+
+    full = on_shapes(laminas, shapes)
+    rigid = rigid_body_modes(full, stack, dict.fromkeys(FIELDS, np.eye(stack.n_lamina)))
+    solver = solver_over_laminas(full)
+    eigenvalues, snapshots = [], []
+    for theta, shift, rough in zip(thetas, shifts, modes, strict=True):
+        start = _on_shapes(reduced, shapes, smooth, rough[:, N_RIGID:])
+        exact, vectors = solver.modes(theta, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
+        eigenvalues.append(exact)
+        snapshots.append(vectors[:, :n_mode])
+    elastic = _elastic(eigenvalues, snapshots, shifts)
+    functions, energy = _functions_and_energies(full, stack, thetas, elastic)
+    allowed = 2.0 * tolerance  # an energy error of 2 e is a frequency error of e
+    while True:
+        keep = {f: max(int(np.count_nonzero(_tail(energy[f]) > allowed)), _FEWEST[f]) for f in FIELDS}
+        phi: Phi = {f: la.qr(functions[f][:, : keep[f]], mode="economic")[0] for f in FIELDS}
+        reduced_solver = solver_over_plan(full.project_z(phi))
+        errors = []
+        for theta, shift, exact, snapshot in zip(thetas, shifts, eigenvalues, snapshots, strict=True):
+            approximate, _ = reduced_solver.modes(
+                theta,
+                shift,
+                _over_phi(full, phi, snapshot[:, N_RIGID:]),
+                n_mode,
+                _TOLERANCE,
+                _over_phi(full, phi, rigid),
+            )
+            errors.append(np.max((approximate - exact) / (2.0 * np.maximum(exact, SOFT * shift))))
+        if max(errors) < tolerance or allowed < _ROUNDING:
+            break
+        allowed *= min(0.5, 0.7 * tolerance / max(errors))
+    return ZBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
+
+
+def _over_plan(assembly: Assembly, field: Field, x: Vector) -> Vector:
+    """Return a field of displacement vectors with the planar index first, (n_planar, n_z, k)."""
+    part = x[assembly.slices()[field]]
+    return part.reshape(assembly.n_z[field], assembly.plan.size(field), -1).transpose(1, 0, 2)
+
+
+def _on_shapes(reduced: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
+    """Return displacements in coordinates of functions of z on the meshed plan, for all laminas over shapes."""
+    parts = []
+    for f in FIELDS:
+        over = shapes.coordinates(f, _over_plan(reduced, f, x))
+        parts.append(np.einsum("kj,pjm->kpm", phi[f], over, optimize=True).reshape(-1, x.shape[1]))
+    return np.vstack(parts)
+
+
+def _on_mesh(full: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
+    """Return displacements of all laminas over shapes in coordinates of the functions of z on the meshed plan."""
+    parts = []
+    for f in FIELDS:
+        over = np.einsum("kj,pkm->jpm", phi[f], _over_plan(full, f, x), optimize=True)
+        parts.append(np.einsum("np,jpm->jnm", shapes.shape[f], over, optimize=True).reshape(-1, x.shape[1]))
+    return np.vstack(parts)
+
+
+def _functions_and_energies(
+    full: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], samples: Vector
+) -> tuple[dict[Field, Vector], dict[Field, Vector]]:
+    """Return principal functions of z of each field and the energy that each carries in `samples`.
+
+    An error e(z) of a field costs energy in the laminas and in the interfaces; with the mean energy of the
+    samples' planar shapes both become one norm over z.
+    """
+    where, n, t = full.slices(), stack.n_lamina, stack.pitch
+    fields = {f: samples[where[f]].reshape(n, -1, samples.shape[1]) for f in FIELDS}
+    form = full.plan.form
+    q11, _, q22, _ = stack.material.plane_stress()
+    shear = stack.contact.pressure * float(np.exp(np.mean([np.log(theta["G_f"]) for theta in thetas])))
+    d, a = jump(n).toarray(), mean(n).toarray()
+    symmetric = _is_symmetric(full)
+    rigid = np.column_stack([np.ones(n), stack.lamina_z])[:, :n]
+
+    def gram(weight: sp.csr_matrix, field: Field) -> Vector:
+        plain = fields[field].transpose(1, 0, 2)
+        weighted = (weight @ plain.reshape(plain.shape[0], -1)).reshape(plain.shape)
+        products = np.tensordot(plain, weighted, axes=([0, 2], [0, 2]))
+        return (products + products.T) / 2.0
+
+    def size(weight: sp.csr_matrix, field: Field) -> float:
+        return float(np.trace(gram(weight, field)))
+
+    membrane = gram(form("u", "u"), "u") + gram(form("v", "v"), "v")
+    deflection = gram(form("w", "w"), "w")
+    stretch = q11 * size(form("u", "u", ("x", "x")), "u") + q22 * size(form("v", "v", ("y", "y")), "v")
+    stretch /= np.trace(membrane)
+    slope = size(form("w", "w", ("x", "x")) + form("w", "w", ("y", "y")), "w") / np.trace(deflection)
+    over_u = t * stretch * np.eye(n) + shear / t * d.T @ d
+    over_w = shear * t * slope * (a.T @ a + _REGULAR * np.eye(n)) + stack.contact.normal_modulus / t * d.T @ d
+    u, u_energy = _principal_functions(membrane, over_u, rigid, symmetric=symmetric)
+    w, w_energy = _principal_functions(deflection, over_w, rigid[:, :1], symmetric=symmetric)
+    return {"u": u, "v": u, "w": w}, {"u": u_energy, "v": u_energy, "w": w_energy}
+
+
+def _tail(energy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return for each function the energy that it and all after it carry."""
+    return np.cumsum(np.maximum(energy, 0.0)[::-1])[::-1]

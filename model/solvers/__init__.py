@@ -1,0 +1,1 @@
+"""Factorisations and eigenvalue problems of all laminas."""

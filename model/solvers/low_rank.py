@@ -1,0 +1,180 @@
+"""Terms that couple places far apart, as a change of low rank to a matrix that is easy to factorise.
+
+A clamp moves with the mean displacement of its footprint, so its mass couples all the elements under it.
+Left in the matrix, it would weld their blocks of the chain into one large block. It is of low rank, though,
+so the Sherman-Morrison-Woodbury formula adds it after the factorisation (Golub and Van Loan, Matrix
+Computations, 4th ed., section 2.1.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.elements.equations import Assembly, Kron, Matrix, Term, ratio
+from model.elements.mesh import FIELDS, Field
+from model.solvers.chain import ChainFactor
+
+Vector = NDArray[np.float64]
+
+_RANK = 1e-11  # singular values below this share of the largest are rounding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LowRank:
+    """Spaces in which all of some Kronecker products act: for each field, (range over z) x (range over plan).
+
+    Attributes
+    ----------
+    z : mapping of field to (n_z, q)
+        Orthonormal range over z.
+    planar : mapping of field to (n_planar, r)
+        Orthonormal range over the plan.
+    """
+
+    z: Mapping[Field, Vector]
+    planar: Mapping[Field, Vector]
+
+    def vectors(self) -> Vector:
+        """Return the basis U of the space, (size, rank), field after field."""
+        return np.asarray(la.block_diag(*(np.kron(self.z[f], self.planar[f]) for f in FIELDS)))
+
+    def core(self, krons: tuple[Kron, ...]) -> Vector:
+        """Return the matrix C, (rank, rank), with which the sum of products is U C U'."""
+        ends = np.cumsum([0, *(self.z[f].shape[1] * self.planar[f].shape[1] for f in FIELDS)])
+        core = np.zeros((ends[-1], ends[-1]))
+        for kron in krons:
+            r, c = FIELDS.index(kron.row), FIELDS.index(kron.column)
+            block = np.kron(
+                self.z[kron.row].T @ (kron.z @ self.z[kron.column]),
+                self.planar[kron.row].T @ (kron.planar @ self.planar[kron.column]),
+            )
+            core[ends[r] : ends[r + 1], ends[c] : ends[c + 1]] += block
+            if r != c:
+                core[ends[c] : ends[c + 1], ends[r] : ends[r + 1]] += block.T
+        return core
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FarProduct:
+    """A Kronecker product of a term that couples places far apart.
+
+    Attributes
+    ----------
+    term : Term
+        The term.
+    kron : Kron
+        The product.
+    row, column : (n_planar, rank)
+        Orthonormal ranges of its planar matrix and of that one's transpose.
+    """
+
+    term: Term
+    kron: Kron
+    row: Vector
+    column: Vector
+
+    @classmethod
+    def of(cls, term: Term, kron: Kron) -> FarProduct:
+        """Return the product with its ranges."""
+        row, column = (_range([sp.csc_matrix(m)], m.shape[0]) for m in (kron.planar, kron.planar.T))
+        return cls(term=term, kron=kron, row=row, column=column)
+
+
+def low_rank(
+    assembly: Assembly, products: Sequence[FarProduct], members: Mapping[Field, NDArray[np.intp]]
+) -> LowRank:
+    """Find the spaces in which Kronecker products act on the given indices over z."""
+    z, planar = {}, {}
+    for field in FIELDS:
+        own = [(p.kron.z, p.row) for p in products if p.kron.row == field]
+        own += [(p.kron.z.T, p.column) for p in products if p.kron.column == field]
+        here = sp.diags_array(np.isin(np.arange(assembly.n_z[field]), members[field]).astype(float))
+        z[field] = _range(
+            [sp.csc_matrix(here @ a) for a in _distinct(a for a, _ in own)], assembly.n_z[field]
+        )
+        planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))
+    return LowRank(z=z, planar=planar)
+
+
+def _distinct(matrices: Iterable[Matrix]) -> list[Matrix]:
+    """Return the matrices without those that are multiples of others: effects at many places share one over z."""
+    found: list[Matrix] = []
+    for matrix in matrices:
+        if not any(ratio(matrix, other) for other in found):
+            found.append(matrix)
+    return found
+
+
+def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
+    """Return an orthonormal basis of the columns of all matrices together, (n, rank)."""
+    matrices = [m for m in matrices if m.nnz]
+    if not matrices:
+        return np.zeros((n, 0))
+    every = sp.hstack([m / max(abs(m).max(), np.finfo(float).tiny) for m in matrices], format="csc")
+    rows = np.unique(every.indices)
+    columns = np.flatnonzero(np.diff(every.indptr))
+    left, values, _ = la.svd(every[rows][:, columns].toarray(), full_matrices=False)
+    left = left[:, values > _RANK * values.max(initial=0.0)]
+    basis = np.zeros((n, left.shape[1]))
+    basis[rows] = left
+    return basis
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PartFactor:
+    """A factorised part A of a matrix with a change of low rank: A + U C U'.
+
+    Attributes
+    ----------
+    rows : (n,) int
+        Unknowns of the part, in the order of the chain's blocks.
+    chain : ChainFactor
+        Factor of A.
+    vectors : (n, rank)
+        U.
+    correction : (n, rank)
+        A^-1 U (I + C U' A^-1 U)^-1 C.
+    """
+
+    rows: NDArray[np.intp]
+    chain: ChainFactor
+    vectors: Vector
+    correction: Vector
+
+    def solve(self, b: Vector) -> Vector:
+        """Return the solution for right-hand sides (n, k) of the part."""
+        x = self.chain.solve(b)
+        if self.vectors.shape[1]:
+            x -= self.correction @ (self.vectors.T @ x)
+        return x
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Factor:
+    """A factorised matrix, in parts that are not coupled."""
+
+    parts: tuple[PartFactor, ...]
+
+    def solve(self, b: Vector) -> Vector:
+        """Return the solution for right-hand sides (n, k)."""
+        x = np.empty_like(b)
+        for part in self.parts:
+            x[part.rows] = part.solve(b[part.rows])
+        return x
+
+
+def with_change(chain: ChainFactor, rows: NDArray[np.intp], change: LowRank, core: Vector) -> PartFactor:
+    """Return the factor of A + U C U' from that of A, whose unknowns are `rows` of the equations."""
+    vectors = change.vectors()[rows]
+    if not vectors.shape[1]:
+        return PartFactor(rows=rows, chain=chain, vectors=vectors, correction=vectors)
+    images = chain.solve(vectors)
+    inner = np.eye(core.shape[0]) + core @ (vectors.T @ images)
+    correction = images @ la.solve(inner, core)
+    return PartFactor(rows=rows, chain=chain, vectors=vectors, correction=correction)

@@ -1,0 +1,366 @@
+"""Outlines of laminas other than the rectangle, and their triangulation.
+
+No mesher that installs from a wheel alone, needs no system library and is free to ship was found, so the little that is
+needed is here: even points inside, Delaunay's triangulation of them and the boundary, smoothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.spatial as spatial
+from numpy.typing import NDArray
+
+from model.stack.arrays import readonly
+from model.stack.errors import StackError
+
+Points = NDArray[np.float64]
+
+_CLEARANCE = 0.55  # of the element size, between the boundary and the points inside
+_SMOOTHING = 12
+_ATTEMPTS = 6
+_LEAST_ANGLE = 5.0  # degrees
+_SEGMENTS = 16  # fewest sides of a circle
+_LARGEST = 1000.0  # m; what is larger is a slip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Triangulation:
+    """A lamina cut into triangles.
+
+    Attributes
+    ----------
+    point : (n_point, 2) float
+        Corners, m.
+    triangle : (n_triangle, 3) int
+        Corners of each triangle.
+
+    Raises
+    ------
+    StackError
+        A triangle is degenerate, or a corner belongs to none.
+    """
+
+    point: Points
+    triangle: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", readonly("Triangulation", "point", self.point, (None, 2)))
+        corners = readonly("Triangulation", "triangle", self.triangle, (None, 3), int)
+        object.__setattr__(self, "triangle", corners)
+        if corners.size == 0 or np.unique(corners).size != len(self.point):
+            message = "mesh: it has no triangles, or points that belong to none"
+            raise StackError(message)
+        angle = smallest_angle(self.point, corners)
+        worst = int(np.argmin(angle))
+        if angle[worst] < _LEAST_ANGLE:
+            x, y = self.point[corners[worst]].mean(axis=0)
+            message = (
+                f"mesh: the triangle at ({x:g}, {y:g}) m has an angle of {angle[worst]:.2g} degrees; at least "
+                f"{_LEAST_ANGLE:g} are needed. Refine the mesh there (more elements, or drop tiny details)."
+            )
+            raise StackError(message)
+
+    @property
+    def area(self) -> float:
+        """Area, m2."""
+        return float(_areas(self.point, self.triangle).sum())
+
+    @property
+    def bounds(self) -> Points:
+        """Lowest and highest x, lowest and highest y, (2, 2) m."""
+        return np.column_stack([self.point.min(axis=0), self.point.max(axis=0)])
+
+    def triangulated(self, size: float) -> Triangulation:  # noqa: ARG002  # a given mesh keeps its own fineness
+        """Return the mesh as it is."""
+        return self
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outline:
+    """A polygon with holes.
+
+    Attributes
+    ----------
+    boundary : (n, 2) float
+        Corners of the outer polygon in order, m.
+    holes : tuple of (m, 2) float
+        Corners of each hole in order, m.
+    """
+
+    boundary: Points
+    holes: tuple[Points, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "boundary", readonly("Outline", "boundary", self.boundary, (None, 2)))
+        holes = tuple(readonly("Outline", "holes", hole, (None, 2)) for hole in self.holes)
+        object.__setattr__(self, "holes", holes)
+        for name, polygon in (
+            ("boundary", self.boundary),
+            *((f"holes[{i}]", h) for i, h in enumerate(holes)),
+        ):
+            if len(polygon) < 3:
+                message = f"outline: {name} has {len(polygon)} corners; a polygon needs at least 3"
+                raise StackError(message)
+            if not np.all(np.abs(polygon) < _LARGEST):
+                message = f"outline: {name} has corners that are not within {_LARGEST:g} m"
+                raise StackError(message)
+        for i, hole in enumerate(holes):
+            if not inside(hole, (self.boundary,)).all():
+                message = f"outline: holes[{i}] reaches outside the boundary"
+                raise StackError(message)
+
+    @property
+    def area(self) -> float:
+        """Area, m2."""
+        return _polygon_area(self.boundary) - sum(_polygon_area(hole) for hole in self.holes)
+
+    @property
+    def bounds(self) -> Points:
+        """Lowest and highest x, lowest and highest y, (2, 2) m."""
+        return np.column_stack([self.boundary.min(axis=0), self.boundary.max(axis=0)])
+
+    def triangulated(self, size: float) -> Triangulation:
+        """Return a mesh of triangles with sides of about `size`, m.
+
+        Raises
+        ------
+        StackError
+            No sound mesh of that size was found; the message says where it fails.
+        """
+        polygons = (self.boundary, *self.holes)
+        rims = [_divided(polygon, size) for polygon in polygons]
+        for _ in range(_ATTEMPTS):
+            point, triangle, rims, complete = _delaunay(polygons, rims, size)
+            if complete:
+                used, index = np.unique(triangle, return_inverse=True)
+                return Triangulation(point=point[used], triangle=index.reshape(-1, 3))
+        message = f"outline: no mesh of triangles of {size:g} m follows its boundary; take more elements"
+        raise StackError(message)
+
+
+def centred(shape: Outline | Triangulation) -> Outline | Triangulation:
+    """Return a shape moved so that its bounding box lies around the origin."""
+    middle = shape.bounds.mean(axis=1)
+    if isinstance(shape, Triangulation):
+        return Triangulation(point=shape.point - middle, triangle=shape.triangle)
+    return Outline(boundary=shape.boundary - middle, holes=tuple(hole - middle for hole in shape.holes))
+
+
+def ring(outer: float, inner: float, n_side: int) -> Outline:
+    """Return a ring by its outer and inner diameter, m, each circle a polygon of `n_side` sides."""
+    if not 0.0 < inner < outer < _LARGEST:
+        message = (
+            f"ring: the inner diameter {inner:g} m must lie between 0 and the outer one, {outer:g} m, and that below "
+            f"{_LARGEST:g} m"
+        )
+        raise StackError(message)
+    return Outline(boundary=circle(outer, n_side), holes=(circle(inner, n_side),))
+
+
+def stator(
+    *,
+    outer: float,
+    inner: float,
+    slot: float,
+    n_tooth: int,
+    tooth_width: float,
+    hole: float = 0.0,
+    hole_circle: float = 0.0,
+    n_hole: int = 0,
+    n_side: int = 96,
+) -> Outline:
+    """Return a stator sheet: a yoke with parallel-sided teeth inwards and bolt holes in the yoke.
+
+    Parameters
+    ----------
+    outer, inner : float
+        Diameters of the outside and of the bore at the teeth's tips, m.
+    slot : float
+        Diameter of the slots' bottoms, where the yoke begins, m.
+    n_tooth : int
+        Number of teeth; the first one stands at angle 0.
+    tooth_width : float
+        Width of a tooth, m.
+    hole, hole_circle : float
+        Diameter of the holes and of the circle on which they lie, m.
+    n_hole : int
+        Number of holes, the first one behind the first tooth.
+    n_side : int
+        Sides of the outer circle; other circles in proportion.
+
+    Raises
+    ------
+    StackError
+        The sizes do not fit into one another.
+    """
+    sound = 0.0 < inner < slot < outer < _LARGEST and n_tooth > 0 and tooth_width > 0.0
+    if not (sound and tooth_width < inner * np.sin(min(np.pi / n_tooth, np.pi / 2.0))):
+        message = (
+            f"stator: 0 < inner ({inner:g}) < slot ({slot:g}) < outer ({outer:g}) < {_LARGEST:g} m must hold, and "
+            f"{n_tooth} teeth of {tooth_width:g} m must fit side by side into the bore"
+        )
+        raise StackError(message)
+    beside = hole_circle * np.sin(min(np.pi / max(n_hole, 1), np.pi / 2.0))
+    if n_hole and not (n_hole > 0 and slot + hole < hole_circle < outer - hole and 0.0 < hole < beside):
+        message = f"stator: holes of {hole:g} m on a circle of {hole_circle:g} m do not fit into the yoke"
+        raise StackError(message)
+    half = tooth_width / 2.0
+    at_tip, at_slot = (float(np.arcsin(half / (d / 2.0))) for d in (inner, slot))
+    pitch = 2.0 * np.pi / n_tooth
+    bore = []
+    for k in range(n_tooth):
+        middle = k * pitch
+        n_tip = max(int(np.ceil(2.0 * at_tip / (2.0 * np.pi / n_side))), 1)
+        n_slot = max(int(np.ceil((pitch - 2.0 * at_slot) / (2.0 * np.pi / n_side))), 1)
+        for angle in middle + np.linspace(-at_tip, at_tip, n_tip + 1):
+            bore.append((inner / 2.0, angle))
+        for angle in middle + at_slot + np.linspace(0.0, pitch - 2.0 * at_slot, n_slot + 1):
+            bore.append((slot / 2.0, angle))
+    radius, angle = np.array(bore).T
+    holes = [np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])]
+    for k in range(n_hole):
+        turn = 2.0 * np.pi * k / n_hole
+        middle_of_hole = hole_circle / 2.0 * np.array([np.cos(turn), np.sin(turn)])
+        n_circle = max(_SEGMENTS // 2, round(n_side * hole / outer))
+        holes.append(middle_of_hole + circle(hole, n_circle))
+    return Outline(boundary=circle(outer, n_side), holes=tuple(holes))
+
+
+def circle(diameter: float, n_side: int) -> Points:
+    """Return the corners, (n_side, 2), of a regular polygon with the area of the circle."""
+    n_side = max(n_side, _SEGMENTS // 2)
+    angle = 2.0 * np.pi * np.arange(n_side) / n_side
+    radius = diameter / 2.0 * np.sqrt(2.0 * np.pi / n_side / np.sin(2.0 * np.pi / n_side))
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def read_mesh(path: str | Path) -> Triangulation:
+    """Read triangles from a mesh file in millimetres, of any format that pyvista reads; z is ignored.
+
+    Raises
+    ------
+    StackError
+        The file cannot be read or holds other cells than triangles.
+    """
+    import pyvista as pv
+
+    path = Path(path)
+    if not path.exists():
+        message = f"{path}: there is no such mesh file"
+        raise StackError(message)
+    try:
+        mesh = pv.read(path)
+    except Exception as error:  # the readers raise what they like
+        message = f"{path}: cannot be read as a mesh: {error}"
+        raise StackError(message) from error
+    surface = mesh.extract_surface(algorithm="geometry") if not isinstance(mesh, pv.PolyData) else mesh
+    if surface.n_cells == 0 or not surface.is_all_triangles:
+        message = (
+            f"{path}: holds {surface.n_cells} surface cells, not all of them triangles; use triangles alone"
+        )
+        raise StackError(message)
+    corners = np.asarray(surface.regular_faces, dtype=np.int64)
+    used, index = np.unique(corners, return_inverse=True)
+    point = np.asarray(surface.points, dtype=float)[used, :2] * 1e-3
+    try:
+        return Triangulation(point=point, triangle=index.reshape(-1, 3))
+    except StackError as error:
+        message = f"{path}: {error}"
+        raise StackError(message) from error
+
+
+def inside(points: Points, polygons: tuple[Points, ...]) -> NDArray[np.bool_]:
+    """Return whether points (n, 2) lie inside an odd number of polygons (ray crossing)."""
+    within = np.zeros(len(points), dtype=bool)
+    x, y = points.T
+    for polygon in polygons:
+        for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            if y0 != y1:
+                crossing = ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) / (y1 - y0) * (x1 - x0))
+                within ^= crossing
+    return within
+
+
+def smallest_angle(point: Points, triangle: NDArray[np.int64]) -> Points:
+    """Return the smallest angle of each triangle, degrees."""
+    corner = point[triangle]
+    side = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
+    a, b, c = np.sort(side, axis=1).T
+    cosine = np.clip((b**2 + c**2 - a**2) / (2.0 * b * c), -1.0, 1.0)
+    return np.degrees(np.arccos(cosine))
+
+
+def _areas(point: Points, triangle: NDArray[np.int64]) -> Points:
+    a, b, c = (point[triangle[:, i]] for i in range(3))
+    return 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def _polygon_area(polygon: Points) -> float:
+    x, y = polygon.T
+    return float(0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+
+
+def _divided(polygon: Points, size: float) -> Points:
+    """Return a polygon with points added so that no side is longer than 1.2 sizes."""
+    parts = []
+    for start, stop in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        n = max(int(np.ceil(np.linalg.norm(stop - start) / (1.2 * size))), 1)
+        parts.append(start + np.linspace(0.0, 1.0, n, endpoint=False)[:, None] * (stop - start))
+    return np.vstack(parts)
+
+
+def _delaunay(
+    polygons: tuple[Points, ...], rims: list[Points], size: float
+) -> tuple[Points, NDArray[np.int64], list[Points], bool]:
+    """Return points, triangles, rims with sides split where no triangle lies on them, and whether all were there."""
+    rim = np.vstack(rims)
+    low, high = rim.min(axis=0), rim.max(axis=0)
+    x, y = np.meshgrid(
+        np.arange(low[0], high[0] + size, size), np.arange(low[1], high[1] + size, size * np.sqrt(0.75))
+    )
+    x[1::2] += size / 2.0
+    grid = np.column_stack([x.ravel(), y.ravel()])
+    grid = grid[inside(grid, polygons)]
+    dense = np.vstack([_divided(r, size / 4.0) for r in rims])
+    distance = spatial.cKDTree(dense).query(grid)[0]
+    free = grid[distance > _CLEARANCE * size]
+    point = np.vstack([rim, free])
+    for step in range(_SMOOTHING + 1):
+        triangle = np.asarray(spatial.Delaunay(point).simplices, dtype=np.int64)
+        centre = point[triangle].mean(axis=1)
+        flat = _areas(point, triangle) < 1e-6 * size**2
+        triangle = triangle[inside(centre, polygons) & ~flat]
+        if step < _SMOOTHING:
+            point = _smoothed(point, triangle, len(rim))
+    sides = np.sort(triangle[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    present = {(int(a), int(b)) for a, b in sides}
+    first, complete, split = 0, True, []
+    for r in rims:
+        n, parts = len(r), []
+        for i in range(n):
+            a, b = first + i, first + (i + 1) % n
+            parts.append(r[i])
+            if (min(a, b), max(a, b)) not in present:
+                parts.append((r[i] + r[(i + 1) % n]) / 2.0)
+                complete = False
+        split.append(np.array(parts))
+        first += n
+    return point, triangle, split, complete
+
+
+def _smoothed(point: Points, triangle: NDArray[np.int64], n_fixed: int) -> Points:
+    """Move each free point to the mean of its neighbours."""
+    total, count = np.zeros_like(point), np.zeros(len(point))
+    for i in range(3):
+        for j in range(3):
+            if i != j:
+                np.add.at(total, triangle[:, i], point[triangle[:, j]])
+                np.add.at(count, triangle[:, i], 1.0)
+    moved = point.copy()
+    free = np.arange(len(point)) >= n_fixed
+    free &= count > 0
+    moved[free] = total[free] / count[free, None]
+    return moved

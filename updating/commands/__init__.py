@@ -1,0 +1,1 @@
+"""The command line: every command, what it reads and writes, and the tables it prints."""

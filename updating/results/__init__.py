@@ -1,0 +1,1 @@
+"""Results on disk: written with what made them, and read back."""

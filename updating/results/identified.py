@@ -1,0 +1,186 @@
+"""The identified configurations of a campaign: computed once, written, and read back by whatever asks again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+
+from ema import Campaign, Configuration, ModalModel, identify
+from ema.identification.poles_file import read_poles
+from updating.errors import StoreError
+from updating.results.quality import Quality, quality
+from updating.results.store import folder_name, read_current, write_frf, write_result
+from updating.workers.workers import in_parallel
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Identified:
+    """One configuration with its modes, as they are stored.
+
+    Attributes
+    ----------
+    configuration : Configuration
+        As the campaign file has it.
+    folder : Path
+        Where its results are; `measurement.npz` there holds the functions that were identified.
+    modal_model : ModalModel
+        The modes.
+    quality : Quality
+        What the checks found.
+    """
+
+    configuration: Configuration
+    folder: Path
+    modal_model: ModalModel
+    quality: Quality
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Assignment:
+    """One configuration to be identified, for any process that sees the files.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        With this configuration alone.
+    folder : Path
+        Folder of its results.
+    poles : Path or None
+        Its poles.txt, which takes the place of the automatic choice.
+    """
+
+    campaign: Campaign
+    folder: Path
+    poles: Path | None
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration."""
+        return self.campaign.configurations[0]
+
+
+def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> tuple[Assignment, ...]:
+    """Divide a campaign into its configurations and write campaign.json.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    output : Path
+        Folder of the results; each configuration has a folder in it.
+    poles : Path, optional
+        Folder of earlier results, whose poles.txt files take the place of the automatic choice.
+
+    Raises
+    ------
+    StoreError
+        Two configurations have one folder, a folder cannot be written, or `poles` holds none of this campaign.
+    """
+    _check_folders(campaign)
+    chosen = _chosen_poles(campaign, poles)
+    write_result(output / "campaign.json", campaign, inputs=(campaign.path, campaign.points), options={})
+    return tuple(
+        Assignment(
+            campaign=replace(campaign, path=campaign.path.absolute(), configurations=(configuration,)),
+            folder=output.absolute() / folder_name(configuration.name),
+            poles=chosen.get(configuration.name),
+        )
+        for configuration in campaign.configurations
+    )
+
+
+def identified(assigned: Assignment) -> Identified:
+    """Identify one configuration and write it, or read back what an earlier run left, see `read_back`.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written.
+    MeasurementError, IdentificationError
+        See `ema.identification.identify`.
+    """
+    earlier = read_back(assigned)
+    if earlier is not None:
+        return earlier
+    folder, poles, configuration = assigned.folder, assigned.poles, assigned.configuration
+    by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
+    (found,) = identify(assigned.campaign, by_hand)
+    modes, checks = found.modal_model, quality(found)
+    inputs, options = _made_from(assigned)
+    write_frf(folder / "measurement.npz", found.measurement.frf)
+    write_result(folder / "quality.json", checks, inputs=inputs, options=options)
+    # last, for it tells that the others are there
+    write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
+    return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
+
+
+def every_identified(
+    assigned: Sequence[Assignment], text: str, console: Console, cluster: str | None = None
+) -> tuple[Identified, ...]:
+    """Identify configurations in parallel, but read back what an earlier run left: processes take longer to start.
+
+    Parameters
+    ----------
+    assigned : sequence of Assignment
+        The configurations.
+    text, console, cluster
+        As in `in_parallel`.
+    """
+    earlier = [read_back(each) for each in assigned]
+    new = [each for each, found in zip(assigned, earlier, strict=True) if found is None]
+    made = iter(tuple(in_parallel(identified, new, text, console, cluster)))
+    return tuple(next(made) if found is None else found for found in earlier)
+
+
+def read_back(assigned: Assignment) -> Identified | None:
+    """Return what an earlier run left of a configuration, so that an interrupted run goes on where it stopped.
+
+    None if anything is missing, or another version made it, or from other files or with other options.
+    """
+    folder = assigned.folder
+    inputs, options = _made_from(assigned)
+    modes = read_current(folder / "modal_model.json", ModalModel, inputs=inputs, options=options)
+    checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options)
+    if modes is None or checks is None or not (folder / "measurement.npz").exists():
+        return None
+    return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)
+
+
+def _made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]]:
+    """Return the files and the options that the results of a configuration depend on."""
+    campaign, configuration = assigned.campaign, assigned.configuration
+    states = (configuration, *configuration.force_levels)
+    files = [file for state in states for group in state.files for file in group.files]
+    files += [] if assigned.poles is None else [assigned.poles]
+    asked = {"band_Hz": campaign.identification.band, "order": campaign.identification.order}
+    return (
+        (campaign.path, campaign.points, *files),
+        {name: value for name, value in asked.items() if value is not None},
+    )
+
+
+def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, Path]:
+    """Find poles.txt of every configuration that has one in a results folder."""
+    if folder is None:
+        return {}
+    files = {c.name: folder.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
+    found = {name: file for name, file in files.items() if file.exists()}
+    if not found:
+        message = f"{folder}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
+        raise StoreError(message)
+    return found
+
+
+def _check_folders(campaign: Campaign) -> None:
+    """Refuse names that differ only in what a folder's name cannot hold."""
+    names: dict[str, str] = {}
+    for configuration in campaign.configurations:
+        other = names.setdefault(folder_name(configuration.name).casefold(), configuration.name)
+        if other != configuration.name:
+            message = (
+                f"{campaign.path}: configurations {other!r} and {configuration.name!r} would both be written to the "
+                f"folder {folder_name(configuration.name)}; give them names that differ in letters or digits"
+            )
+            raise StoreError(message)
