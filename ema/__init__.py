@@ -3,7 +3,7 @@
 from ema.campaign.campaign import Campaign, Configuration, read_campaign
 from ema.campaign.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
-from ema.identification.identify import Identification, identify, identify_frf
+from ema.identification.identify import Failure, Identification, identify, identify_frf, try_identify
 from ema.identification.poles_file import read_poles, write_poles
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.uff import write_uff
@@ -30,6 +30,7 @@ __all__ = [
     "Dofs",
     "EmaError",
     "FRFEstimate",
+    "Failure",
     "Geometry",
     "Identification",
     "IdentificationError",
@@ -62,6 +63,7 @@ __all__ = [
     "stabilization",
     "synthesize",
     "synthesized_frf",
+    "try_identify",
     "usable",
     "write_modes_csv",
     "write_modes_uff",

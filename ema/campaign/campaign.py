@@ -49,7 +49,7 @@ class Correction:
 
     Attributes
     ----------
-    files : frozenset of Path
+    files : tuple of Path
         Files it holds for.
     function : int or None
         Position of the FRF in its file, from 1; None for all.
@@ -65,7 +65,7 @@ class Correction:
         Why, for the notes of the measurement.
     """
 
-    files: frozenset[Path]
+    files: tuple[Path, ...]
     function: int | None
     output: Dof | None
     scale: float
@@ -360,7 +360,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
 
 
 def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correction:
-    files = frozenset(_files(path, folder, "correction: files", (given.files,)))
+    files = _files(path, folder, "correction: files", (given.files,))
     return Correction(
         files=files,
         function=given.function,

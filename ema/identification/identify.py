@@ -20,18 +20,17 @@ from ema.identification.run_poles import RunPoles, frequency_damping_std
 from ema.identification.selection import Functions, fit_chosen, inside, select_modes
 from ema.identification.shapes import driving_points, shapes_from_residues
 from ema.identification.significance import variance_inflation
-from ema.identification.stabilization import stabilization
+from ema.identification.stabilization import highest_order, stabilization
 from ema.modal.mac import frac
 from ema.quality.channels import check, usable
 from ema.quality.linearity import check_force_levels
 from ema.quality.verdict import Verdict
-from ema.types.errors import IdentificationError, MeasurementError
+from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from ema.types.threads import single_threaded
 
-DEFAULT_ORDER = 60
 MIN_LINES = 6
 """Fewest lines that a band may hold."""
 
@@ -55,10 +54,28 @@ class Identification:
     modal_model: ModalModel
 
 
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """A configuration that could not be identified.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    error : EmaError
+        Why, written for the user.
+    """
+
+    name: str
+    error: EmaError
+
+
 def identify(
     campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | None = None
 ) -> Iterator[Identification]:
     """Read, check and identify every configuration of a campaign, one after the other.
+
+    One that cannot be used does not end the others: its error is raised after the last of them.
 
     Parameters
     ----------
@@ -74,25 +91,54 @@ def identify(
     Raises
     ------
     MeasurementError, IdentificationError
-        See `read_measurement`, `check_linearity`, `usable` and `identify_frf`.
+        See `read_measurement`, `check_linearity`, `usable` and `identify_frf`. Where several configurations fail, the
+        error is of the first one's kind and lists them all.
     """
-    options, chosen = campaign.identification, poles or {}
+    failures: list[Failure] = []
     for configuration in campaign.configurations:
-        measurement = read_measurement(campaign, configuration.name)
-        verdicts = check(measurement, options.band)
-        kept = usable(measurement, verdicts)
-        levels = read_force_levels(campaign, configuration.name)
-        verdicts += check_force_levels(measurement, verdicts, levels, options.band)
-        modal_model = identify_frf(
-            kept.frf,
-            kept.geometry,
-            name=configuration.name,
-            band=options.band,
-            order=options.order,
-            pole=chosen.get(configuration.name),
-        )
-        kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
-        yield Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
+        found = try_identify(campaign, configuration.name, (poles or {}).get(configuration.name))
+        if isinstance(found, Failure):
+            failures.append(found)
+        else:
+            yield found
+    if len(failures) == 1:
+        raise failures[0].error
+    if failures:
+        message = "\n".join(f"{failure.name}: {failure.error}" for failure in failures)
+        raise type(failures[0].error)(message)
+
+
+def try_identify(
+    campaign: Campaign, name: str, pole: NDArray[np.complex128] | None = None
+) -> Identification | Failure:
+    """Read, check and identify one configuration, or say why that is not possible.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    name : str
+        The configuration.
+    pole : (n_mode,) complex, optional
+        Poles chosen by hand, rad/s.
+    """
+    try:
+        return _identified(campaign, name, pole)
+    except EmaError as error:
+        return Failure(name=name, error=error)
+
+
+def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | None) -> Identification:
+    options = campaign.identification
+    measurement = read_measurement(campaign, name)
+    verdicts = check(measurement, options.band)
+    kept = usable(measurement, verdicts)
+    levels = read_force_levels(campaign, name)
+    verdicts += check_force_levels(measurement, verdicts, levels, options.band)
+    modal_model = identify_frf(
+        kept.frf, kept.geometry, name=name, band=options.band, order=options.order, pole=pole
+    )
+    kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
+    return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
 
 
 @single_threaded
@@ -138,7 +184,7 @@ def identify_frf(
     lines = frf.band(max(lower, np.finfo(float).tiny), upper)
     n_line = lines.frequency.size
     if order is None:
-        order = min(DEFAULT_ORDER, n_line // 3)
+        order = highest_order(n_line)
     if n_line < max(MIN_LINES, 2 * order):
         message = (
             f"{name}: {n_line} lines in {lower:g}-{upper:g} Hz of {frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz "

@@ -17,6 +17,7 @@ from ema.modal.mac import cmif
 from ema.types.arrays import readonly
 from ema.types.frf import FRF
 
+DEFAULT_ORDER = 60
 MAX_DAMPING = 0.3
 """Poles damped more than this are never taken for resonances."""
 LINK_DISTANCE = 0.01
@@ -73,7 +74,12 @@ class StabilizationDiagram:
         return self.cluster >= 0
 
 
-def stabilization(frf: FRF, *, order: int = 60) -> StabilizationDiagram:
+def highest_order(n_line: int) -> int:
+    """Return the highest model order where none is asked for: 60, less in bands of few lines."""
+    return max(1, min(DEFAULT_ORDER, n_line // 3))
+
+
+def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram:
     """Compute the poles of all orders and cluster them.
 
     Parameters
@@ -81,14 +87,15 @@ def stabilization(frf: FRF, *, order: int = 60) -> StabilizationDiagram:
     frf : FRF
         Functions, cut to the band to identify (`FRF.band`). Where there are more inputs than outputs the
         roles are exchanged: LSCF takes the shorter side as the references.
-    order : int, default 60
-        Highest model order.
+    order : int, optional
+        Highest model order; where not given that of `highest_order`.
 
     Raises
     ------
     IdentificationError
         Too few lines for the order, or values that are not finite.
     """
+    order = highest_order(frf.frequency.size) if order is None else order
     value = frf.value if frf.value.shape[0] >= frf.value.shape[1] else frf.value.swapaxes(0, 1)
     rms = np.sqrt(np.mean(np.abs(value) ** 2, axis=-1, keepdims=True))
     scaled = value / np.where(rms > 0.0, rms, 1.0)

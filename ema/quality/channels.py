@@ -18,6 +18,7 @@ from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undete
 from ema.quality.verdict import Verdict
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF
+from ema.types.geometry import Dofs
 
 _MIN_OTHERS = 6
 """Fewer channels do not hold the resonances that another one should be made of."""
@@ -58,7 +59,7 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     findings += _clipped(frf, measurement.overload, _sound(frf, findings))
     findings += _unshared(frf, _sound(frf, findings))
     findings += _coherence(frf, _sound(frf, findings))
-    findings += _driving_points(frf, _sound(frf, findings))
+    findings += _driving_points(measurement, _sound(frf, findings))
     noisy = [c for v in findings if v.check == "unshared" for c in v.channel]
     findings += _spatial(measurement, np.setdiff1d(_sound(frf, findings), noisy))
     findings += _reciprocity(frf, _sound(frf, findings))
@@ -69,6 +70,8 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
 
 def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measurement:
     """Return the measurement without the channels that failed; the reasons are added to its notes.
+
+    A force of which a verdict says that its direction is stated the wrong way round is turned.
 
     Raises
     ------
@@ -83,9 +86,12 @@ def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measureme
         reasons = "\n".join(whole or [v.message for v in failed])
         message = f"configuration {measurement.name!r} cannot be used:\n{reasons}"
         raise MeasurementError(message)
+    force = measurement.frf.input
+    turned = np.isin(np.arange(force.node.size), [j for v in verdicts for j in v.force])
+    direction = np.where(turned[:, None], -force.direction, force.direction)
     return replace(
         measurement,
-        frf=measurement.frf.outputs(keep),
+        frf=replace(measurement.frf.outputs(keep), input=Dofs(node=force.node, direction=direction)),
         overload=measurement.overload[keep],
         notes=(*measurement.notes, *(f"left out: {v.message}" for v in failed)),
     )
@@ -255,7 +261,8 @@ def _coherence(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
             yield _verdict(frf, "coherence", "warn" if mean >= 0.6 else "fail", int(channel), message, band)
 
 
-def _driving_points(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+    frf = measurement.frf
     for channel in sound:
         for j in range(frf.input.node.size):
             along = float(frf.output.direction[channel] @ frf.input.direction[j])
@@ -265,7 +272,16 @@ def _driving_points(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
             mobility = frf.value[channel, j] * (1j * omega) ** (1 - DERIVATIVE[frf.quantity])
             real = np.sign(along) * mobility.real[frf.frequency > 0]
             negative = float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
-            if negative > 0.5:
+            if negative > 0.5 and _fits_neighbours(measurement, sound, int(channel), j):
+                message = (
+                    f"the whole set is of the opposite sign to its driving point {frf.output.name(int(channel))}, "
+                    f"whose neighbours agree with it: the direction of the force {frf.input.name(j)} is turned; "
+                    "state it the other way round"
+                )
+                yield Verdict(
+                    check="force sign", level="warn", channel=(), band=None, message=message, force=(j,)
+                )
+            elif negative > 0.5:
                 message = "driving point of the wrong sign: turn the direction of the sensor or of the force"
                 yield _verdict(frf, "sign", "fail", int(channel), message)
             elif negative > 0.1:
@@ -273,6 +289,24 @@ def _driving_points(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
                 band = (float(lines[0]), float(lines[-1]))
                 message = f"driving point takes up negative power in {100 * negative:.0f} % of its mobility"
                 yield _verdict(frf, "driving point", "warn", int(channel), message, band)
+
+
+def _fits_neighbours(measurement: Measurement, sound: NDArray[np.int64], channel: int, force: int) -> bool:
+    """Whether the other channels, by the smoothness of the shapes, confirm the sign of one."""
+    geometry = measurement.geometry
+    frf = replace(
+        measurement.frf,
+        value=measurement.frf.value[:, [force]],
+        input=Dofs(
+            node=measurement.frf.input.node[[force]], direction=measurement.frf.input.direction[[force]]
+        ),
+        coherence=None,
+    )
+    group = next(g for g in _parallel(frf, sound) if channel in g)
+    if group.size < MIN_CHANNELS or channel in undetectable_signs(frf, geometry, group, _BELIEVED):
+        return False
+    faults = contradictions(frf, geometry, group, _BELIEVED)
+    return not any(channel in fault.channel or fault.kind == "unexplained" for fault in faults)
 
 
 def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:

@@ -21,6 +21,10 @@ _STRONG = 0.3
 """Channels below this share of a resonance's largest height are near its nodal lines and not judged."""
 _SAME = 2.0
 """Bandwidths within which a resonance of the other level is taken for the same one."""
+_FAINT = 3.0
+"""Prominence, dB, of a resonance of the other level that is lower there, where no clear one is near."""
+_LEAST_HEIGHT = 0.5
+"""Share of its height below which a resonance is gone."""
 
 
 def check_force_levels(
@@ -136,16 +140,17 @@ def _verdict(
 def _resonances(
     name: str, other_name: str, frf: FRF, own: NDArray[np.int64], other: FRF, its: NDArray[np.int64]
 ) -> Iterator[Verdict]:
-    candidates = peaks(other, its)
+    clear, faint = peaks(other, its), peaks(other, its, _FAINT)
     for peak in peaks(frf, own):
         band = (peak.frequency - peak.bandwidth, peak.frequency + peak.bandwidth)
-        distance = [abs(p.frequency - peak.frequency) / peak.bandwidth for p in candidates]
         label = f"{peak.frequency:.5g} Hz: from {name} to {other_name}"
-        if not distance or min(distance) > _SAME:
+        partner = _nearest(clear, peak) or _nearest(
+            [p for p in faint if _level(other, its, p) > _LEAST_HEIGHT * _level(frf, own, peak)], peak
+        )
+        if partner is None:
             text = f"{label} the resonance is gone, or moves by more than {_SAME:g} bandwidths: not linear"
             yield _verdict("warn", text, band=band)
             continue
-        partner = candidates[int(np.argmin(distance))]
         shift = (_centre(other, its, partner) - _centre(frf, own, peak)) / peak.bandwidth
         before, after = _height(frf, own, peak), _height(other, its, partner, peak.bandwidth)
         strong = before > _STRONG * before.max()
@@ -167,6 +172,17 @@ def _resonances(
             yield _verdict("warn", text, tuple(int(own[c]) for c in odd), band)
         else:
             yield _verdict("pass", text, band=band)
+
+
+def _nearest(candidates: list[Peak], peak: Peak) -> Peak | None:
+    """Resonance of the other level that is the same one, if any is."""
+    near = min(candidates, key=lambda p: abs(p.frequency - peak.frequency), default=None)
+    return near if near and abs(near.frequency - peak.frequency) <= _SAME * peak.bandwidth else None
+
+
+def _level(frf: FRF, channels: NDArray[np.int64], peak: Peak) -> float:
+    """Root mean square of the channels at the line of a peak."""
+    return float(np.sqrt(np.mean(np.abs(frf.value[channels][..., peak.line]) ** 2)))
 
 
 def _centre(frf: FRF, channels: NDArray[np.int64], peak: Peak) -> float:

@@ -11,7 +11,8 @@ from ema.types.frf import FRF
 
 MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""
-_PEAK_DB = 10.0
+CLEAR = 10.0
+"""Prominence of a clear resonance over the valleys beside it, dB."""
 _NARROW_OVER_NOISE = 50.0
 
 
@@ -38,8 +39,8 @@ def summed_power(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.asarray((power / np.mean(power, axis=2, keepdims=True)).sum(axis=(0, 1)))
 
 
-def peaks(frf: FRF, channels: NDArray[np.int64]) -> list[Peak]:
-    """Return the clear resonances of the summed power with their half-power bandwidths.
+def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> list[Peak]:
+    """Return the resonances of the summed power that stand out by `prominence` (dB), with half-power bandwidths.
 
     A peak of few lines is measured by the parabola that the inverse power of a resonance is, and believed
     if it stands out of the lines around it, which a peak of the noise does not.
@@ -51,7 +52,7 @@ def peaks(frf: FRF, channels: NDArray[np.int64]) -> list[Peak]:
     power = summed_power(frf, channels)
     power = np.maximum(power, 1e-12 * power.max())
     step = float(np.median(np.diff(frf.frequency)))
-    lines, _ = signal.find_peaks(10 * np.log10(power), prominence=_PEAK_DB)
+    lines, _ = signal.find_peaks(10 * np.log10(power), prominence=prominence)
     wide = signal.peak_widths(power, lines, rel_height=0.5)[0]
     found = []
     for line, width in zip(lines, wide, strict=True):

@@ -22,6 +22,8 @@ class Verdict:
         Frequency band of the finding, Hz; None where it has none.
     message : str
         What was found, with its number, and what to do about it.
+    force : tuple of int
+        Positions of the inputs whose direction is stated the wrong way round; `usable` turns them.
     """
 
     check: str
@@ -29,3 +31,4 @@ class Verdict:
     channel: tuple[int, ...]
     band: tuple[float, float] | None
     message: str
+    force: tuple[int, ...] = ()

@@ -75,3 +75,24 @@ def test_channels_that_only_one_configuration_has_do_not_matter(model):
 def test_strangers_are_not_joined(model):
     stranger = take(model, [0], name="B", shape=np.eye(8)[:, [3]].astype(complex))
     assert compare([model, stranger]).frequency.shape == (2, 4)
+
+
+def test_modes_at_a_single_point_are_paired_by_their_frequencies(model):
+    # with one DOF every MAC is 1: 152 Hz and 199 Hz were called one mode
+    first = take(model, [0, 1], dofs=[2], name="A", frequency=np.array([152.0, 300.0]))
+    second = take(model, [0, 1], dofs=[2], name="B", frequency=np.array([199.0, 303.0]))
+    found = compare([first, second])
+    np.testing.assert_array_equal(found.frequency, [[152.0, np.nan, 300.0], [np.nan, 199.0, 303.0]])
+    assert np.isnan(found.mac[1, 2])
+
+
+def test_the_nearest_of_the_modes_alike_at_two_points_goes_on(model):
+    shape = np.array([[1.0, 1.0], [1.0, 1.05]], dtype=complex)
+    cut = {"dofs": [2, 3], "shape": shape}
+    found = compare(
+        [
+            take(model, [0, 1], name="A", frequency=np.array([100.0, 106.0]), **cut),
+            take(model, [0, 1], name="B", frequency=np.array([101.0, 107.0]), **cut),
+        ]
+    )
+    np.testing.assert_array_equal(found.frequency, [[100.0, 106.0], [101.0, 107.0]])

@@ -7,6 +7,7 @@ import pytest
 
 from ema.campaign.campaign import Configuration
 from ema.campaign.measurement import Measurement
+from ema.identification.identify import identify_frf
 from ema.quality.channels import check, usable
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF
@@ -125,6 +126,22 @@ def test_driving_point_of_the_wrong_sign():
     assert ("sign", "fail", (0,)) in found(few)
     turned = replace(few.frf, output=Dofs(node=few.frf.output.node, direction=-few.frf.output.direction))
     assert ("sign", "fail", (0,)) not in found(replace(few, frf=turned))
+
+
+def test_a_whole_set_of_the_opposite_sign_turns_the_force_and_keeps_its_driving_point():
+    measurement = bar()
+    turned = replace(measurement, frf=replace(measurement.frf, value=-measurement.frf.value))
+    verdicts = check(turned)
+    (verdict,) = [v for v in verdicts if v.level != "pass"]
+    assert (verdict.check, verdict.level, verdict.channel, verdict.force) == ("force sign", "warn", (), (0,))
+    kept = usable(turned, verdicts).frf
+    assert kept.output.node.size == N
+    np.testing.assert_array_equal(kept.input.direction, [[0.0, 0.0, -1.0]])
+    assert identify_frf(kept, measurement.geometry, name="a").scaled.all()
+
+
+def test_a_driving_point_against_its_neighbours_is_its_sensor():
+    assert found(changed(bar(), 0, np.negative)) == {("sign", "fail", (0,))}
 
 
 def test_sign_of_a_neighbour():

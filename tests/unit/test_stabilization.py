@@ -68,3 +68,11 @@ def test_more_inputs_than_outputs_are_taken_as_references_of_the_shorter_side() 
         source=("generated",),
     )
     np.testing.assert_allclose(stabilization(wide, order=20).chosen, stabilization(tall, order=20).chosen)
+
+
+def test_few_lines_get_an_order_that_they_bear() -> None:
+    few = frf([300.0], [0.01], 0.001).band(290.0, 310.0)
+    assert few.frequency.size == 41
+    diagram = stabilization(few)
+    assert diagram.order.max() <= 13
+    assert np.any(np.abs(np.abs(diagram.chosen) / (2 * np.pi) - 300.0) < 0.1)
