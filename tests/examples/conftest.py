@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from updating.commands import jobs
+from updating.commands.fit import fit_campaign
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -14,7 +14,7 @@ DATA = Path(__file__).parents[2] / "data"
 def demo(tmp_path_factory):
     """The folder of `lamella fit data/demo_stack/campaign.toml` and what it returned."""
     folder = tmp_path_factory.mktemp("demo")
-    results = tuple(jobs.fit(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True)))
+    results = tuple(fit_campaign(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True)))
     return folder, results
 
 
@@ -53,10 +53,10 @@ def write_small_campaign():
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory, write_small_campaign):
-    """A campaign of four configurations, and the folder of what `jobs.fit` made of it without a break."""
+    """A campaign of four configurations, and the folder of what `fit_campaign` made of it without a break."""
     folder = tmp_path_factory.mktemp("small")
     campaign = write_small_campaign(folder, 4)
-    assert len(tuple(jobs.fit(campaign, folder / "out", 0.8, Console(quiet=True)))) == 4
+    assert len(tuple(fit_campaign(campaign, folder / "out", 0.8, Console(quiet=True)))) == 4
     return campaign, folder / "out"
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from updating.commands.update import Updated, parameter_table, run_update
 from updating.commands.update_file import read_update_file
-from updating.commands.update_job import Updated, parameter_table, update
 from updating.errors import FitError
 from updating.results.store import read_result
 
@@ -20,7 +20,7 @@ SPEC = ROOT / "data/demo_stack/update.toml"
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("update")
-    return folder, update(SPEC, folder, Console(quiet=True))
+    return folder, run_update(SPEC, folder, Console(quiet=True))
 
 
 def test_the_shipped_file_finds_the_pressure_law(done):
@@ -86,7 +86,7 @@ def test_an_unknown_configuration_is_said_before_anything_is_identified(tmp_path
     text = SPEC.read_text(encoding="utf-8").replace('"M1", "M2"', '"M1", "M3"')
     path.write_text(text.replace("campaign.toml", str(SPEC.parent / "campaign.toml")), encoding="utf-8")
     with pytest.raises(FitError, match="'M3' is unknown; there are M1, M2"):
-        update(path, tmp_path / "out", Console(quiet=True))
+        run_update(path, tmp_path / "out", Console(quiet=True))
     assert not (tmp_path / "out").exists()
 
 
@@ -106,4 +106,4 @@ configurations = ["6", "8"]
         encoding="utf-8",
     )
     with pytest.raises(FitError, match=r"hold_out\.6: there is no mode 5; it has 4"):
-        update(path, tmp_path / "out", Console(quiet=True))
+        run_update(path, tmp_path / "out", Console(quiet=True))

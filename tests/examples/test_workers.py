@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from updating.commands import jobs
 from updating.commands.command_line import main
+from updating.commands.fit import fit_campaign
 from updating.errors import WorkerError
 from updating.workers.workers import distribute, workers
 
@@ -21,7 +21,9 @@ def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_p
     found = []
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         victim = cluster.workers[0].pid
-        for one in jobs.fit(campaign, tmp_path / "out", 0.8, Console(quiet=True), cluster.scheduler_address):
+        for one in fit_campaign(
+            campaign, tmp_path / "out", 0.8, Console(quiet=True), cluster.scheduler_address
+        ):
             if not found:
                 os.kill(victim, signal.SIGKILL)
             found.append(one)

@@ -309,7 +309,7 @@ def test_what_can_be_done_without_is_left_out_and_said(folder, monkeypatch, caps
     """The identification goes on with the rest: both modes are found."""
     damage(folder)
     monkeypatch.setattr(
-        "updating.commands.jobs._write_tables_and_pictures", lambda *_, **__: None
+        "updating.commands.ema._write_tables_and_pictures", lambda *_, **__: None
     )  # to be quick
     code, out, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
     assert code == 0, said
@@ -323,7 +323,7 @@ def test_a_full_disk_leaves_no_part_of_a_file(folder, monkeypatch, capsys):
     """A limit on the size of files stands for the disk: the system refuses in the middle of a file."""
     resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    monkeypatch.setattr("updating.commands.jobs._write_tables_and_pictures", lambda *_, **__: None)
+    monkeypatch.setattr("updating.commands.ema._write_tables_and_pictures", lambda *_, **__: None)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))
     try:
         code, _, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
@@ -340,7 +340,7 @@ def test_a_full_disk_leaves_no_part_of_a_file(folder, monkeypatch, capsys):
 
 @pytest.mark.parametrize("name", ["modes.uff", "modes.csv", "shapes.csv", "poles.txt"])
 def test_tables_that_cannot_be_written_leave_the_old_ones(folder, monkeypatch, capsys, name):
-    monkeypatch.setattr("updating.commands.jobs.as_png", lambda _: b"")
+    monkeypatch.setattr("updating.commands.ema.as_png", lambda _: b"")
     assert lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")[0] == 0
     os.utime(folder / "out/M1/modal_model.json")  # the tables are to be written again
     old = (folder / "out/M1" / name).read_bytes()

@@ -8,11 +8,11 @@ import pytest
 
 from model import find_effects, read_stack
 from model.stack.stack import Mesh
-from updating.commands.ledger_jobs import ledger_table
 from updating.fitting.ledger import ledger
 from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import target_of_table
+from updating.results.ledger import ledger_table
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")

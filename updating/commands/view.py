@@ -1,4 +1,4 @@
-"""An interactive look at results: shapes and chart in a window where there is a display, else a page in the browser."""
+"""`lamella view`: mode shapes and stabilisation chart in a window, or in the browser."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import os
 import sys
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from ema.identification.stabilization import stabilization
 from ema.plot.figures import stabilization_figure
+from updating.commands.options import ResultsFolder
+from updating.commands.terminal import OUT
 from updating.errors import StoreError
 from updating.fitting.shape_plot import MEASURED, MODEL, REST, SWELL, ShapePair, shape_pairs
 from updating.report.frf_part import frf_section
@@ -24,13 +27,32 @@ from updating.results.store import write_bytes
 if TYPE_CHECKING:
     import pyvista
 
+EXAMPLE = "lamella view out/demo"
+
 _STEPS = 48  # of one period
 _PAUSE = 40  # ms between them
 _PANELS = (("measured",), ("model",), ("measured", "model"))
 _LINE = {"measured": (5, MEASURED), "model": (2, MODEL)}
 
 
-def view(folder: Path, configuration: str | None) -> Path | None:
+def view(
+    folder: ResultsFolder,
+    configuration: Annotated[
+        str | None,
+        typer.Argument(metavar="CONFIGURATION", help="Its name; the first by default.", show_default=False),
+    ] = None,
+) -> None:
+    """Show mode shapes and stabilisation chart of one configuration.
+
+    In a window where there is a display: drag to turn, choose the mode with the slider. Otherwise a page, view.html,
+    is written and opened in the browser.
+    """
+    page = show(folder, configuration)
+    if page is not None:
+        OUT.print(f"No display for a window; page: [bold]{page}[/bold]")
+
+
+def show(folder: Path, configuration: str | None) -> Path | None:
     """Show mode shapes and stabilisation chart of a configuration, by default the first.
 
     Parameters

@@ -1,13 +1,17 @@
-"""What long work is at: the library logs it, and a command shows it while it waits."""
+"""The terminal: what commands print on, and how they show what long work is at."""
 
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.status import Status
+
+OUT = Console() if sys.stdout.isatty() else Console(width=100)  # a file or pipe has no width of its own
 
 
 class _Shown(logging.Handler):
@@ -33,7 +37,7 @@ def progress(title: str, console: Console) -> Iterator[None]:
     console : Console
         Where; nothing is shown on one that is no terminal.
     """
-    log = logging.getLogger(__package__)
+    log = logging.getLogger("updating")
     level = log.level
     with console.status(title) as status:
         handler = _Shown(title, status)
@@ -44,3 +48,11 @@ def progress(title: str, console: Console) -> Iterator[None]:
         finally:
             log.setLevel(level)
             log.removeHandler(handler)
+
+
+def bar(console: Console) -> Progress:
+    """Return a bar that shows how many steps are done, and is gone at the end."""
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        console=console, transient=True,
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What `lamella update` does with files: campaigns in, one joint fit out, with its ledger."""
+"""`lamella update`: fit several configurations at once, as a file says."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -17,7 +18,8 @@ import model
 from ema import read_campaign
 from model import Effect
 from model.stack.stack_file import stack_inputs
-from updating.commands.ledger_jobs import write_ledger
+from updating.commands.options import Cluster, EffectFiles, Folder
+from updating.commands.terminal import OUT
 from updating.commands.update_file import CampaignSection, UpdateFile, read_update_file
 from updating.errors import FitError
 from updating.fitting.fit import G_F_BOUNDS
@@ -39,8 +41,30 @@ from updating.fitting.target import (
     target_of_table,
 )
 from updating.results.identified import assignments, every_identified
+from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
 from updating.workers.workers import workers
+
+EXAMPLE = "lamella update data/demo_stack/update.toml -o out/update"
+
+
+def update(
+    specification: Annotated[
+        Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False)
+    ],
+    output: Folder,
+    effect_file: EffectFiles = None,
+    cluster: Cluster = None,
+) -> None:
+    """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
+
+    data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
+    with the error without effects, with each and with all, and both as tables and pictures.
+    """
+    updated = run_update(specification, output, OUT, effect_file or (), cluster)
+    OUT.print(parameter_table(updated.fit))
+    OUT.print(ledger_table(updated.ledger))
+    OUT.print(f"Results in [bold]{output}[/bold]")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,7 +86,7 @@ class Updated:
     ledger: tuple[Entry, ...]
 
 
-def update(
+def run_update(
     path: Path, output: Path, console: Console, effect_files: Sequence[Path] = (), cluster: str | None = None
 ) -> Updated:
     """Do what an updating file says and write update.json, ledger.json and tables and pictures of both.

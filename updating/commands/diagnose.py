@@ -1,0 +1,105 @@
+"""`lamella diagnose`: say which physical effect the model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from ema import read_campaign
+from model import catalogue, read_stack
+from model.stack.stack_file import stack_inputs
+from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
+from updating.commands.terminal import OUT, progress
+from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.diagnosis import diagnose as diagnose_stack
+from updating.diagnosis.kept_model import kept_model
+from updating.diagnosis.scan import MESSAGES
+from updating.diagnosis.scatter_file import read_scatter
+from updating.errors import FitError
+from updating.fitting.target import model_file, stack_in_state
+from updating.results.identified import assignments, every_identified
+from updating.results.store import kept
+from updating.workers.workers import workers
+
+EXAMPLE = "lamella diagnose data/hidden_effect/a/campaign.toml -o out/a"
+_MOST_EXPLANATIONS = 8
+
+
+def diagnose(
+    campaign: CampaignFile,
+    output: Folder,
+    effect_file: EffectFiles = None,
+    scatter: ScatterFile = None,
+) -> None:
+    """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
+
+    All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
+    """
+    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter)
+    for sentence in found.sentences:
+        OUT.print(sentence, highlight=False)
+    OUT.print(diagnosis_table(found))
+    OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+
+
+def diagnose_campaign(
+    campaign_file: Path,
+    output: Path,
+    effect_files: Sequence[Path],
+    console: Console,
+    scatter_file: Path | None = None,
+) -> Diagnosis:
+    """Identify a campaign, diagnose its model, and write diagnosis.json.
+
+    What an earlier run left is read back.
+    """
+    scatter = None if scatter_file is None else read_scatter(scatter_file)
+    campaign = read_campaign(campaign_file)
+    stack_file = model_file(campaign, "a diagnosis")
+    stack, known = read_stack(stack_file), catalogue(effect_files)
+    states = [stack_in_state(stack, c) for c in campaign.configurations]
+    heights = {state.height for state in states}
+    if len(heights) > 1:
+        listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
+        message = (
+            f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
+        )
+        raise FitError(message)
+    assigned = assignments(campaign, output)
+    tests = every_identified(assigned, "identify", console)
+    tested = [
+        (found.configuration.name, state.contact.pressure, found.modal_model)
+        for state, found in zip(states, tests, strict=True)
+    ]
+
+    def make() -> Diagnosis:
+        with workers(MESSAGES) as executor, progress("diagnose", console):
+            own = replace(stack, height=states[0].height)
+            return diagnose_stack(own, tested, known, scatter=scatter, executor=executor, reduced=kept_model)
+
+    modal = (found.folder / "modal_model.json" for found in tests)
+    stated = () if scatter_file is None else (scatter_file,)
+    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
+    return kept(output / "diagnosis.json", Diagnosis, make, inputs=inputs, options={})
+
+
+def diagnosis_table(diagnosis: Diagnosis) -> Table:
+    """Return the explanations that were fitted in full, the most probable first; the page has their parameters."""
+    table = Table(title="Explanations", title_justify="left")
+    table.add_column("effects", no_wrap=True)
+    for name in ("proba-\nbility", "misfit", "distance", "f error\n[%]", "held out\n[%]"):
+        table.add_column(name, justify="right")
+    for own in diagnosis.ranking[:_MOST_EXPLANATIONS]:
+        table.add_row(
+            " +\n".join(own.effects) or "none",
+            f"{own.probability:.3f}",
+            f"{own.misfit:.1f}",
+            f"{own.distance:.1f}",
+            f"{100 * own.frequency_error:.3f}",
+            f"{100 * own.held_out_error:.3f}",
+        )
+    return table

@@ -1,0 +1,145 @@
+"""`lamella ema`: identify every configuration of a campaign."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from ema import Campaign, Comparison, ModalModel, compare, read_campaign, stabilization
+from ema.identification.poles_file import write_poles
+from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
+from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
+from updating.commands.options import CampaignFile, Cluster, Folder
+from updating.commands.terminal import OUT
+from updating.fitting.fit_plot import as_png
+from updating.results.identified import Assignment, Identified, assignments, identified
+from updating.results.store import read_frf, write_bytes, write_result
+from updating.workers.workers import in_parallel
+
+EXAMPLE = "lamella ema data/demo_stack/campaign.toml -o out/demo"
+
+
+def ema(
+    campaign: CampaignFile,
+    output: Folder,
+    poles: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of earlier results whose edited poles.txt files are used."),
+    ] = None,
+    cluster: Cluster = None,
+) -> None:
+    """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
+
+    Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
+    modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, and a
+    comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
+    """
+    identified, comparison = identify_campaign(campaign, output, poles, OUT, cluster)
+    for found in identified:
+        OUT.print(modes_table(found.modal_model))
+        print_findings(found)
+    if len(identified) > 1:
+        OUT.print(comparison_table(comparison))
+    OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+
+
+def identify_campaign(
+    campaign_file: Path, output: Path, poles: Path | None, console: Console, cluster: str | None = None
+) -> tuple[tuple[Identified, ...], Comparison]:
+    """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
+
+    Configurations that an earlier run left are read back.
+
+    With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice.
+    """
+    campaign = read_campaign(campaign_file)
+    assigned = assignments(campaign, output, poles)
+    task = partial(_identify, keep_poles=poles == output)
+    results = tuple(in_parallel(task, assigned, "identify", console, cluster))
+    comparison = compare([found.modal_model for found in results])
+    write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
+    write_bytes(output / "comparison.png", as_png(comparison_figure(comparison, *_abscissa(campaign))))
+    return results, comparison
+
+
+def _identify(assigned: Assignment, *, keep_poles: bool) -> Identified:
+    found = identified(assigned)
+    _write_tables_and_pictures(found, keep_poles=keep_poles)
+    return found
+
+
+def _abscissa(campaign: Campaign) -> tuple[NDArray[np.float64], str]:
+    """Return what to compare over: torque or pressure where all state it and it varies, else the number."""
+    for name, unit, factor in (("torque", "N m", 1.0), ("pressure", "kPa", 1e-3)):
+        stated = [getattr(c, name) for c in campaign.configurations]
+        if None not in stated and len(set(stated)) > 1:
+            return factor * np.array(stated), f"{name} [{unit}]"
+    return np.arange(1.0, len(campaign.configurations) + 1.0), "configuration [number in the campaign file]"
+
+
+def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
+    """Write what is made from a modal model, but not over the poles of the user that it was made from."""
+    folder, modes = found.folder, found.modal_model
+    last = folder / f"shape_{modes.frequency.size:02d}.png"
+    if last.exists() and last.stat().st_mtime_ns >= (folder / "modal_model.json").stat().st_mtime_ns:
+        return  # all of them are there, made from this model
+    frf = read_frf(folder / "measurement.npz")
+    write_bytes(folder / "frf.png", as_png(frf_figure(frf, modes)))
+    write_bytes(
+        folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band))))
+    )
+    write_modes_uff(folder / "modes.uff", modes, step=float(frf.frequency[1] - frf.frequency[0]))
+    write_modes_csv(folder / "modes.csv", modes)
+    write_shapes_csv(folder / "shapes.csv", modes)
+    if not keep_poles or not (folder / "poles.txt").exists():
+        write_poles(folder / "poles.txt", modes.pole)
+    for r in range(modes.frequency.size):
+        write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
+
+
+def modes_table(measured: ModalModel) -> Table:
+    """List identified frequencies and damping ratios with their standard deviations."""
+    table = Table(
+        title=f"{measured.name}: {measured.frequency.size} modes in {_band(measured)}", title_justify="left"
+    )
+    for name in ("mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"):
+        table.add_column(name, justify="right")
+    columns = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
+    for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True), start=1):
+        table.add_row(str(r), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}")
+    return table
+
+
+def _band(measured: ModalModel) -> str:
+    return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """List every mode, followed by its shape, over the configurations: frequency and damping."""
+    table = Table(
+        title="The same modes in all configurations: frequency [Hz], damping [%]", title_justify="left"
+    )
+    table.add_column("")
+    for f in np.nanmean(comparison.frequency, axis=0):
+        table.add_column(f"{f:.0f} Hz", justify="right", no_wrap=True)
+    for name, frequency, damping in zip(
+        comparison.name, comparison.frequency, comparison.damping, strict=True
+    ):
+        cells = (
+            "-" if np.isnan(f) else f"{f:.1f}  {100 * x:.2f}" for f, x in zip(frequency, damping, strict=True)
+        )
+        table.add_row(name, *cells)
+    return table
+
+
+def print_findings(found: Identified) -> None:
+    """Print what the checks of a measurement found."""
+    for line in found.quality.findings:
+        OUT.print(f"  {line}", markup=False, highlight=False)

@@ -1,0 +1,249 @@
+"""`lamella fit`: identify a campaign, fit G_f and d_f, and add effects that all configurations share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from ema import ModalModel, read_campaign
+from model import Stack, catalogue, find_effects, read_stack
+from model.stack.stack_file import stack_inputs
+from updating.commands.ema import print_findings
+from updating.commands.options import CampaignFile, Cluster, Folder, SharedEffects
+from updating.commands.report import make_report
+from updating.commands.terminal import OUT
+from updating.correlation.correlation import correlate
+from updating.fitting.fit import Fit
+from updating.fitting.fit import fit as fit_configuration
+from updating.fitting.ledger import Entry, ledger
+from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
+from updating.fitting.prepared import prepare
+from updating.fitting.sensitivity import Scatter
+from updating.fitting.target import (
+    model_file,
+    specimen_name,
+    stack_in_state,
+    target_of_modes,
+    target_of_table,
+)
+from updating.published.campaign import SCATTER
+from updating.results.identified import Assignment, Identified, assignments, identified
+from updating.results.ledger import ledger_table, write_ledger
+from updating.results.store import folder_name, kept, write_result
+from updating.results.text import parameter_text
+from updating.workers.workers import in_parallel, workers
+
+EXAMPLE = "lamella fit data/pirnat2013/campaign.toml -o out/pirnat2013"
+TORQUE_SCATTER = Scatter(pressure=0.03)
+"""Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
+
+
+def fit(
+    campaign: CampaignFile,
+    output: Folder,
+    threshold: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")
+    ] = 0.8,
+    effect: SharedEffects = None,
+    cluster: Cluster = None,
+) -> None:
+    """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
+
+    G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC. A campaign whose modes are
+    given as a table is fitted row by row, with modes paired by shape class.
+
+    With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
+    contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
+    held out.
+    """
+    find_effects(effect or [], catalogue())  # before hours of work
+    if is_modal_table(campaign):
+        rows = fit_modal_table(campaign, output, OUT, cluster)
+        OUT.print(modal_table(rows))
+        if effect:
+            OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster)))
+        OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
+        return
+    fits = []
+    for found, fitted in fit_campaign(campaign, output, threshold, OUT, cluster):
+        OUT.print(fit_table(found.modal_model, fitted))
+        print_findings(found)
+        if effect:  # without, a campaign of any length takes the same memory
+            fits.append((found, fitted))
+    if effect:
+        OUT.print(ledger_table(campaign_ledger(fits, effect, campaign, output, cluster)))
+    OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
+
+
+def fit_campaign(
+    campaign_file: Path, output: Path, threshold: float, console: Console, cluster: str | None = None
+) -> Iterator[tuple[Identified, Fit]]:
+    """Identify and fit every configuration of a campaign, write each result as soon as it is there, and hand it on.
+
+    Configurations that an earlier run left are read back.
+    """
+    campaign = read_campaign(campaign_file)
+    stack_file = model_file(campaign, "a fit")
+    assigned = assignments(campaign, output)
+    task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
+    yield from in_parallel(task, assigned, "identify and fit", console, cluster)
+
+
+def _identify_and_fit(
+    stack: Stack, stack_files: tuple[Path, ...], threshold: float, assigned: Assignment
+) -> tuple[Identified, Fit]:
+    found = identified(assigned)
+    inputs = (assigned.campaign.path, *stack_files, found.folder / "modal_model.json")
+    options = {"threshold": threshold}
+
+    def make() -> Fit:
+        state = stack_in_state(stack, found.configuration)
+        fitted = fit_configuration(state, found.modal_model, threshold=threshold)
+        write_result(found.folder / "modes.json", fitted.modes, inputs=inputs, options=options)
+        return fitted
+
+    return found, kept(found.folder / "fit.json", Fit, make, inputs=inputs, options=options)
+
+
+def fit_modal_table(
+    campaign_file: Path, output: Path, console: Console, cluster: str | None = None
+) -> tuple[TableFit, ...]:
+    """Fit every row of a modal table and write each result as soon as it is there.
+
+    Rows that an earlier run left are read back.
+    """
+    table = read_modal_table(campaign_file)
+    write_result(output / "modal_table.json", table, inputs=table.inputs, options={})
+    inputs = tuple(file.absolute() for file in table.inputs)
+    task = partial(_fit_row, table.shape_class, inputs, output.absolute())
+    return tuple(in_parallel(task, table.rows, "fit", console, cluster))
+
+
+def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Path, row: TableRow) -> TableFit:
+    path = output / f"stack_{folder_name(row.name)}" / "fit.json"
+    return kept(path, TableFit, partial(fit_row, row, shape_class), inputs=inputs, options={})
+
+
+def campaign_ledger(
+    fits: Sequence[tuple[Identified, Fit]],
+    effects: Sequence[str],
+    campaign: Path,
+    output: Path,
+    cluster: str | None = None,
+) -> tuple[Entry, ...]:
+    """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv.
+
+    Configurations of one height are one stack, with one G_f and one d_f for all its torques.
+    """
+    heights = {fitted.stack.height for _, fitted in fits}
+    targets = [
+        target_of_modes(
+            fitted.stack.with_effects(*find_effects(effects)),
+            found.modal_model,
+            specimen=specimen_name(fitted.stack.name, fitted.stack.height, heights),
+        )
+        for found, fitted in fits
+    ]
+    with workers(1 + len(effects), cluster) as executor:
+        entries = ledger(prepare(targets), effects, scatter=TORQUE_SCATTER, executor=executor)
+    write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
+    return entries
+
+
+def table_ledger(
+    fits: Sequence[TableFit],
+    effects: Sequence[str],
+    campaign: Path,
+    output: Path,
+    cluster: str | None = None,
+) -> tuple[Entry, ...]:
+    """Fit effects that all rows of a modal table share, and write ledger.json and ledger.csv."""
+    table = read_modal_table(campaign)
+    targets = [
+        target_of_table(
+            fit.row.stack.with_effects(*find_effects(effects)),
+            table.shape_class,
+            fit.row.frequency,
+            name=fit.row.name,
+        )
+        for fit in fits
+    ]
+    with workers(1 + len(effects), cluster) as executor:
+        entries = ledger(prepare(targets), effects, damping=False, scatter=SCATTER, executor=executor)
+    write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
+    return entries
+
+
+def fit_table(measured: ModalModel, fit: Fit) -> Table:
+    """Put measured beside fitted modes, with the parameters below."""
+    pairs = correlate(measured, fit.modes, fit.pairing)
+    caption = (
+        f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}\nmean frequency error {100 * fit.error:.2f} %"
+    )
+    left_over = [f"{f:.1f}" for f in measured.frequency[fit.pairing.unpaired_measured]]
+    if left_over:
+        caption += f"\nmeasured but not paired: {', '.join(left_over)} Hz"
+    table = Table(
+        title=f"{fit.name}: measured and fitted",
+        title_justify="left",
+        caption=caption,
+        caption_justify="left",
+    )
+    for name in (
+        "mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "damping\nmeasured [%]", "damping\nmodel [%]", "MAC",
+    ):  # fmt: skip
+        table.add_column(name, justify="right")
+    columns = (
+        pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, pairs.measured_damping,
+        pairs.model_damping, pairs.mac,
+    )  # fmt: skip
+    for mode, values in zip(fit.pairing.measured, zip(*columns, strict=True), strict=True):
+        f_exp, f_num, error, xi_exp, xi_num, mac = values
+        table.add_row(
+            str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
+            f"{100 * xi_num:.3g}", f"{mac:.4f}",
+        )  # fmt: skip
+    return table
+
+
+def modal_table(fits: tuple[TableFit, ...]) -> Table:
+    """Print Table 7 of the paper with our numbers beside its own."""
+    published = np.array([f.row.published_G_f for f in fits])
+    known = np.isfinite(published)
+    ratio = np.array([f.G_f.value for f in fits])[known] / published[known]
+    caption = (
+        f"mean error, eq. (2): ours {100 * np.mean([f.error for f in fits]):.1f} %, "
+        f"published {100 * np.mean([f.published_error for f in fits]):.1f} %\n"
+        "our model fitted to the published model's frequencies: "
+        f"{100 * np.mean([f.model_misfit for f in fits]):.2f} % off"
+    )
+    if np.any(known):
+        caption += f"\nour G_f over the published: {ratio.min():.3f} to {ratio.max():.3f}"
+    table = Table(
+        title="Natural frequencies [Hz]: measured, published model, ours",
+        title_justify="left",
+        caption=caption,
+        caption_justify="left",
+    )
+    table.add_column("stack", justify="right")
+    for r in range(fits[0].row.frequency.size):
+        table.add_column(f"mode {r + 1}", justify="right", no_wrap=True)
+    for name in ("error [%]\npubl. ours", "G_f\npubl. ours"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for fit in fits:
+        columns = zip(fit.row.frequency, fit.row.published_frequency, fit.frequency, strict=True)
+        published_G_f = "" if np.isnan(fit.row.published_G_f) else f"{fit.row.published_G_f:.0f}"
+        table.add_row(
+            fit.row.name,
+            *(f"{a:.0f} {b:4.0f} {c:4.0f}" for a, b, c in columns),
+            f"{100 * fit.published_error:.1f} {100 * fit.error:.1f}",
+            f"{published_G_f} {fit.G_f.value:4.0f}",
+        )
+    return table

@@ -1,0 +1,39 @@
+"""`lamella next-test`: rank further tests by what they would tell apart."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from updating.commands.diagnose import diagnose_campaign
+from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
+from updating.commands.terminal import OUT
+from updating.diagnosis.diagnosis import Diagnosis
+
+EXAMPLE = "lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
+
+
+def next_test(
+    campaign: CampaignFile,
+    output: Folder,
+    effect_file: EffectFiles = None,
+    scatter: ScatterFile = None,
+) -> None:
+    """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open.
+
+    The diagnosis is made where the folder has none of this campaign.
+    """
+    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter)
+    if not found.next_tests:
+        OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
+        return
+    OUT.print(next_test_table(found))
+
+
+def next_test_table(diagnosis: Diagnosis) -> Table:
+    """Return the further tests, the one that separates best first."""
+    table = Table(title="Further tests", title_justify="left")
+    for name, justify in (("test", "left"), ("smallest distance", "right"), ("now", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for test in diagnosis.next_tests:
+        table.add_row(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}")
+    return table

@@ -1,0 +1,39 @@
+"""`lamella report`: make one page of the results in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from updating.commands.options import ResultsFolder
+from updating.commands.terminal import OUT
+from updating.report.page import write_report
+from updating.report.pdf import print_pdf
+from updating.workers.workers import workers
+
+EXAMPLE = "lamella report out/demo --pdf"
+
+
+def report(
+    folder: ResultsFolder,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
+    ] = False,
+) -> None:
+    """Make one self-contained HTML page from the results in a folder.
+
+    Every figure is also written to the folder figures there, with its numbers as CSV.
+    """
+    with OUT.status("drawing"):
+        page = make_report(folder)
+    OUT.print(f"Report: [bold]{page}[/bold]")
+    if pdf:
+        OUT.print(f"PDF: [bold]{print_pdf(page)}[/bold]")
+
+
+def make_report(folder: Path) -> Path:
+    """Make the page of a results folder, its configurations in parallel."""
+    with workers(len(list(folder.glob("*/modal_model.json")))) as executor:
+        return write_report(folder, executor)

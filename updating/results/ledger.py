@@ -1,0 +1,75 @@
+"""The ledger as files and as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from updating.fitting.joint_fit import FittedParameter
+from updating.fitting.ledger import Entry, Ledger
+from updating.results.store import write_bytes, write_result
+
+
+def write_ledger(
+    entries: tuple[Entry, ...], options: Mapping[str, object], inputs: tuple[Path, ...], output: Path
+) -> None:
+    """Write ledger.json and ledger.csv."""
+    write_result(output / "ledger.json", Ledger(entry=entries), inputs=inputs, options=options)
+    columns = [
+        "error", "mode_error", "configuration_error", "damping_error", "mode_damping_error",
+        "configuration_damping_error", "chi_square", "n_residual",
+    ]  # fmt: skip
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["model", *columns])
+    writer.writerows([" + ".join(("base", *e.effects)), *(getattr(e, c) for c in columns)] for e in entries)
+    write_bytes(output / "ledger.csv", text.getvalue().encode())
+
+
+def ledger_table(entries: Sequence[Entry]) -> Table:
+    """Print what each effect does to the error, on data used and held out."""
+    damping = any(np.isfinite(e.damping_error) for e in entries)
+    unknown = any(np.isnan(e.configuration_error) and np.isfinite(e.error) for e in entries)
+    table = Table(
+        title="Mean error [%], eq. (2), of frequencies" + (" | of damping ratios" if damping else ""),
+        title_justify="left",
+        caption="Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
+        + (" -: those do not determine it." if unknown else ""),
+        caption_justify="left",
+    )
+    table.add_column("model", overflow="fold")
+    for name in ("fitted", "mode\nheld out", "config.\nheld out"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("parameters", overflow="fold")
+    for e in entries:
+        pairs = (
+            (e.error, e.damping_error),
+            (e.mode_error, e.mode_damping_error),
+            (e.configuration_error, e.configuration_damping_error),
+        )
+        table.add_row(
+            "\n+ ".join(("base", *e.effects)),
+            *(" | ".join(_percent(v) for v in pair[: 1 + damping]) for pair in pairs),
+            "\n".join([*(_estimate(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
+        )
+    return table
+
+
+def _estimate(p: FittedParameter) -> str:
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    doubt = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
+    return f"{p.name} = {p.value:.4g} ± {p.std:.2g}{unit}{doubt}"
+
+
+def _pressure(p: FittedParameter) -> str:
+    nominal = np.sqrt(p.lower * p.upper)
+    return f"{p.group}: {p.value / 1e3:.0f} kPa for {nominal / 1e3:.0f}"
+
+
+def _percent(value: float) -> str:
+    return "-" if np.isnan(value) else f"{100 * value:.2f}"
