@@ -319,6 +319,27 @@ def test_what_can_be_done_without_is_left_out_and_said(folder, monkeypatch, caps
     assert re.search(r" 2 . +110\.0", out)
 
 
+@pytest.mark.parametrize("command", ["ema", "fit"])
+def test_a_configuration_that_cannot_be_used_does_not_end_the_others(folder, monkeypatch, capsys, command):
+    text = (folder / "campaign.toml").read_text(encoding="utf-8")
+    first = text.index("[[configuration]]")
+    end = text.index("[identification]")
+    noise = text[first:end].replace("M1", "M0").replace("run_*.csv", "noise.csv")
+    (folder / "campaign.toml").write_text(text[:first] + noise + text[first:], encoding="utf-8")
+    frequency, value = functions()
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)
+    (folder / "noise.csv").write_text(table(frequency, noise), encoding="utf-8")
+    monkeypatch.setattr("updating.workers.workers.n_processor", lambda: 1)  # to be quick
+    code, out, said = lamella(monkeypatch, capsys, command, "campaign.toml", "-o", "out")
+    assert code == 1
+    assert re.search(r"Error: M0: .*noise", said)
+    assert (folder / "out/M1/modal_model.json").exists()
+    assert re.search(r" 1 . +50\.0", out)
+    assert (folder / "out/report.html").exists() == (command == "fit")
+    assert not (folder / "out/M0").exists()
+
+
 def test_a_full_disk_leaves_no_part_of_a_file(folder, monkeypatch, capsys):
     """A limit on the size of files stands for the disk: the system refuses in the middle of a file."""
     resource = pytest.importorskip("resource")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,14 +13,22 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from ema import Campaign, Comparison, ModalModel, compare, read_campaign, stabilization
+from ema import Comparison, Configuration, ModalModel, compare, read_campaign, stabilization
 from ema.identification.poles_file import write_poles
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from updating.commands.options import CampaignFile, Cluster, Folder
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
-from updating.results.identified import Assignment, Identified, assignments, identified
+from updating.results.identified import (
+    Assignment,
+    Failed,
+    Identified,
+    assignments,
+    attempted,
+    identified,
+    require_none,
+)
 from updating.results.store import read_frf, write_bytes, write_result
 from updating.workers.workers import in_parallel
 
@@ -41,32 +50,39 @@ def ema(
     modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, and a
     comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
     """
-    identified, comparison = identify_campaign(campaign, output, poles, OUT, cluster)
-    for found in identified:
+    results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster)
+    for found in results:
         OUT.print(modes_table(found.modal_model))
         print_findings(found)
-    if len(identified) > 1:
+    if comparison is not None and len(results) > 1:
         OUT.print(comparison_table(comparison))
-    OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+    if results:
+        OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+    require_none(failed, len(results) + len(failed))
 
 
 def identify_campaign(
     campaign_file: Path, output: Path, poles: Path | None, console: Console, cluster: str | None = None
-) -> tuple[tuple[Identified, ...], Comparison]:
+) -> tuple[tuple[Identified, ...], Comparison | None, tuple[Failed, ...]]:
     """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
 
-    Configurations that an earlier run left are read back.
+    Configurations that an earlier run left are read back; one that cannot be identified does not end the others.
 
     With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice.
     """
     campaign = read_campaign(campaign_file)
     assigned = assignments(campaign, output, poles)
-    task = partial(_identify, keep_poles=poles == output)
-    results = tuple(in_parallel(task, assigned, "identify", console, cluster))
+    task = partial(attempted, partial(_identify, keep_poles=poles == output))
+    every = tuple(in_parallel(task, assigned, "identify", console, cluster))
+    results = tuple(found for found in every if not isinstance(found, Failed))
+    failed = tuple(found for found in every if isinstance(found, Failed))
+    if not results:
+        return results, None, failed
     comparison = compare([found.modal_model for found in results])
     write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
-    write_bytes(output / "comparison.png", as_png(comparison_figure(comparison, *_abscissa(campaign))))
-    return results, comparison
+    figure = comparison_figure(comparison, *_abscissa([found.configuration for found in results]))
+    write_bytes(output / "comparison.png", as_png(figure))
+    return results, comparison, failed
 
 
 def _identify(assigned: Assignment, *, keep_poles: bool) -> Identified:
@@ -75,13 +91,13 @@ def _identify(assigned: Assignment, *, keep_poles: bool) -> Identified:
     return found
 
 
-def _abscissa(campaign: Campaign) -> tuple[NDArray[np.float64], str]:
+def _abscissa(configurations: Sequence[Configuration]) -> tuple[NDArray[np.float64], str]:
     """Return what to compare over: torque or pressure where all state it and it varies, else the number."""
     for name, unit, factor in (("torque", "N m", 1.0), ("pressure", "kPa", 1e-3)):
-        stated = [getattr(c, name) for c in campaign.configurations]
+        stated = [getattr(c, name) for c in configurations]
         if None not in stated and len(set(stated)) > 1:
             return factor * np.array(stated), f"{name} [{unit}]"
-    return np.arange(1.0, len(campaign.configurations) + 1.0), "configuration [number in the campaign file]"
+    return np.arange(1.0, len(configurations) + 1.0), "configuration [number in the campaign file]"
 
 
 def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:

@@ -34,7 +34,15 @@ from updating.fitting.target import (
     target_of_table,
 )
 from updating.published.campaign import SCATTER
-from updating.results.identified import Assignment, Identified, assignments, identified
+from updating.results.identified import (
+    Assignment,
+    Failed,
+    Identified,
+    assignments,
+    attempted,
+    identified,
+    require_none,
+)
 from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
@@ -71,29 +79,36 @@ def fit(
             OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster)))
         OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
         return
-    fits = []
-    for found, fitted in fit_campaign(campaign, output, threshold, OUT, cluster):
+    fits, n_done, failed = [], 0, []
+    for one in fit_campaign(campaign, output, threshold, OUT, cluster):
+        if isinstance(one, Failed):
+            failed.append(one)
+            continue
+        found, fitted = one
+        n_done += 1
         OUT.print(fit_table(found.modal_model, fitted))
         print_findings(found)
         if effect:  # without, a campaign of any length takes the same memory
-            fits.append((found, fitted))
-    if effect:
+            fits.append(one)
+    if fits and effect:
         OUT.print(ledger_table(campaign_ledger(fits, effect, campaign, output, cluster)))
-    OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
+    if n_done:
+        OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
+    require_none(failed, n_done + len(failed))
 
 
 def fit_campaign(
     campaign_file: Path, output: Path, threshold: float, console: Console, cluster: str | None = None
-) -> Iterator[tuple[Identified, Fit]]:
+) -> Iterator[tuple[Identified, Fit] | Failed]:
     """Identify and fit every configuration of a campaign, write each result as soon as it is there, and hand it on.
 
-    Configurations that an earlier run left are read back.
+    Configurations that an earlier run left are read back; one of which nothing comes does not end the others.
     """
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a fit")
     assigned = assignments(campaign, output)
     task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
-    yield from in_parallel(task, assigned, "identify and fit", console, cluster)
+    yield from in_parallel(partial(attempted, task), assigned, "identify and fit", console, cluster)
 
 
 def _identify_and_fit(

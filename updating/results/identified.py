@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from rich.console import Console
 
 from ema import Campaign, Configuration, ModalModel, identify
 from ema.identification.poles_file import read_poles
-from updating.errors import StoreError
+from ema.types.errors import EmaError
+from model.stack.errors import ModelError
+from updating.errors import FitError, PairingError, StoreError
 from updating.results.quality import Quality, quality
 from updating.results.store import folder_name, read_current, write_frf, write_result
 from updating.workers.workers import in_parallel
+
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,6 +66,22 @@ class Assignment:
     def configuration(self) -> Configuration:
         """The configuration."""
         return self.campaign.configurations[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failed:
+    """A configuration of which nothing came.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    error : Exception
+        Why, written for the user.
+    """
+
+    name: str
+    error: Exception
 
 
 def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> tuple[Assignment, ...]:
@@ -116,6 +138,48 @@ def identified(assigned: Assignment) -> Identified:
     return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
 
 
+def attempted(task: Callable[[Assignment], R], assigned: Assignment) -> R | Failed:
+    """Do a task with one configuration; what is wrong with it is returned, so that it does not end the others.
+
+    Parameters
+    ----------
+    task : callable
+        Of one configuration.
+    assigned : Assignment
+        The configuration.
+
+    Raises
+    ------
+    StoreError
+        Results cannot be written, which ends them all.
+    """
+    try:
+        return task(assigned)
+    except (EmaError, ModelError, FitError, PairingError) as error:
+        return Failed(name=assigned.configuration.name, error=error)
+
+
+def require_none(failed: Sequence[Failed], n_configuration: int) -> None:
+    """Raise what was wrong with configurations, once the others are done.
+
+    Parameters
+    ----------
+    failed : sequence of Failed
+        Where there is none, nothing happens.
+    n_configuration : int
+        Number of configurations; one alone need not be named.
+
+    Raises
+    ------
+    LAMELLA_ERRORS
+        Of the first one's kind, with all of them in its message.
+    """
+    if failed and n_configuration == 1:
+        raise failed[0].error
+    if failed:
+        raise type(failed[0].error)("\n".join(f"{each.name}: {each.error}" for each in failed))
+
+
 def every_identified(
     assigned: Sequence[Assignment], text: str, console: Console, cluster: str | None = None
 ) -> tuple[Identified, ...]:
@@ -127,11 +191,18 @@ def every_identified(
         The configurations.
     text, console, cluster
         As in `in_parallel`.
+
+    Raises
+    ------
+    EmaError
+        Some cannot be identified; the others are kept.
     """
     earlier = [read_back(each) for each in assigned]
     new = [each for each, found in zip(assigned, earlier, strict=True) if found is None]
-    made = iter(tuple(in_parallel(identified, new, text, console, cluster)))
-    return tuple(next(made) if found is None else found for found in earlier)
+    made = tuple(in_parallel(partial(attempted, identified), new, text, console, cluster))
+    require_none([each for each in made if isinstance(each, Failed)], len(assigned))
+    now = iter([each for each in made if not isinstance(each, Failed)])
+    return tuple(next(now) if found is None else found for found in earlier)
 
 
 def read_back(assigned: Assignment) -> Identified | None:
