@@ -15,12 +15,12 @@ from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of
-from updating.diagnosis.diagnosis import WORTH
+
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Explanation, explain
-from updating.diagnosis.gathering import Campaigned, gather
+from updating.diagnosis.assembly import Campaigned, assemble_evidence as gather
 from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.residual import residual
 from updating.diagnosis.search import VISIBLE, Search, search
@@ -195,7 +195,7 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     offered = candidates
     if kind == "withheld":
         offered = replace(candidates, effects={k: v for k, v in candidates.effects.items() if k not in truth})
-    found = search(gather(offered, tested), WORTH)
+    found = search(gather(offered, tested))
     decision = decide(found)
     whole = replace(found.evidence, effects=candidates.effects)
     true = _true(whole, found, truth, values)
@@ -212,11 +212,11 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         verdict=decision.verdict,
         candidates=tuple(tuple(sorted(x.effects)) for x in decision.left),
         ruled_out=ruled_out(found, decision),
-        not_visible=tuple(s.effect for s in found.screened if s.reach < VISIBLE),
+        not_visible=tuple(s.effect for s in found.screened if s.detectability < VISIBLE),
         covered=_covered(found, truth, values),
         distance=float(np.sqrt(max(found.base.misfit - true.misfit, 0.0))),
         rival=float(np.sqrt(max(min(others, default=np.inf), 0.0))),
-        most_visible=(max(found.screened, key=lambda s: s.reach).effect,),
+        most_visible=(max(found.screened, key=lambda s: s.detectability).effect,),
         bic=_bic(found),
         held_out=misfits,
         held_out_frequency=errors,

@@ -91,15 +91,14 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
     """Return the explanations that were fitted in full, the most probable first; the page has their parameters."""
     table = Table(title="Explanations", title_justify="left")
     table.add_column("effects", no_wrap=True)
-    for name in ("proba-\nbility", "misfit", "distance", "f error\n[%]", "held out\n[%]"):
+    for name in ("proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]"):
         table.add_column(name, justify="right")
     for own in diagnosis.ranking[:_MOST_EXPLANATIONS]:
         table.add_row(
             " +\n".join(own.effects) or "none",
             f"{own.probability:.3f}",
-            f"{own.misfit:.1f}",
-            f"{own.distance:.1f}",
-            f"{100 * own.frequency_error:.3f}",
-            f"{100 * own.held_out_error:.3f}",
+            f"{100 * own.explained:.0f}",
+            f"{100 * own.frequency_error:.2g}",
+            f"{100 * own.left_out_error:.2g}",
         )
     return table

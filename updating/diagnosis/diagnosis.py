@@ -1,8 +1,8 @@
 """Which physical effect is missing, how sure that is, what cannot be told apart, and what cannot be seen.
 
-The base model is fitted first. Each effect and each pair is then scored by what its signature explains of the residual
-after the nuisances' share is taken out; the best are fitted in full and compared by misfit and by evidence. What the
-data cannot tell apart is reported as a set.
+The base model is fitted first. Each effect is then scored by what its signature explains of the residual after the
+nuisances' share is taken out; the best are fitted in full, alone and together, and compared by evidence, the size of the
+discrepancy that every model has being integrated out. What the data cannot tell apart is reported as a set.
 """
 
 from __future__ import annotations
@@ -18,27 +18,26 @@ from numpy.typing import NDArray
 from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
-from updating.diagnosis.adequacy import block_p_value, p_value
+from updating.diagnosis.assembly import Campaigned, Assembled, assemble_evidence
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
-from updating.diagnosis.chance import chance_of_gain
+from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import NextTest, aids, rank_tests
-from updating.diagnosis.explanation import Explanation, best_of
-from updating.diagnosis.gathering import Campaigned, Gathered, gather
+from updating.diagnosis.explanation import Explanation
+from updating.diagnosis.held_out import left_out
+from updating.diagnosis.hypotheses import LABELS
 from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.ranking import Ranked, rank
-from updating.diagnosis.search import VISIBLE, search
+from updating.diagnosis.ranking import Ranked, explained, rank
+from updating.diagnosis.search import VISIBLE, Search, search
 from updating.diagnosis.sensor_gain import SensorGain, sensor_gains
 from updating.diagnosis.text import sentences
-from updating.diagnosis.verdict import Verdict, decide
+from updating.diagnosis.verdict import Decision, Verdict, decide
 from updating.errors import FitError
 
 Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
 
-WORTH = 4.0
-"""Fall of the squared misfit below which an effect is not worth a fit."""
 _SHOWN = 8  # single effects whose changes are told mode by mode
 _COMPARED = 4  # explanations between which further tests are to tell
 
@@ -67,6 +66,29 @@ class ModeError:
     explained: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """The model with one effect more.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Those that it has; none at first.
+    explained : float
+        Share of the base model's misfit that it explains.
+    frequency_error, left_out_error : float
+        Mean relative error of the frequencies, of the modes that were fitted and of each mode predicted from all others.
+    discrepancy : Sizes
+        What it leaves beside the noise of the measurement.
+    """
+
+    effects: tuple[str, ...]
+    explained: float
+    frequency_error: float
+    left_out_error: float
+    discrepancy: Sizes
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Diagnosis:
     """The answer.
@@ -74,23 +96,25 @@ class Diagnosis:
     Attributes
     ----------
     verdict : str
-        "nothing missing", "identified", "one of" or "unlike anything".
+        "nothing missing", "identified", "one of", "partly explained" or "unlike anything".
     set : tuple of tuple of str
         The explanations that the data cannot tell apart; one where identified, none where nothing is missing.
-    in_doubt : tuple of str
-        A second effect beside the one that is named: it leaves less, but the form of the first may account for that.
+    labels : mapping of str to str
+        What a person calls each effect of the ranking.
+    explained : float
+        Share of the misfit that the first of the set explains.
+    steps : tuple of Step
+        From the base model to the first of the set, one effect at a time.
+    discrepancy, discrepancy_spread : Sizes
+        What the first of the set, or the base model, leaves beside the noise, and standard deviations of the logarithms.
     point_change : PointChange, optional
-        Where nothing of the catalogue is like it: what is left looks like this.
-    p_value : float
-        Probability of a misfit as large as the base model's if nothing were missing.
-    block_p_value : mapping of str to float
-        The same for frequencies, damping ratios and shapes alone.
-    chance : float
-        Probability that the best effect alone explains as much where nothing is missing, by `chance_of_gain`.
+        What is left looks like this.
     ranking : tuple of Ranked
         All that were fitted in full, the best first; the base model has no effects.
     errors : tuple of ModeError
         The modes that were used.
+    n_used : mapping of str to (int, int)
+        How many modes of each configuration the answer rests on, and how many were identified.
     signatures : mapping of str to (n,) float
         Relative change of the frequencies of `errors` by the best single effects, each fitted alone.
     ruled_out : tuple of str
@@ -111,13 +135,15 @@ class Diagnosis:
 
     verdict: Verdict
     set: tuple[tuple[str, ...], ...]
-    in_doubt: tuple[str, ...]
+    labels: Mapping[str, str]
+    explained: float
+    steps: tuple[Step, ...]
+    discrepancy: Sizes
+    discrepancy_spread: Sizes
     point_change: PointChange | None
-    p_value: float
-    block_p_value: Mapping[str, float]
-    chance: float
     ranking: tuple[Ranked, ...]
     errors: tuple[ModeError, ...]
+    n_used: Mapping[str, tuple[int, int]]
     signatures: Mapping[str, tuple[float, ...]]
     ruled_out: tuple[str, ...]
     not_visible: tuple[str, ...]
@@ -149,7 +175,7 @@ def diagnose(
     effects : mapping of str to Effect
         The catalogue.
     scatter : DiagnosisScatter, optional
-        What separates a right model from a right measurement.
+        What a laboratory knows of what separates a right model from a right measurement.
     executor : Executor, optional
         What takes a part of the work, such as `workers`; by default this process does it all.
     reduced : callable
@@ -168,43 +194,59 @@ def diagnose(
     for _, _, modes in tested:
         require_points(modes)
     candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)
-    return conclude(gather(candidates, tested, scatter=scatter), executor)
+    return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor)
 
 
-def conclude(evidence: Gathered, executor: Executor | None = None) -> Diagnosis:
-    """Say which effect is missing from evidence that has been gathered."""
-    found = search(evidence, WORTH, executor)
+def conclude(evidence: Assembled, executor: Executor | None = None) -> Diagnosis:
+    """Say which effect is missing from evidence that has been assembled."""
+    found = search(evidence, executor)
     _LOG.info("weigh %d explanations", len(found.explanations))
     decision = decide(found)
     base, left = found.base, decision.left
-    tests = rank_tests(found.evidence, left[:_COMPARED])
+    first = left[0] if left else base
     ranking = rank(found)
-    chance = chance_of_gain(found.screened, base.misfit - best_of(found.singles, base).misfit)
-    excluded = ruled_out(found, decision)
-    not_visible = tuple(sorted(s.effect for s in found.screened if s.reach < VISIBLE))
-    gains = sensor_gains(found.evidence, left[0] if left else base)
-    lacking = tuple(_labelled(found.evidence.tested[c], r) for c, r in found.evidence.lacking)
+    named = {name for x in left for name in x.effects}
+    answer = {
+        "steps": tuple(_step(found, x) for x in decision.steps),
+        "labels": _labels(found),
+        "discrepancy": first.mean,
+        "discrepancy_spread": first.spread,
+        "ranking": ranking,
+        "n_used": {
+            t.name: (int(used.size), int(t.modes.frequency.size))
+            for t, used in zip(found.evidence.tested, found.evidence.used, strict=True)
+        },
+        "ruled_out": ruled_out(found, decision),
+        "not_visible": tuple(
+            sorted(s.effect for s in found.screened if s.detectability < VISIBLE and s.effect not in named)
+        ),
+        "lacking": tuple(_labelled(found.evidence.tested[c], r) for c, r in found.evidence.lacking),
+        "sensor_gains": sensor_gains(found.evidence, first),
+        "next_tests": rank_tests(found.evidence, left[:_COMPARED]),
+    }
     return Diagnosis(
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
-        in_doubt=decision.doubt.effects if decision.doubt else (),
+        explained=explained(base, first),
         point_change=decision.point,
-        p_value=p_value(base),
-        block_p_value={kind: block_p_value(base, kind) for kind in ("frequency", "damping", "shape")},
-        chance=chance,
-        ranking=ranking,
         errors=_errors(found.evidence, base, left),
         signatures={
             x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
             for x in found.singles[:_SHOWN]
         },
-        ruled_out=excluded,
-        not_visible=not_visible,
-        lacking=lacking,
         impossible=evidence.impossible,
-        sensor_gains=gains,
-        next_tests=tests,
-        sentences=sentences(decision, chance, base, ranking, excluded, not_visible, lacking, gains, tests),
+        sentences=sentences(found, decision, answer),
+        **answer,
+    )
+
+
+def _step(found: Search, own: Explanation) -> Step:
+    return Step(
+        effects=own.effects,
+        explained=explained(found.base, own),
+        frequency_error=own.residual.frequency_error,
+        left_out_error=left_out(found.evidence, own.residual).frequency,
+        discrepancy=own.mean,
     )
 
 
@@ -215,17 +257,28 @@ def _labelled(own: Tested, r: int) -> str:
 
 def _errors(evidence: Evidence, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:
     """List the modes used with the frequency errors of the base model and of the first explanation that is left."""
-    modes = [(t, int(r)) for t, used in zip(evidence.tested, evidence.used, strict=True) for r in used]
     before = np.expm1(-base.residual.log_frequency)
     after = np.expm1(-left[0].residual.log_frequency) if left else np.full(before.size, np.nan)
     return tuple(
         ModeError(
-            configuration=own.name,
+            configuration=evidence.tested[c].name,
             mode=r + 1,
-            frequency=float(own.modes.frequency[r]),
-            std=float(own.modes.frequency_std[r]),
+            frequency=float(evidence.tested[c].modes.frequency[r]),
+            std=float(evidence.tested[c].modes.frequency_std[r]),
             base=float(b),
             explained=float(a),
         )
-        for (own, r), b, a in zip(modes, before, after, strict=True)
+        for (c, r), b, a in zip(evidence.modes, before, after, strict=True)
     )
+
+
+def _labels(found: Search) -> dict[str, str]:
+    """Return what a person calls the effects and hypotheses."""
+    return {
+        **{name: _label(effect) for name, effect in found.evidence.effects.items()},
+        **{name: LABELS[name] for name in found.evidence.hypotheses},
+    }
+
+
+def _label(effect: Effect) -> str:
+    return getattr(effect, "label", "") or effect.summary[:1].lower() + effect.summary[1:]

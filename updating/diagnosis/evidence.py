@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from ema.modal.mac import mac
 from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
 from updating.diagnosis.candidates import N_SOLVED
+from updating.diagnosis.discrepancy import KINDS, Discrepancy, Kind, Sizes
 
 Vector = NDArray[np.float64]
 
@@ -30,36 +32,28 @@ D_F_START = 2e-11
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisScatter:
-    """What separates a right model from a right measurement, as standard deviations relative to the value.
+    """What a laboratory knows of what separates a right model from a right measurement, relative standard deviations.
 
     Attributes
     ----------
-    frequency, damping : float
-        Of every mode, beside the measurement's own: the reduction, and how a mode's damping repeats.
+    frequency, damping, shape : float, optional
+        Discrepancy of a model to which nothing is missing: of a frequency, a damping ratio, and of a shape's length.
+        They are estimated where they are not stated, see `discrepancy`.
     mesh : float
         Of what the mesh is corrected by, relative to it.
-    shape : float
-        Of every shape component, relative to the shape's root mean square: places and calibration of sensors. It is
-        the most that there may be; what the shapes show of it counts, see `gathering.gather`.
     gain : float
         Of an accelerometer that roves, relative to that of the first.
-    mixing : float
-        Of small masses between two modes, over a modal mass: identified shapes of the campaigns in data/hidden_effect
-        lean towards other modes by that times w_r**2 / (w_s**2 - w_r**2), for 44 sensors of 0.2 g on a stack of 25 kg.
     stiffness, loss : float
         Of G_f and d_f between configurations: reassembly and torque.
     young, density, normal_modulus, length, width, height : float
         Of what the stack file says of the steel, of the contact across, and of the dimensions.
-    form : float
-        Of what an effect changes, relative to the change: no effect is modelled, nor meshed, better.
     """
 
-    frequency: float = 1e-4
+    frequency: float | None = None
+    damping: float | None = None
+    shape: float | None = None
     mesh: float = 0.3
-    damping: float = 0.01
-    shape: float = 0.01
     gain: float = 0.01
-    mixing: float = 5e-4
     stiffness: float = 0.03
     loss: float = 0.06
     young: float = 0.02
@@ -68,7 +62,16 @@ class DiagnosisScatter:
     length: float = 1e-3
     width: float = 2e-3
     height: float = 2e-3
-    form: float = 1e-2
+
+    @property
+    def stated(self) -> tuple[Kind, ...]:
+        """Kinds of data whose discrepancy is stated."""
+        return tuple(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @property
+    def sizes(self) -> Sizes:
+        """The sizes that are stated, and elsewhere those that are usual."""
+        return Sizes(**{kind: getattr(self, kind) for kind in self.stated})
 
 
 class Identified(Protocol):
@@ -141,6 +144,25 @@ class Shift:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Rows:
+    """What the rows of data are about: configuration by configuration frequencies, damping ratios, shapes.
+
+    Attributes
+    ----------
+    kind : (n,) str
+        "frequency", "damping" or "shape".
+    mode : (n,) int
+        The mode of the stack, as `Evidence.identity` numbers it.
+    shape : mapping of (int, int) to (n_dof,) int
+        Rows of a shape, by configuration and place among the modes that are used.
+    """
+
+    kind: NDArray[np.str_]
+    mode: NDArray[np.int64]
+    shape: Mapping[tuple[int, int], NDArray[np.intp]]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
     """Configurations of a stack beside its reduced equations with all effects that are considered: what fits need.
 
@@ -170,8 +192,19 @@ class Evidence:
         Accelerometers whose gain relative to the first is not known exactly; all configurations have the same.
     shift : tuple of Shift
         What dimensions and mesh do to the measured modes of each configuration.
-    weight : (n,) float, optional
-        By which residuals of data are multiplied: below 1 where an effect's form decides, see `DiagnosisScatter.form`.
+    identity : tuple of (n_mode,) int
+        For each configuration, the mode of the stack that each measured mode is, the same in all configurations.
+    sensor_scatter : tuple of (n_mode,) float
+        For each configuration, what places and calibration of the sensors and an identification that is worse than it
+        states add to each measured shape, over its length.
+    sizes : Sizes
+        Of the discrepancy, by which fits are weighed.
+    covariance : Discrepancy
+        Of what separates model and measurement, for all sizes.
+    hypotheses : mapping of str to mapping of str to float
+        What may be wrong with the measurement: by name, nuisances and the standard deviations that they then have.
+    released : tuple of str
+        Which of these are supposed.
     """
 
     stack: Stack
@@ -186,7 +219,12 @@ class Evidence:
     sensor: tuple[NDArray[np.int64], ...]
     n_gain: int
     shift: tuple[Shift, ...]
-    weight: Vector | None = None
+    identity: tuple[NDArray[np.int64], ...] = ()
+    sensor_scatter: tuple[Vector, ...] = ()
+    sizes: Sizes = field(default_factory=Sizes)
+    covariance: Discrepancy = field(default_factory=lambda: Discrepancy(blocks=()))
+    hypotheses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    released: tuple[str, ...] = ()
 
     @property
     def lacking(self) -> tuple[tuple[int, int], ...]:
@@ -196,6 +234,31 @@ class Evidence:
             for c, used in enumerate(self.used)
             for r in np.setdiff1d(np.arange(used.max(initial=0)), used).tolist()
         )
+
+    @cached_property
+    def rows(self) -> Rows:
+        """What each row of data is about."""
+        kind: list[str] = []
+        mode: list[int] = []
+        shape = {}
+        for c, (own, used, identity) in enumerate(zip(self.tested, self.used, self.identity, strict=True)):
+            n_dof = own.modes.shape.shape[0]
+            kind += ["frequency"] * used.size + ["damping"] * used.size + ["shape"] * (used.size * n_dof)
+            mode += [*identity[used], *identity[used], *np.repeat(identity[used], n_dof)]
+            for i in range(used.size):
+                first = len(kind) - (used.size - i) * n_dof
+                shape[c, i] = np.arange(first, first + n_dof)
+        return Rows(kind=np.array(kind), mode=np.array(mode, dtype=np.int64), shape=shape)
+
+    @property
+    def modes(self) -> tuple[tuple[int, int], ...]:
+        """Configuration and number, from 0, of every mode that is used."""
+        return tuple((c, int(r)) for c, used in enumerate(self.used) for r in used)
+
+    def supposing(self, names: Sequence[str]) -> Evidence:
+        """Return the evidence with those of some names that are hypotheses about the measurement supposed."""
+        found = tuple(name for name in names if name in self.hypotheses)
+        return self if found == self.released else replace(self, released=found)
 
     @property
     def rough(self) -> Evidence:
@@ -221,7 +284,11 @@ class Evidence:
         s, n = self.scatter, len(self.tested)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
         size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
-        return np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *gain, *each])
+        std = np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *gain, *each])
+        for name in self.released:
+            for nuisance, wide in self.hypotheses[name].items():
+                std[self.nuisances.index(nuisance)] = wide
+        return std
 
     @property
     def n_sized(self) -> int:
@@ -239,7 +306,7 @@ class Evidence:
 
     def parameters(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters of some effects, each once."""
-        return tuple(shared_parameters(self.effects[name] for name in names).values())
+        return tuple(shared_parameters(self.effects[n] for n in names if n not in self.hypotheses).values())
 
     def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
         """Return the values of `SHARED` in a configuration, in their order, at nuisance coordinates."""

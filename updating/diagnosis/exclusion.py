@@ -14,13 +14,11 @@ SURE = 5.0
 def ruled_out(found: Search, decision: Decision) -> tuple[str, ...]:
     """Return the effects whose nominal strength is excluded beside every explanation that a decision leaves.
 
-    Effects of several parameters are not judged: there is no usual place or shape at which to exclude them. Nor is one
-    that may be there, if weak.
+    Effects of several parameters are not judged: there is no usual place or shape at which to exclude them.
     """
     left = (found.base,) if decision.verdict == "nothing missing" else decision.left
     excluded = [{s.effect for s in screen(found.evidence, x) if _is_excluded(s)} for x in left]
-    doubted = decision.doubt.effects if decision.doubt else ()
-    return tuple(sorted(set.intersection(*excluded) - set(doubted))) if excluded else ()
+    return tuple(sorted(set.intersection(*excluded))) if excluded else ()
 
 
 def _is_excluded(own: Screened) -> bool:

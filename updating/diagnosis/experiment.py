@@ -15,8 +15,8 @@ from model.elements.mesh import FIELDS
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence, Tested, solved
 from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.gathering import Gathered, base_shift
-from updating.diagnosis.residual import residual
+from updating.diagnosis.assembly import Assembled, base_shift
+from updating.diagnosis.residual import covariance_of, residual
 
 Vector = NDArray[np.float64]
 
@@ -185,7 +185,7 @@ class _Expected:
     shape_std: Vector
 
 
-def rank_tests(evidence: Gathered, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
+def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
     """Rank further tests by the smallest distance that they leave between explanations, the best first.
 
     For explanations A and B the data of the further test are predicted with A, and B is fitted to them and to the data
@@ -216,7 +216,7 @@ def _pressure(evidence: Evidence, experiment: Experiment) -> float:
     return experiment.pressure_ratio * max(tested)
 
 
-def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Explanation) -> float:
+def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Explanation) -> float:
     """Return the distance of b from the data that a predicts for the test, with what is known already."""
     alone = replace(
         evidence,
@@ -231,6 +231,8 @@ def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Exp
         observation=evidence.observation[:1],
         observed=evidence.observed[:1],
         sensor=evidence.sensor[:1],
+        hypotheses={},
+        released=(),
     )
     common = evidence.n_common
     theta = alone.theta(a.nuisance[:common], 0)
@@ -250,6 +252,7 @@ def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Exp
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
+    alone = replace(alone, identity=alone.used)
     shift = base_shift(alone, 0, theta["G_f"])
     expected = replace(
         expected,
@@ -257,8 +260,9 @@ def _distance(evidence: Gathered, experiment: Experiment, a: Explanation, b: Exp
         shape=expected.shape + np.linalg.norm(shape, axis=0) * shift.mesh_shape,
     )
     as_measured = replace(alone.tested[0], modes=expected)
-    alone = replace(alone, tested=(as_measured,), shift=(shift,), weight=None)
+    alone = replace(alone, tested=(as_measured,), shift=(shift,))
     nuisance = b.nuisance[:common]
+    alone = replace(alone, covariance=covariance_of(alone, nuisance, b.parameter, b.coordinate))
     fresh = residual(alone, nuisance, b.parameter, b.coordinate)
     data = fresh.kind != "prior"
     n_old = b.residual.jacobian.shape[1]

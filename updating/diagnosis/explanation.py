@@ -6,20 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from model import Parameter, SolveError
 from updating.diagnosis.candidates import G_F_RANGE
 from updating.diagnosis.coordinates import bounds_of, scaled
+from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.evidence import Evidence
+from updating.diagnosis.marginal import Linearized, marginal
 from updating.diagnosis.residual import Residual, residual
 
 Vector = NDArray[np.float64]
 
-Z90 = 1.6449
-"""Standard deviations to either side that hold 90 % of a normal distribution."""
+Z95 = 1.96
+"""Standard deviations to either side that hold 95 % of a normal distribution."""
+RANGE_PRECISION = 2.0 * np.pi
+"""Of a normal distribution of a volume of 1, as ranges have: what the data do not show leaves the evidence as it is."""
 _FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
 _ROBUST = 10.0  # residual beyond which a robust loss counts it less
@@ -39,7 +42,9 @@ class Explanation:
     parameter : tuple of Parameter
         Their parameters.
     value, lower, upper : (n_parameter,) float
-        Estimates and the ends of their 90 % intervals, within the plausible ranges.
+        Estimates and the ends of their 95 % intervals, within the plausible ranges.
+    std : (n_parameter,) float
+        Standard deviations of `coordinate`.
     at_bound : (n_parameter,) bool
         Which lie on an end of the plausible range.
     nuisance : (n_nuisance,) float
@@ -47,9 +52,11 @@ class Explanation:
     coordinate : (n_parameter,) float
         Effect parameters in units of their ranges.
     misfit : float
-        Squared length of the whitened residual, priors included.
+        Squared length of the whitened residual at `Evidence.sizes`, priors included.
     log_evidence : float
-        Logarithm of the marginal likelihood by Laplace's approximation, up to a constant of the data.
+        Logarithm of the marginal likelihood over parameters and sizes of the discrepancy, up to a constant of the data.
+    likeliest, mean, spread : Sizes
+        Of the discrepancy that the explanation leaves, see `marginal.Marginal`.
     residual : Residual
         At the estimate.
     """
@@ -59,11 +66,15 @@ class Explanation:
     value: Vector
     lower: Vector
     upper: Vector
+    std: Vector
     at_bound: NDArray[np.bool_]
     nuisance: Vector
     coordinate: Vector
     misfit: float
     log_evidence: float
+    likeliest: Sizes
+    mean: Sizes
+    spread: Sizes
     residual: Residual
 
     @property
@@ -72,9 +83,9 @@ class Explanation:
         return dict(zip((p.name for p in self.parameter), self.value.tolist(), strict=True))
 
 
-def best_of(fitted: Sequence[Explanation], otherwise: Explanation) -> Explanation:
-    """Return the explanation of least misfit, or another one where there is none."""
-    return min(fitted, key=lambda own: own.misfit, default=otherwise)
+def likeliest(fitted: Sequence[Explanation]) -> Explanation:
+    """Return the explanation of the largest marginal likelihood."""
+    return max(fitted, key=lambda own: own.log_evidence)
 
 
 def explain(
@@ -103,6 +114,7 @@ def explain(
     SolveError
         The model has no modes where the search starts.
     """
+    evidence = evidence.supposing(effects)
     parameters = evidence.parameters(effects)
     n_own = len(evidence.nuisances)
     low, high = bounds_of(parameters)
@@ -138,13 +150,11 @@ def explain(
     solution = minimum(at, first, "linear")
     best = at(solution)
     z = solution[n_own:]
-    hessian = best.jacobian.T @ best.jacobian
-    covariance = la.pinvh(hessian)
-    std = np.hypot(np.sqrt(np.maximum(np.diag(covariance)[n_own:], 0.0)), evidence.scatter.form * np.abs(z))
-    # a normal distribution of a volume of 1, as ranges have: what the data do not show leaves the evidence as it is
-    prior = np.concatenate([np.full(n_own, _UNSEEN), np.full(z.size, 2.0 * np.pi)])
-    logdet = float(np.linalg.slogdet(hessian + np.diag(prior))[1])
-    misfit = float(best.value @ best.value)
+    at_bound = (z - low < _EDGE) | (high - z < _EDGE)
+    found = marginal(
+        linearized(evidence, best, solution, at_bound), evidence.scatter.sizes, evidence.scatter.stated
+    )
+    std = np.sqrt(np.maximum(np.diag(found.covariance)[n_own:], 0.0))
 
     def ends(step: Vector) -> Vector:
         clipped = np.clip(z + step, low, high)
@@ -154,14 +164,38 @@ def explain(
         effects=tuple(effects),
         parameter=parameters,
         value=ends(np.zeros(z.size)),
-        lower=ends(-Z90 * std),
-        upper=ends(Z90 * std),
-        at_bound=(z - low < _EDGE) | (high - z < _EDGE),
+        lower=ends(-Z95 * std),
+        upper=ends(Z95 * std),
+        std=std,
+        at_bound=at_bound,
         nuisance=solution[:n_own],
         coordinate=z,
-        misfit=misfit,
-        log_evidence=0.5 * (z.size * float(np.log(2.0 * np.pi)) - logdet - misfit),
+        misfit=float(best.value @ best.value),
+        log_evidence=found.log_evidence,
+        likeliest=found.likeliest,
+        mean=found.mean,
+        spread=found.spread,
         residual=best,
+    )
+
+
+def linearized(
+    evidence: Evidence, at: Residual, solution: Vector, at_bound: NDArray[np.bool_]
+) -> Linearized:
+    """Return a fit to first order, with the priors of nuisances, and those of effects over their ranges.
+
+    `solution` holds the coordinates, nuisances first; `at_bound` says which of the others lie on an end of their range.
+    """
+    std, n = evidence.prior_std, at_bound.size
+    return Linearized(
+        value=at.rotated,
+        jacobian=at.rotated_jacobian,
+        kind=evidence.rows.kind,
+        growth=evidence.covariance.growth,
+        prior_value=np.concatenate([-solution[: std.size], np.zeros(n)]),
+        prior_precision=np.concatenate([std**-2.0, np.zeros(n)]),
+        unseen=np.concatenate([np.full(std.size, _UNSEEN), np.full(n, RANGE_PRECISION)]),
+        free=np.concatenate([np.ones(std.size, dtype=bool), ~at_bound]),
     )
 
 

@@ -1,8 +1,7 @@
 """Whether a mass or a spring at one of the measured points explains what a model leaves: an effect that none need know.
 
-The squared misfit of hundreds of values hides a change that shows in few directions of them, as what sits at one place
-does. To first order a mass or a spring at a point is as easily tried as an effect of the catalogue, and that the best
-of all points was chosen is counted.
+To first order a mass or a spring at a point is as easily tried as an effect of the catalogue, and that the best of all
+points was chosen is counted.
 """
 
 from __future__ import annotations
@@ -15,18 +14,15 @@ import numpy as np
 from model import Effect, Parameter
 from model.elements.equations import Monomial, Target
 from model.reduction.reduced_equations import ReducedTerm
-from updating.diagnosis.adequacy import block_p_value
-from updating.diagnosis.chance import chance_of_gain
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.screening import screen, stepped
+from updating.diagnosis.screening import screen
 
 Kind = Literal["mass", "spring"]
 
-P_POINT = 0.005
-"""Probability of as good an explanation by chance, below which something is there."""
-_DATA = ("frequency", "damping", "shape")
+SURE = 5.0
+"""Logarithm of the odds, the number of points counted, from which a place is told."""
 _MOST: dict[Kind, tuple[Target, str, float]] = {"mass": ("M", "kg", 1.0), "spring": ("K", "N/m", 1e7)}
 """Of each kind the matrix that it adds to, its unit, and the most that is tried, less or more."""
 
@@ -45,26 +41,19 @@ class PointChange:
         What acts there, in the measured direction; a spring is fixed to the ground.
     size : float
         How much of it, kg or N/m; negative where the model has too much.
-    gain : float
-        Fall of the squared misfit.
-    chance : float
-        Probability that the best of all points explains as much where the model is complete.
-    p_value : float
-        Probability of a misfit as large as what the step leaves, if nothing else were missing: the smallest of those of
-        frequencies, damping ratios and shapes, times three (Bonferroni).
+    log_odds : float
+        Logarithm of the odds that it brings, the number of points counted.
     """
 
     beside: tuple[str, ...]
     node: int
     kind: Kind
     size: float
-    gain: float
-    chance: float
-    p_value: float
+    log_odds: float
 
 
-def point_change(evidence: Evidence, at: Explanation) -> PointChange:
-    """Return the change at one measured point that explains most of what an explanation leaves.
+def point_change(evidence: Evidence, at: Explanation) -> PointChange | None:
+    """Return the change at one measured point that explains what an explanation leaves; None where none does.
 
     Parameters
     ----------
@@ -87,17 +76,18 @@ def point_change(evidence: Evidence, at: Explanation) -> PointChange:
         terms=(*equations.terms, *terms),
         theta={**equations.theta, **dict.fromkeys(effects, 0.0)},
     )
-    screened = screen(replace(evidence, equations=richer, effects=effects), at)
-    best = max(screened, key=lambda own: own.gain)
-    left = stepped(at, best)
+    fitted = {name: evidence.effects[name] for name in at.effects if name in evidence.effects}
+    screened = screen(replace(evidence, equations=richer, effects={**fitted, **effects}), at)
+    best = max(screened, key=lambda own: own.log_gain)
+    log_odds = best.log_gain - float(np.log(len(effects)))
+    if log_odds < SURE:
+        return None
     return PointChange(
         beside=at.effects,
         node=int(observed.node[int(best.effect.partition("_")[2])]),
         kind="mass" if best.effect.startswith("mass") else "spring",
         size=scaled(best.parameter[0], float(best.start[0]))[0],
-        gain=best.gain,
-        chance=chance_of_gain(screened, best.gain),
-        p_value=min(1.0, len(_DATA) * min(block_p_value(left, kind) for kind in _DATA)),
+        log_odds=log_odds,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,59 +10,77 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Parameter
+from model import Modes, Parameter
 from updating.diagnosis.coordinates import scaled
+from updating.diagnosis.discrepancy import Block, Discrepancy, alike, block_of, mixing_root, shape_block
 from updating.diagnosis.evidence import SHARED, Evidence, pair, solved
-from updating.diagnosis.mixing import Mixing
 from updating.diagnosis.mode_space import ModeSpace
 
 Vector = NDArray[np.float64]
 
-BLOCKS = ("frequency", "damping", "shape", "prior")
-"""Kinds of data."""
-_WEAK = 0.05  # standard deviation of a shape, over its length
+_RESOLVED = 3e-5  # of a frequency, that a reduced model leaves
+_REPEATED = 1e-3  # of a damping ratio, below which no identification is told from another
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Residual:
-    """Whitened differences of measurement and model.
+    """Differences of measurement and model, rotated so that noise is white and discrepancies are uncorrelated.
 
     Attributes
     ----------
     value : (n,) float
-        Measured less modelled, over the standard deviation; last the priors.
+        Over the standard deviation that noise and discrepancy have at `Evidence.sizes`; last the priors.
     jacobian : (n, n_coordinate) float
         Its derivatives by the coordinates: nuisances, then effect parameters over their range.
     kind : (n,) str
-        One of `BLOCKS`.
-    label : tuple of str
-        Configuration and number of the mode, of each value.
-    log_frequency, log_frequency_std : (n_frequency,) float
-        Logarithms of measured over modelled frequencies, and what these are divided by in `value`.
+        "frequency", "damping", "shape" or "prior".
+    mode : (n,) int
+        The mode of the stack that a row is of, the same in all configurations; -1 of priors.
+    rotated, rotated_jacobian : (n_data,) and (n_data, n_coordinate) float
+        Before they were divided, without the priors.
+    log_frequency, log_damping : (n_frequency,) float
+        Logarithms of measured over modelled values, configuration by configuration.
     partner : (n_frequency,) int
         The model's elastic modes that they are of.
-    mixing : tuple of Mixing
-        The shapes of each configuration.
-    weak : tuple of str
-        Labels of modes whose shapes are stated so uncertainly that they do not judge a model: what is left of a mode
-        beside stronger ones holds these' errors, of which its standard deviation knows nothing.
     """
 
     value: Vector
     jacobian: Vector
     kind: NDArray[np.str_]
-    label: tuple[str, ...]
+    mode: NDArray[np.int64]
+    rotated: Vector
+    rotated_jacobian: Vector
     log_frequency: Vector
-    log_frequency_std: Vector
+    log_damping: Vector
     partner: NDArray[np.int64]
-    mixing: tuple[Mixing, ...]
-    weak: tuple[str, ...]
 
     @cached_property
     def span(self) -> Vector:
         """Orthonormal columns, (n, n_coordinate) at most, that span what the coordinates can change."""
         length = np.linalg.norm(self.jacobian, axis=0)
         return np.asarray(la.orth(self.jacobian[:, length > 0.0] / length[length > 0.0]))
+
+    @property
+    def frequency_error(self) -> float:
+        """Mean relative error of the model's frequencies over all modes that are used."""
+        return float(np.mean(np.abs(np.expm1(-self.log_frequency))))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Compared:
+    """One configuration beside the model at some coordinates: differences and derivatives, not whitened.
+
+    `frequency` and `damping` are (n_mode,), `shape` (n_mode, n_dof), with Jacobians of one axis more; `u` are the
+    measured shapes and `v` the modelled ones at unit length, (n_dof, n_mode).
+    """
+
+    frequency: tuple[Vector, Vector]
+    damping: tuple[Vector, Vector]
+    shape: tuple[Vector, Vector]
+    u: Vector
+    v: Vector
+    modes: Modes
+    column: NDArray[np.int64]
 
 
 def residual(
@@ -76,7 +94,7 @@ def residual(
     Parameters
     ----------
     evidence : Evidence
-        Both.
+        Both, with the covariance of what separates them.
     nuisance : (n_nuisance,)
         Logarithms of ratios to the stack's own values, as `Evidence.nuisances` names them.
     parameters : sequence of Parameter
@@ -84,103 +102,137 @@ def residual(
     coordinate : (n_parameter,)
         Their coordinates in units of their ranges; neutral without.
     """
-    z = np.zeros(len(parameters)) if coordinate is None else coordinate
-    effect = {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
-    n_own, n_tested, n_shared = len(evidence.nuisances), len(evidence.tested), len(SHARED)
-    n_sized, n_common, s = evidence.n_sized, evidence.n_common, evidence.scatter
-    value, rows, kinds, labels, logarithm, spreads, partner, mixed = [], [], [], [], [], [], [], []
-    weak: list[str] = []
-    for c, tested in enumerate(evidence.tested):
-        theta = evidence.theta(nuisance, c)
-        by = (*theta, *effect)
-        modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
-        place = [modes.parameter.index(name) for name in by]
-        per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
-        by_gain = evidence.by_gain(c)
-        gain = np.exp(by_gain @ nuisance[n_sized:n_common])
-        modes = replace(
-            modes,
-            shape=gain[:, None] * modes.shape,
-            shape_gradient=gain[:, None, None] * modes.shape_gradient,
-        )
-        used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
-        _, column = pair(measured.shape[:, used], measured.frequency[used], modes)
-        partner.append(column)
-
-        def spread(gradient: Vector, c: int = c, per: Vector = per, place: list[int] = place) -> Vector:
-            """Return derivatives by the coordinates from those by the model's parameters."""
-            own = gradient[..., place] * per
-            full = np.zeros((*own.shape[:-1], n_own + len(effect)))
-            full[..., :n_shared], full[..., n_own:] = own[..., :n_shared], own[..., n_shared:]
-            if n_tested > 1:
-                full[..., n_common + c], full[..., n_common + n_tested + c] = own[..., 0], own[..., 1]
-            return full
-
-        mesh = shift.mesh[used]
-        for kind, modelled, measured_std, own in (
-            ("frequency", modes.pole_frequency, measured.frequency_std, np.hypot(s.frequency, s.mesh * mesh)),
-            ("damping", modes.damping, measured.damping_std, s.damping),
-        ):
-            of_measured, of_model = getattr(measured, kind)[used], modelled[column]
-            sigma = np.hypot(measured_std[used] / of_measured, own)
-            safe = np.maximum(of_model, 1e-12)
-            difference = np.log(of_measured / safe)
-            gradient = spread(getattr(modes, f"{kind}_gradient")[column]) / safe[:, None]
-            if kind == "frequency":
-                gradient[:, n_shared:n_sized] = shift.slope[used]
-                difference -= mesh + shift.slope[used] @ nuisance[n_shared:n_sized]
-                logarithm.append(difference)
-                spreads.append(sigma)
-            value.append(difference / sigma)
-            rows.append(-gradient / sigma[:, None])
-            kinds += [kind] * used.size
-            labels += [f"{tested.name}, mode {r + 1}" for r in used]
-        u, v, length = unit_shapes(measured.shape[:, used], modes.shape[:, column])
-        space = ModeSpace.of(modes, evidence.observed[c], s)
-        mesh_shape = shift.mesh_shape[:, used]
-        v = v + mesh_shape
-        own_shape = np.hypot(s.shape, s.mesh * np.linalg.norm(mesh_shape, axis=0))
-        form = np.zeros(used.size)
-        for i, (r, m) in enumerate(zip(used, column, strict=True)):
-            uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
-            sigma = np.hypot(uncertain, own_shape[i] / np.sqrt(len(u)))
-            kept = space.apart(int(m), float(np.sqrt(np.mean(sigma**2))))
-            slope = spread(modes.shape_gradient[:, m]) / length[i]
-            slope[:, n_sized:n_common] = by_gain * v[:, i, None]
-            if evidence.weight is not None:
-                counted = evidence.weight[len(kinds) : len(kinds) + len(u)]
-                form[i] = np.linalg.norm(sigma * np.sqrt(np.maximum(counted**-2 - 1.0, 0.0)))
-            value.append(kept(u[:, i] - v[:, i]) / sigma)
-            rows.append(-kept(slope) / sigma[:, None])
-            kinds += ["shape"] * len(u)
-            labels += [f"{tested.name}, mode {r + 1}"] * len(u)
-            if np.linalg.norm(uncertain) > _WEAK:
-                weak.append(labels[-1])
-        mixed.append(space.mixing(u, v, column, form))
-    std = np.concatenate(spreads)
-    if evidence.weight is not None:
-        std = std / evidence.weight[np.array(kinds) == "frequency"]
-        weight = np.split(evidence.weight, np.cumsum([v.size for v in value])[:-1])
-        value = [v * w for v, w in zip(value, weight, strict=True)]
-        rows = [r * w[:, None] for r, w in zip(rows, weight, strict=True)]
-    held = np.isfinite(evidence.prior_std)
-    priors = np.flatnonzero(held)
-    prior_rows = np.zeros((priors.size, n_own + len(effect)))
-    prior_rows[np.arange(priors.size), priors] = -1.0 / evidence.prior_std[held]
-    value.append(-nuisance[held] / evidence.prior_std[held])
-    rows.append(prior_rows)
-    kinds += ["prior"] * priors.size
-    labels += [evidence.nuisances[i] for i in priors]
+    effect = _values(parameters, coordinate)
+    compared = [_compared(evidence, c, nuisance, effect) for c in range(len(evidence.tested))]
+    kind = evidence.rows.kind
+    value = np.concatenate([np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared])
+    width = len(evidence.nuisances) + len(effect)
+    rows = np.concatenate(
+        [
+            np.concatenate([own.frequency[1], own.damping[1], own.shape[1].reshape(-1, width)])
+            for own in compared
+        ]
+    )
+    discrepancy = evidence.covariance
+    rotated, rotated_rows = discrepancy.rotated(value), discrepancy.rotated(rows)
+    weight = 1.0 / np.sqrt(1.0 + evidence.sizes.of(kind) ** 2 * discrepancy.growth)
+    held = np.flatnonzero(np.isfinite(evidence.prior_std))
+    prior_rows = np.zeros((held.size, width))
+    prior_rows[np.arange(held.size), held] = -1.0 / evidence.prior_std[held]
     return Residual(
-        value=np.concatenate(value),
-        jacobian=np.vstack(rows),
-        kind=np.array(kinds),
-        label=tuple(labels),
-        log_frequency=np.concatenate(logarithm),
-        log_frequency_std=std,
-        partner=np.concatenate(partner),
-        mixing=tuple(mixed),
-        weak=tuple(weak),
+        value=np.concatenate([weight * rotated, -nuisance[held] / evidence.prior_std[held]]),
+        jacobian=np.vstack([weight[:, None] * rotated_rows, prior_rows]),
+        kind=np.append(kind, np.full(held.size, "prior")),
+        mode=np.append(evidence.rows.mode, np.full(held.size, -1)),
+        rotated=rotated,
+        rotated_jacobian=rotated_rows,
+        log_frequency=np.concatenate([own.frequency[0] for own in compared]),
+        log_damping=np.concatenate([own.damping[0] for own in compared]),
+        partner=np.concatenate([own.column for own in compared]),
+    )
+
+
+def covariance_of(
+    evidence: Evidence,
+    nuisance: Vector,
+    parameters: Sequence[Parameter] = (),
+    coordinate: Vector | None = None,
+) -> Discrepancy:
+    """Return the covariance of noise and discrepancy, with the model's modes where it is compared.
+
+    Parameters
+    ----------
+    evidence, nuisance, parameters, coordinate
+        As in `residual`.
+    """
+    effect, s, rows = _values(parameters, coordinate), evidence.scatter, evidence.rows
+    std, shapes, roots, lengths = [], {}, {}, []
+    for c, tested in enumerate(evidence.tested):
+        own = _compared(evidence, c, nuisance, effect)
+        used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
+        space = ModeSpace.of(own.modes, evidence.observed[c])
+        std.append(np.hypot(np.hypot(measured.frequency_std[used] / measured.frequency[used], _RESOLVED), s.mesh * shift.mesh[used]))
+        std.append(np.hypot(measured.damping_std[used] / measured.damping[used], _REPEATED))
+        mesh = s.mesh * np.linalg.norm(shift.mesh_shape[:, used], axis=0)
+        for i, (r, m) in enumerate(zip(used, own.column, strict=True)):
+            uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
+            std.append(np.hypot(uncertain, np.hypot(evidence.sensor_scatter[c][r], mesh[i]) / np.sqrt(len(own.u))))
+            root, length = mixing_root(int(m), space.frequency, space.shape)
+            shapes[c, i], roots[c, i] = own.u[:, i], root
+            lengths.append(length)
+    every, usual = np.concatenate(std), float(np.median(lengths))
+    blocks: list[Block] = []
+    for mode in np.unique(rows.mode):
+        own_rows = rows.mode == mode
+        for kind in ("frequency", "damping"):
+            row = np.flatnonzero(own_rows & (rows.kind == kind))
+            blocks.append(block_of(row, np.diag(every[row] ** 2), alike(row.size)))
+        places = [key for key, row in rows.shape.items() if rows.mode[row[0]] == mode]
+        blocks.append(
+            shape_block(
+                [rows.shape[key] for key in places],
+                [shapes[key] for key in places],
+                [every[rows.shape[key]] for key in places],
+                [roots[key] / usual for key in places],
+            )
+        )
+    return Discrepancy(blocks=tuple(blocks))
+
+
+def _values(parameters: Sequence[Parameter], coordinate: Vector | None) -> dict[str, tuple[float, float]]:
+    """Return values of effect parameters with their derivatives by the coordinates."""
+    z = np.zeros(len(parameters)) if coordinate is None else coordinate
+    return {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
+
+
+def _compared(
+    evidence: Evidence, c: int, nuisance: Vector, effect: Mapping[str, tuple[float, float]]
+) -> _Compared:
+    """Put one configuration beside the model."""
+    n_shared, n_sized, n_common = len(SHARED), evidence.n_sized, evidence.n_common
+    theta = evidence.theta(nuisance, c)
+    by = (*theta, *effect)
+    modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
+    place = [modes.parameter.index(name) for name in by]
+    per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
+    by_gain = evidence.by_gain(c)
+    gain = np.exp(by_gain @ nuisance[n_sized:n_common])
+    used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]
+    shape, gradient = gain[:, None] * modes.shape, gain[:, None, None] * modes.shape_gradient
+    _, column = pair(measured.shape[:, used], measured.frequency[used], replace(modes, shape=shape))
+
+    def spread(derivative: Vector) -> Vector:
+        """Return derivatives by the coordinates from those by the model's parameters."""
+        own = derivative[..., place] * per
+        full = np.zeros((*own.shape[:-1], len(evidence.nuisances) + len(effect)))
+        full[..., :n_shared], full[..., len(evidence.nuisances) :] = own[..., :n_shared], own[..., n_shared:]
+        if len(evidence.tested) > 1:
+            full[..., n_common + c] = own[..., 0]
+            full[..., n_common + len(evidence.tested) + c] = own[..., 1]
+        return full
+
+    def logarithms(kind: str, modelled: Vector, slope: Vector) -> tuple[Vector, Vector]:
+        safe = np.maximum(modelled[column], 1e-12)
+        return np.log(getattr(measured, kind)[used] / safe), -spread(slope[column]) / safe[:, None]
+
+    frequency, frequency_rows = logarithms("frequency", modes.pole_frequency, modes.frequency_gradient)
+    frequency_rows[:, n_shared:n_sized] = -shift.slope[used]
+    frequency = frequency - shift.mesh[used] - shift.slope[used] @ nuisance[n_shared:n_sized]
+    u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
+    v = v + shift.mesh_shape[:, used]
+    rows = []
+    for i, m in enumerate(column):
+        slope = spread(gradient[:, m]) / length[i]
+        slope[:, n_sized:n_common] = by_gain * v[:, i, None]
+        rows.append(-slope)
+    return _Compared(
+        frequency=(frequency, frequency_rows),
+        damping=logarithms("damping", modes.damping, modes.damping_gradient),
+        shape=((u - v).T, np.stack(rows)),
+        u=u,
+        v=v,
+        modes=modes,
+        column=column,
     )
 
 

@@ -13,7 +13,8 @@ from scipy.optimize import lsq_linear
 from model import Parameter, SolveError
 from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import Explanation
+from updating.diagnosis.explanation import RANGE_PRECISION, Explanation, linearized
+from updating.diagnosis.marginal import marginal
 from updating.diagnosis.residual import residual
 
 Vector = NDArray[np.float64]
@@ -42,8 +43,10 @@ class Screened:
         Linear fall of the misfit that it can bring within its range.
     start : (n_parameter,) float
         Coordinates that bring it.
-    reach : float
-        Length of the projected change at the end of the range: how well the data show it.
+    log_gain : float
+        Rise of the logarithm of the marginal likelihood by the same step, sizes of the discrepancy integrated out.
+    detectability : float
+        Length of the projected change at the end of the range, in standard deviations: how well the data show it.
     """
 
     effect: str
@@ -53,7 +56,8 @@ class Screened:
     strength: NDArray[np.intp]
     gain: float
     start: Vector
-    reach: float
+    log_gain: float
+    detectability: float
 
 
 def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
@@ -73,19 +77,23 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
         name for name in evidence.effects if not fitted & {p.name for p in evidence.effects[name].parameters}
     ]
 
-    def changes(own: Sequence[Parameter], values: Vector) -> Vector:
-        """Return the changes of the residual by effect parameters, not projected."""
+    evidence = evidence.supposing(at.effects)
+
+    def changes(own: Sequence[Parameter], values: Vector) -> tuple[Vector, Vector]:
+        """Return the changes of the residual by effect parameters, not projected, whitened and rotated only."""
         both, where = (*at.parameter, *own), np.concatenate([at.coordinate, values])
-        return residual(evidence, at.nuisance, both, where).jacobian[:, n_fitted:]
+        found = residual(evidence, at.nuisance, both, where)
+        return found.jacobian[:, n_fitted:], found.rotated_jacobian[:, n_fitted:]
 
     parameters = evidence.parameters(names)
-    every = changes(parameters, np.zeros(len(parameters)))
-    column = dict(zip([p.name for p in parameters], every.T, strict=True))
+    every, every_rotated = changes(parameters, np.zeros(len(parameters)))
+    place = {p.name: i for i, p in enumerate(parameters)}
     r, size = projected(at.residual.value), float(np.abs(every).max(initial=0.0))
     found = []
     for name in names:
         own = evidence.parameters([name])
-        raw = np.column_stack([column[p.name] for p in own])
+        columns = [place[p.name] for p in own]
+        raw, rotated = every[:, columns], every_rotated[:, columns]
         strength = np.flatnonzero(np.linalg.norm(raw, axis=0) > _SILENT * size)
         shaping = np.setdiff1d(np.arange(len(own)), strength)
         trials = []
@@ -94,16 +102,43 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
             where = np.zeros(len(own))
             where[shaping] = values
             try:
-                slope = changes(own, where) if shaping.size else raw
+                slope, turned = changes(own, where) if shaping.size else (raw, rotated)
             except SolveError:  # with what is fitted already, there is no such stack
                 continue
             strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > _SILENT * size)
-            trials.append(_screened(name, own, where, projected(slope), np.setdiff1d(strong, shaping), r))
+            strong = np.setdiff1d(strong, shaping)
+            trials.append((_screened(name, own, where, projected(slope), strong, r), turned[:, strong]))
         if not trials:
             continue
-        best = max(trials, key=lambda s: s.gain)
-        found.append(replace(best, reach=max(s.reach for s in trials)))
+        best, turned = max(trials, key=lambda trial: trial[0].gain)
+        found.append(
+            replace(
+                best,
+                log_gain=_log_gain(evidence, at, best, turned),
+                detectability=max(s.detectability for s, _ in trials),
+            )
+        )
     return tuple(found)
+
+
+def _log_gain(evidence: Evidence, at: Explanation, own: Screened, column: Vector) -> float:
+    """Return by how much the linear step of an effect raises the logarithm of the marginal likelihood."""
+    before = linearized(evidence, at.residual, np.concatenate([at.nuisance, at.coordinate]), at.at_bound)
+    low, high = bounds_of(own.parameter)
+    step = own.start[own.strength]
+    held = (step <= low[own.strength]) | (step >= high[own.strength])
+    n = step.size
+    after = replace(
+        before,
+        value=before.value + column @ step,
+        jacobian=np.hstack([before.jacobian, column]),
+        prior_value=np.append(before.prior_value, np.zeros(n)),
+        prior_precision=np.append(before.prior_precision, np.zeros(n)),
+        unseen=np.append(before.unseen, np.full(n, RANGE_PRECISION)),
+        free=np.append(before.free, ~held),
+    )
+    stated = (evidence.scatter.sizes, evidence.scatter.stated)
+    return marginal(after, *stated).log_evidence - at.log_evidence
 
 
 def stepped(at: Explanation, own: Screened) -> Explanation:
@@ -151,7 +186,7 @@ def _screened(
     step = _bounded(c, r, low[strength], high[strength])
     start = at.copy()
     start[strength] = step
-    reach = max(
+    detectability = max(
         (float(np.linalg.norm(c[:, i]) * max(abs(low[s]), abs(high[s]))) for i, s in enumerate(strength)),
         default=0.0,
     )
@@ -163,7 +198,8 @@ def _screened(
         strength=strength,
         gain=float(r @ r - np.sum((r + c @ step) ** 2)),
         start=start,
-        reach=reach,
+        log_gain=-np.inf,
+        detectability=detectability,
     )
 
 

@@ -1,9 +1,10 @@
-"""The search for explanations: the base model, effects alone and in pairs, the promising ones fitted in full."""
+"""The search for explanations: the base model, effects alone, and further ones step by step with a look back."""
 
 from __future__ import annotations
 
+import itertools
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,12 +15,11 @@ from numpy.typing import NDArray
 from model import SolveError, enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
-from updating.diagnosis.adequacy import P_ADEQUATE, p_value
+from updating.diagnosis.assembly import Assembled
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import Explanation, best_of, explain
-from updating.diagnosis.gathering import Gathered
-from updating.diagnosis.residual import residual
+from updating.diagnosis.explanation import Explanation, explain, likeliest
+from updating.diagnosis.residual import covariance_of
 from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
 from updating.diagnosis.screening import Screened, pair_steps, screen
 from updating.workers.workers import distribute
@@ -27,23 +27,24 @@ from updating.workers.workers import distribute
 Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
 
+MOST_EFFECTS = 4
+"""Effects that an explanation may have."""
 N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
-"""Effects that are fitted in full; pairs by their linear step; second effects beside each of the best first ones."""
+"""Effects that are fitted in full; pairs by their linear step; further effects beside each of the best explanations."""
 N_FIRST = 3
-"""First effects beside which a second is sought anew: where an effect is strong, steps from the base model mislead."""
+"""Explanations beside which a further effect is sought: where an effect is strong, steps from the base model mislead."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
 N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
-"""Evaluations of all fits from afar, how many are then followed, and their evaluations."""
+"""Evaluations of all fits of a global search, how many are then followed, and their evaluations."""
 VISIBLE = 3.0
 """Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
-_PROMISING = 10.0  # linear fall of the misfit by a second effect from which pairs are fitted
-_ASTRAY = 30.0  # squared misfit of a value, in the mean, beyond which a model is astray
-_NEAR = 2.0  # misfit over the best beyond which an explanation has lost
-_LOST = 30.0  # misfit over the best beyond which other weights cannot bring an explanation back
-_CLOSE = 30.0  # misfit above the best within which an explanation may still turn out to be as good
+STEP = 2.0
+"""Rise of the logarithm of the posterior odds that a further effect must bring for the search to go on."""
+_ASTRAY = 0.04  # frequency error of the best single effect, beyond which steps from the base model mislead
+_CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
 _STEPS = 12  # evaluations of a fit
-_REFIT = 8  # the same after the basis or weights have changed, and of pairs
+_REFIT = 8  # the same after basis or weights have changed, and of several effects
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,186 +75,198 @@ class Search:
 
     Attributes
     ----------
-    evidence : Gathered
-        With the basis of the last fits.
+    evidence : Assembled
+        With basis and weights of the last fits.
     base : Explanation
         The base model.
-    singles, pairs : tuple of Explanation
-        Effects alone and two at a time, the best first.
+    fitted : tuple of Explanation
+        All others, those of one effect first and by posterior odds within each number.
     screened : tuple of Screened
         All effects of the catalogue beside the base model.
     """
 
-    evidence: Gathered
+    evidence: Assembled
     base: Explanation
-    singles: tuple[Explanation, ...]
-    pairs: tuple[Explanation, ...]
+    fitted: tuple[Explanation, ...]
     screened: tuple[Screened, ...]
+
+    @property
+    def singles(self) -> tuple[Explanation, ...]:
+        """Effects alone."""
+        return self.of(1)
 
     @property
     def explanations(self) -> tuple[Explanation, ...]:
         """All that were fitted in full, the base model first."""
-        return (self.base, *self.singles, *self.pairs)
+        return (self.base, *self.fitted)
+
+    def of(self, number: int) -> tuple[Explanation, ...]:
+        """Return the explanations of so many effects, the most probable first."""
+        return tuple(x for x in self.fitted if len(x.effects) == number)
+
+    def odds(self, own: Explanation) -> float:
+        """Return the logarithm of the posterior odds of an explanation against the base model."""
+        return log_odds(self.evidence, own, self.base)
 
 
-def search(evidence: Gathered, worth: float, executor: Executor | None = None) -> Search:
-    """Fit the base model and the effects and pairs that could explain what it leaves.
+def log_prior(evidence: Evidence, n: int) -> float:
+    """Return the logarithm of the prior probability of an explanation of n effects, over that of the base model.
 
-    Pairs are tried where the best single effect leaves more than chance does, or where a second one promises much.
+    Half of all models lack nothing, and each further effect is as much rarer; they share alike.
+    """
+    return n * float(np.log(0.5 / max(len(evidence.effects), 1)))
+
+
+def log_odds(evidence: Evidence, own: Explanation, base: Explanation) -> float:
+    """Return the logarithm of the posterior odds of an explanation against the base model."""
+    return own.log_evidence - base.log_evidence + log_prior(evidence, len(own.effects))
+
+
+def search(evidence: Assembled, executor: Executor | None = None) -> Search:
+    """Fit the base model and the effects, alone and together, that could explain what it leaves.
+
+    Forward selection by posterior odds: beside the best explanations of n effects, further ones are sought until the
+    next does not raise the odds; then what each of several effects brings is seen by leaving it out (Occam's window,
+    Madigan and Raftery, J. Am. Stat. Assoc. 89, 1994).
 
     Parameters
     ----------
-    evidence : Gathered
+    evidence : Assembled
         Measurement and model.
-    worth : float
-        Fall of the misfit below which an effect is not worth a fit.
     executor : Executor, optional
         Where fits that do not need each other run; in this process by default.
     """
     places: tuple[Place, ...] = ()
     if evidence.lacking:  # an effect may bring these modes, and the base model meets the others all too well
         places = nearest(evidence.alone, executor)
-        evidence = replace(evidence, used=with_modes_of(evidence, places))
+        evidence = _weighed(replace(evidence, used=with_modes_of(evidence, places)))
     base = explain(evidence)
-    evidence = _weighed(evidence, base)
-    base = explain(evidence, nuisance=base.nuisance)
+    for _ in range(2):
+        evidence = _weighed(evidence, base)
+        base = explain(evidence, nuisance=base.nuisance)
     screened = screen(evidence, base)
-    promising = sorted((s for s in screened if s.gain > worth), key=lambda s: -s.gain)[:N_SINGLE]
-    _LOG.info("fit %d effects, each alone", len(promising))
-    alone = _begun(evidence, [Start([s.effect], base.nuisance, s.start, _STEPS) for s in promising], executor)
-    if promising:
-        nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
-    singles = _done(alone)
-    afar = _astray(best_of(singles, base))  # even the best effect is: pairs with it would be in vain
-    if afar:
-        evidence, singles = _from_afar(evidence, places, singles, executor)
-    else:
-        evidence, singles = _exact(evidence, singles, executor)
-    found = _with_pairs(evidence, base, singles, screened, worth, executor)
-    if not afar and _astray(base) and p_value(best_of(found.explanations, base)) < P_ADEQUATE:
-        evidence, singles = _from_afar(evidence, places, singles, executor)
-        found = _with_pairs(evidence, base, singles, screened, worth, executor)
-    return found
+    chosen = sorted(screened, key=lambda s: -s.log_gain)[:N_SINGLE]
+    _LOG.info("fit %d effects, each alone", len(chosen))
+    starts = [Start([s.effect], base.nuisance, s.start, _STEPS) for s in chosen]
+    starts += [Start([name], base.nuisance, np.zeros(0), _STEPS) for name in evidence.hypotheses]
+    begun = _begun(evidence, starts, executor)
+    nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
+    singles = _done(begun)
+    if likeliest([base, *singles]).residual.frequency_error > _ASTRAY:
+        singles += _from_afar(evidence, places, executor)
+    best = likeliest([base, *singles])
+    evidence = _weighed(_richer(evidence, [best, *singles]), best)
+    base, *singles = _again(evidence, [base, *_best_of_each(singles)], executor)
+    fitted = _with_further(evidence, base, singles, screened, executor)
+    return Search(evidence=evidence, base=base, fitted=_ordered(evidence, base, fitted), screened=screened)
 
 
-def _astray(own: Explanation) -> bool:
-    """Return whether a model is so far off that steps from it mislead."""
-    return own.misfit > _ASTRAY * own.residual.value.size
-
-
-def _with_pairs(
-    evidence: Gathered,
+def _with_further(
+    evidence: Assembled,
     base: Explanation,
-    singles: list[Explanation],
-    screened: tuple[Screened, ...],
-    worth: float,
+    singles: Sequence[Explanation],
+    screened: Sequence[Screened],
     executor: Executor | None,
-) -> Search:
-    """Weigh the data by what the best single effect changes, fit anew, and fit pairs where they are called for."""
-    best = best_of(singles, base)
-    if base.misfit - best.misfit > worth:
-        evidence = _weighed(evidence, base, best)
-        base, singles = _reweighed(evidence, base, singles, executor)
-    pairs: list[Explanation] = []
-    best = best_of(singles, base)
-    if base.misfit - best.misfit > worth:
-        others = distribute(partial(screen, evidence.alone), singles[1:N_FIRST], executor)  # begins at once
-        beside = screen(evidence, best)
-        # shapes are many, and what a second effect changes in few frequencies is little beside their scatter
-        if p_value(best) < P_ADEQUATE or max((s.gain for s in beside), default=0.0) > _PROMISING:
-            starts = _pair_starts(base, screened, singles, [beside, *others])
-            _LOG.info("fit %d pairs", len(starts))
-            pairs = _fitted(evidence, starts, executor)
-            evidence = _richer(evidence, pairs)
-            singles, pairs = _all_again(evidence, singles, pairs, executor)
-    return Search(evidence=evidence, base=base, singles=tuple(singles), pairs=tuple(pairs), screened=screened)
+) -> list[Explanation]:
+    """Return single effects with what further effects beside the best bring, step by step."""
+    fitted = list(singles)
+    level, best = list(_ordered(evidence, base, singles)), base
+    for n in range(2, MOST_EFFECTS + 1):
+        if not level or log_odds(evidence, level[0], base) < log_odds(evidence, best, base) + STEP:
+            break
+        best = level[0]
+        first = [x for x in level[:N_FIRST] if best.log_evidence - x.log_evidence < 3.0 * _CLOSE]
+        beside = list(distribute(partial(screen, evidence.alone), first, executor))
+        starts = _further_starts(evidence, base, screened if n == 2 else (), first, beside)
+        _LOG.info("fit %d explanations of %d effects", len(starts), n)
+        level = _best_of_each(_done(_begun(evidence, starts, executor)))
+        fitted += level
+        level = list(_ordered(evidence, base, level))
+        if level and log_odds(evidence, level[0], base) > log_odds(evidence, best, base):
+            fitted += _done(_begun(evidence, _without_one(evidence, level[0], fitted), executor))
+    return _best_of_each(fitted)
 
 
-def _weighed(evidence: Gathered, base: Explanation, best: Explanation | None = None) -> Gathered:
-    """Return evidence that counts less where an effect changes much, and its form decides, see `DiagnosisScatter.form`.
-
-    What it changes is what the base model leaves, or more where nuisances hide it: the difference that the best effect
-    makes while all else stays as it is.
-    """
-    plain = replace(evidence, weight=None)
-    left = residual(plain, base.nuisance)
-    data = left.kind != "prior"
-    change = np.abs(left.value[data])
-    if best is not None:
-        with_it = residual(plain, best.nuisance, best.parameter, best.coordinate).value[data]
-        change = np.maximum(change, np.abs(with_it - residual(plain, best.nuisance).value[data]))
-    return replace(evidence, weight=1.0 / np.hypot(1.0, evidence.scatter.form * change))
-
-
-def _pair_starts(
+def _further_starts(
+    evidence: Evidence,
     base: Explanation,
     screened: Sequence[Screened],
-    singles: Sequence[Explanation],
+    first: Sequence[Explanation],
     beside: Sequence[Sequence[Screened]],
 ) -> list[Start]:
-    """Return pairs worth a fit, and from where; `beside` is what was screened beside each of the best effects."""
-    # where a pair has several starts, that from the best first effect stands
+    """Return explanations of one effect more that are worth a fit, and from where.
+
+    `beside` is what was screened beside each of the `first`; `screened`, beside the base model, gives pairs.
+    """
     start_of: dict[frozenset[str], Start] = {}
-    worthy: list[frozenset[str]] = []
-    for first, others in zip(singles, beside, strict=False):
-        for i, second in enumerate(sorted(others, key=lambda s: -s.gain)):
-            names = (first.effects[0], second.effect)
-            start = np.concatenate([first.coordinate, second.start])
-            start_of.setdefault(frozenset(names), Start(names, first.nuisance, start, _REFIT))
-            worthy += [frozenset(names)] * (i < N_BESIDE)
-    visible = [s for s in screened if s.reach >= VISIBLE]
+    for own, others in zip(first, beside, strict=True):
+        for further in sorted(others, key=lambda s: -s.log_gain)[:N_BESIDE]:
+            names = (*own.effects, further.effect)
+            start = np.concatenate([own.coordinate, further.start])
+            start_of.setdefault(frozenset(names), Start(names, own.nuisance, start, _REFIT))
+        for name in evidence.hypotheses:
+            if name not in own.effects:
+                names = (*own.effects, name)
+                start_of.setdefault(frozenset(names), Start(names, own.nuisance, own.coordinate, _REFIT))
+    visible = [s for s in screened if s.detectability >= VISIBLE]
     for _, names, coordinate in pair_steps(base, visible)[:N_PAIR]:
         start = np.concatenate(coordinate)
         start_of.setdefault(frozenset(names), Start(names, base.nuisance, start, _REFIT))
-        worthy.append(frozenset(names))
-    return [start_of[names] for names in dict.fromkeys(worthy)]
+    return list(start_of.values())
 
 
-def _members(evidence: Evidence, pairs: Sequence[Explanation]) -> list[Start]:
-    """Return each effect of pairs alone, from where it stands there: a pair may find what a step missed."""
+def _without_one(evidence: Evidence, own: Explanation, fitted: Iterable[Explanation]) -> list[Start]:
+    """Return an explanation without each of its effects in turn, from where it stands, but those that were fitted."""
+    known = {frozenset(x.effects) for x in fitted}
+    coordinate = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
     starts = []
-    for own in pairs:
-        coordinate = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
-        for name in own.effects:
-            alone = np.array([coordinate[p.name] for p in evidence.parameters((name,))])
-            starts.append(Start((name,), own.nuisance, alone, _STEPS))
+    for left in itertools.combinations(own.effects, len(own.effects) - 1):
+        if frozenset(left) not in known:
+            where = np.array([coordinate[p.name] for p in evidence.parameters(left)])
+            starts.append(Start(left, own.nuisance, where, _STEPS))
     return starts
 
 
+def _weighed(evidence: Assembled, own: Explanation | None = None) -> Assembled:
+    """Return evidence that is weighed with the discrepancy that an explanation leaves, by its modes."""
+    if own is None:
+        return replace(evidence, covariance=covariance_of(evidence, evidence.start))
+    return replace(
+        evidence,
+        covariance=covariance_of(evidence, own.nuisance, own.parameter, own.coordinate),
+        sizes=own.likeliest,
+    )
+
+
 def _from_afar(
-    evidence: Gathered, places: Sequence[Place], singles: Sequence[Explanation], executor: Executor | None
-) -> tuple[Gathered, list[Explanation]]:
-    """Fit effects from where they come nearest over their whole ranges, beside those that are fitted already."""
+    evidence: Assembled, places: Sequence[Place], executor: Executor | None
+) -> list[Explanation]:
+    """Fit effects from where they come nearest over their whole ranges."""
     starts: list[Start] = []
     for place in places or nearest(evidence.alone, executor):
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
-    first = _fitted(evidence, starts, executor)
-    afar = _again(evidence, first, executor, N_AFAR, N_AFAR_STEPS)
-    return _exact(evidence, _best_of_each([*afar, *singles]), executor)
+    first = sorted(_done(_begun(evidence, starts, executor)), key=lambda x: -x.log_evidence)
+    followed = [_from(own, N_AFAR_STEPS) for own in first[:N_AFAR]]
+    return [*_done(_begun(evidence, followed, executor)), *first[N_AFAR:]]
 
 
-def _state(evidence: Gathered, own: Explanation) -> dict[str, float]:
+def _state(evidence: Assembled, own: Explanation) -> dict[str, float]:
     """Return the model's parameters at an explanation, at a pressure amid those that were tested."""
     pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
     return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **own.effect_values}
 
 
-def _fitted(evidence: Gathered, starts: Sequence[Start], executor: Executor | None) -> list[Explanation]:
-    """Fit explanations from where they start; one that starts where the model has no modes is left out."""
-    return _done(_begun(evidence, starts, executor))
-
-
 def _begun(
-    evidence: Gathered, starts: Sequence[Start], executor: Executor | None
+    evidence: Assembled, starts: Sequence[Start], executor: Executor | None
 ) -> Iterator[Explanation | None]:
     """Begin to fit explanations, where there is an executor at once."""
     return distribute(partial(_explained, evidence.alone), starts, executor, MESSAGES)
 
 
 def _done(begun: Iterator[Explanation | None]) -> list[Explanation]:
-    """Wait for the fits that were begun."""
+    """Wait for the fits that were begun; one that started where the model has no modes is left out."""
     return [own for own in begun if own is not None]
 
 
@@ -268,87 +281,39 @@ def _explained(evidence: Evidence, start: Start) -> Explanation | None:
 
 def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
     """Return the best fit of each explanation."""
-    best: dict[tuple[str, ...], Explanation] = {}
+    best: dict[frozenset[str], Explanation] = {}
     for own in fitted:
-        if own.effects not in best or own.misfit < best[own.effects].misfit:
-            best[own.effects] = own
+        key = frozenset(own.effects)
+        if key not in best or own.log_evidence > best[key].log_evidence:
+            best[key] = own
     return list(best.values())
 
 
-def _exact(
-    evidence: Gathered, fitted: Sequence[Explanation], executor: Executor | None
-) -> tuple[Gathered, list[Explanation]]:
-    """Take the modes at the best explanations into the basis and fit these again; return all, the best first."""
-    richer = _richer(evidence, fitted)
-    return richer, _again(richer, fitted, executor, len(_near(fitted)), _REFIT)
-
-
-def _richer(evidence: Gathered, fitted: Sequence[Explanation]) -> Gathered:
+def _richer(evidence: Assembled, fitted: Sequence[Explanation]) -> Assembled:
     """Take the modes at the best explanations into the basis."""
-    near = _near(fitted)
-    places = [_state(evidence, own) for own in near]
+    ordered = sorted(fitted, key=lambda x: -x.log_evidence)
+    near = [x for x in ordered[:N_EXACT] if ordered[0].log_evidence - x.log_evidence < 3.0 * _CLOSE]
+    places: list[Mapping[str, float]] = [_state(evidence, own) for own in near]
     last = max((int(x.residual.partner.max()) for x in near), default=0)  # elastic mode that has a partner
     return evidence.with_system(enriched(evidence.system, places, max(N_MODEL, N_RIGID + last + 1)))
 
 
-def _near(fitted: Sequence[Explanation]) -> list[Explanation]:
-    """Return the best explanations, those that are not far behind the first."""
-    ordered = sorted(fitted, key=lambda x: x.misfit)
-    return [x for x in ordered[:N_EXACT] if x.misfit < _NEAR * ordered[0].misfit]
-
-
-def _reweighed(
-    evidence: Gathered, base: Explanation, fitted: Sequence[Explanation], executor: Executor | None
-) -> tuple[Explanation, list[Explanation]]:
-    """Fit the base model and all others again with other weights; return these with the best first.
-
-    Those that have lost by far are compared only.
-    """
-    best = min(own.misfit for own in fitted)
-    starts = [
-        _from(base, _STEPS),
-        *(_from(own, _REFIT if own.misfit < _LOST * best else 1) for own in fitted),
-    ]
-    base, *again = _fitted(evidence, starts, executor)
-    return base, sorted(again, key=lambda x: x.misfit)
-
-
 def _again(
-    evidence: Gathered,
-    fitted: Sequence[Explanation],
-    executor: Executor | None,
-    least: int,
-    most: int,
+    evidence: Assembled, fitted: Sequence[Explanation], executor: Executor | None
 ) -> list[Explanation]:
-    """Fit the best again, with another basis or more steps, and those that are close to them; the best first."""
-    first, rest = _parted(fitted, least)
-    again = _fitted(evidence, [_from(own, most) for own in first], executor)
-    return sorted([*again, *rest], key=lambda x: x.misfit)
-
-
-def _all_again(
-    evidence: Gathered,
-    singles: Sequence[Explanation],
-    pairs: Sequence[Explanation],
-    executor: Executor | None,
-) -> tuple[list[Explanation], list[Explanation]]:
-    """Fit the best singles and pairs again, with another basis, and the effects of the best pair each alone."""
-    (first, rest), (first_pairs, rest_pairs) = (_parted(own, len(_near(own))) for own in (singles, pairs))
+    """Fit explanations again with another basis and other weights, those that have lost by one evaluation alone."""
+    top = max(x.log_evidence for x in fitted)
     starts = [
-        *_members(evidence, first_pairs[:1]),  # first, for they take most steps
-        *(_from(own, _REFIT) for own in (*first_pairs, *first)),
+        _from(x, _REFIT if not x.effects or top - x.log_evidence < 3.0 * _CLOSE else 1) for x in fitted
     ]
-    found = sorted(
-        _best_of_each([*_fitted(evidence, starts, executor), *rest, *rest_pairs]), key=lambda x: x.misfit
-    )
-    return [x for x in found if len(x.effects) == 1], [x for x in found if len(x.effects) > 1]
+    return _done(_begun(evidence, starts, executor))
 
 
-def _parted(fitted: Sequence[Explanation], least: int) -> tuple[list[Explanation], list[Explanation]]:
-    """Part fits into the best with those that are close to them, and the rest."""
-    ordered = sorted(fitted, key=lambda x: x.misfit)
-    close = max(least, sum(x.misfit < ordered[0].misfit + _CLOSE for x in ordered))
-    return ordered[:close], ordered[close:]
+def _ordered(
+    evidence: Evidence, base: Explanation, fitted: Sequence[Explanation]
+) -> tuple[Explanation, ...]:
+    """Return explanations by their number of effects, within each the most probable first."""
+    return tuple(sorted(fitted, key=lambda x: (len(x.effects), -log_odds(evidence, x, base))))
 
 
 def _from(own: Explanation, most: int) -> Start:

@@ -3,206 +3,223 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from updating.diagnosis.adequacy import p_value
-from updating.diagnosis.chance import DRAWS
+from updating.diagnosis.discrepancy import KINDS, MEDIAN, SPREAD, Sizes
 from updating.diagnosis.experiment import NextTest
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.ranking import Ranked
+from updating.diagnosis.search import Search
 from updating.diagnosis.sensor_gain import SensorGain
-from updating.diagnosis.verdict import Decision, Doubt
+from updating.diagnosis.verdict import Decision
 
-_WORTH = 3.0
+_NOTABLE = 3.0  # standard deviations
+_FOLDED = 5  # names that are listed before a count stands for the rest
+_KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape"}
 
 
-def sentences(
-    decision: Decision,
-    chance: float,
-    base: Explanation,
-    ranking: Sequence[Ranked],
-    excluded: Sequence[str],
-    not_visible: Sequence[str],
-    lacking: Sequence[str],
-    gains: Sequence[SensorGain],
-    tests: Sequence[NextTest],
-) -> tuple[str, ...]:
-    """Write the verdict, what supports it, what stays open and what to measure next."""
-    verdict, left = decision.verdict, decision.left
-    ranked = {x.effects: x for x in ranking}
-    error = _percent(ranked[()].frequency_error)
-    text = []
-    if verdict == "nothing missing":
-        text.append(
-            "Nothing is missing that these data can show: the base model meets frequencies within "
-            f"{error} in the mean, and no effect of the catalogue improves it beyond chance: the best would explain as "
-            f"much where nothing is missing in {_chance(chance)} cases."
-        )
-    else:
-        text.append(_where(base, error))
-        text.append(
-            f"Where nothing is missing, the best effect alone explains as much in {_chance(chance)} cases."
-        )
-    if lacking:
-        text.append(f"The model has no mode like {', '.join(lacking)}: what follows is of the others.")
-    if verdict == "identified":
-        own = ranked[left[0].effects]
-        text.append(
-            f"{_named(left[0].effects)} explains it: with {_estimates(own)} {_change(ranked[()], own)}, and no other "
-            f"{'effect' if len(left[0].effects) == 1 else 'pair'} comes within a distance of 3."
-        )
-        text += [*_shares(own, ranked), _left_over(left[0])]
-    if verdict == "one of":
-        own = ranked[left[0].effects]
-        text.append(
-            f"These data cannot tell apart: {'; '.join(_named(x.effects) for x in left)}. With the first "
-            f"{_change(ranked[()], own)}; with the others, nearly the same."
-        )
-        text.append(_left_over(left[0]))
-        text += [f"If it is {_named(x.effects)}: {_estimates(ranked[x.effects])}." for x in left[:4]]
-    if decision.doubt is not None:
-        text.append(_doubtful(decision.doubt, left[0]))
+def sentences(found: Search, decision: Decision, answer: Mapping[str, Any]) -> tuple[str, ...]:
+    """Write the verdict, what supports it, what stays open and what to measure next.
+
+    Parameters
+    ----------
+    found, decision
+        What was found and what follows from it.
+    answer : mapping of str to object
+        Fields of the `Diagnosis` that is being made.
+    """
+    names = Names(answer["labels"])
+    ranked = {x.effects: x for x in answer["ranking"]}
+    text = [_verdict(decision, ranked, names), _rests_on(answer["n_used"])]
+    if len(answer["steps"]) > 2:
+        text.append(_way(answer["steps"], names))
+    if decision.verdict == "one of":
+        text += [f"If it is {names.of(x.effects)}: {_estimates(ranked[x.effects])}." for x in decision.left[:4]]
+    if decision.verdict in ("identified", "one of", "partly explained"):
+        text.append(f"Beyond the noise of the measurement, what remains is {_sizes(answer['discrepancy'])}.")
+    if decision.verdict == "partly explained":
+        text.append(_remains(found, decision.left[0], answer["lacking"]))
+    if decision.verdict == "unlike anything":
+        text.append(_where(found, found.base))
     if decision.point is not None:
-        text.append(_at_a_point(decision.point))
-    elif verdict == "unlike anything":
-        closest = [x for x in ranking if x.effects][:1]
-        tail = (
-            f" The closest, {_named(closest[0].effects)}, leaves {_percent(closest[0].frequency_error)}."
-            if closest
-            else ""
-        )
-        goal = "these modes" if lacking else "within the measurement's scatter"
+        text.append(_at_a_point(decision.point, names))
+    text += _at_bounds(decision.left, names)
+    text += _misread(answer["sensor_gains"])
+    text += _next(answer["next_tests"])
+    if answer["ruled_out"]:
+        text.append(f"Ruled out at their usual strength: {names.folded(answer['ruled_out'])}.")
+    if answer["not_visible"]:
         text.append(
-            "This is unlike anything in the catalogue: no effect and no pair of effects brings the model "
-            f"{goal}.{tail}"
+            f"Too weak to show in these data at any plausible strength: {names.folded(answer['not_visible'])}."
         )
-    for x in left:
-        bound = [p.name for p, hit in zip(x.parameter, x.at_bound, strict=True) if hit]
-        if bound:
-            text.append(
-                f"Beware: {', '.join(bound)} of {_named(x.effects)} lies at the end of its plausible range, so the "
-                "explanation is doubtful."
-            )
-    if verdict != "unlike anything":
-        text += _misread(gains)
-    useful = [t for t in tests if t.distance > max(t.now, 1.0)]
-    if useful and useful[0].distance >= _WORTH:
-        text.append(
-            f"To separate them, {useful[0].instruction}: the distance would grow from {useful[0].now:.1f} to "
-            f"{useful[0].distance:.1f}."
-        )
-    elif tests:
-        text.append(
-            "None of the further tests that were considered would separate them beyond a distance of 3."
-        )
-    if excluded:
-        text.append(f"Ruled out at their usual strength, or more: {', '.join(excluded)}.")
-    if not_visible:
-        text.append(f"Not visible in these data at any plausible strength: {', '.join(not_visible)}.")
-    return tuple(text)
+    return tuple(sentence for sentence in text if sentence)
 
 
-def _named(effects: Sequence[str]) -> str:
-    return " with ".join(effects) if effects else "the base model"
+class Names:
+    """What a person calls effects, with the key of each beside it."""
+
+    def __init__(self, labels: Mapping[str, str]) -> None:
+        self._labels = labels
+
+    def of(self, effects: Sequence[str]) -> str:
+        """Return one or several effects in words."""
+        return " together with ".join(f"{self._labels.get(e, e)} ({e})" for e in effects) or "the base model"
+
+    def folded(self, effects: Sequence[str]) -> str:
+        """Return a list of keys, the first few and how many more."""
+        more = len(effects) - _FOLDED
+        shown = ", ".join(effects[:_FOLDED])
+        return shown if more <= 0 else f"{shown} and {more} more"
+
+
+def _verdict(decision: Decision, ranked: Mapping[tuple[str, ...], Ranked], names: Names) -> str:
+    """Write the sentence that a customer needs."""
+    base = ranked[()]
+    if decision.verdict == "nothing missing":
+        return (
+            f"Nothing is missing that these data can show: beyond noise the model is right to "
+            f"{_sizes(base.discrepancy)}. Its mean frequency error is {percent(base.frequency_error)}, and no effect of "
+            "the catalogue predicts modes better that it has not seen."
+        )
+    if decision.verdict == "unlike anything":
+        return (
+            f"Unlike anything in the catalogue: the model misses the frequencies by {percent(base.frequency_error)} in "
+            "the mean, and no effect or combination explains that and predicts modes that it has not seen."
+        )
+    own = ranked[decision.left[0].effects]
+    what = names.of(own.effects)
+    share = f"{100.0 * own.explained:.0f} %"
+    change = _change(base, own)
+    if decision.verdict == "identified":
+        return f"Identified: {what}, {_estimates(own)}. It explains {share} of the misfit: {change}."
+    if decision.verdict == "one of":
+        every = "; or ".join(names.of(x.effects) for x in decision.left)
+        return f"One of these, and the data cannot tell which: {every}. The first explains {share} of the misfit: {change}."
+    others = decision.left[1:]
+    tail = f" Nearly as likely: {'; '.join(names.of(x.effects) for x in others[:3])}." if others else ""
+    return (
+        f"Partly explained: mostly {what}, {_estimates(own)}. It explains {share} of the misfit, and something remains: "
+        f"{change}.{tail}"
+    )
+
+
+def _change(base: Ranked, own: Ranked) -> str:
+    """Say what the frequency error falls to, also where each mode is predicted from all others."""
+    before, after = percent(base.frequency_error), percent(own.frequency_error)
+    if own.frequency_error >= base.frequency_error:
+        damping = (percent(base.discrepancy.damping), percent(own.discrepancy.damping))
+        return (
+            f"the mean frequency error stays at {after}, and damping ratios are met to {damping[1]} instead of {damping[0]}"
+        )
+    text = f"with it the mean frequency error falls from {before} to {after}"
+    if not np.isfinite([base.left_out_error, own.left_out_error]).all():
+        return text
+    before, after = percent(base.left_out_error), percent(own.left_out_error)
+    return f"{text}, and from {before} to {after} for modes that are predicted from all others"
+
+
+def _rests_on(n_used: Mapping[str, tuple[int, int]]) -> str:
+    parts = [f"{used} of {n} modes of {name}" for name, (used, n) in n_used.items()]
+    return f"The answer rests on {', '.join(parts)}."
+
+
+def _way(steps: Sequence[Any], names: Names) -> str:
+    """Say what each of several effects brings."""
+    parts = []
+    for before, after in zip(steps, steps[1:], strict=False):
+        added = [name for name in after.effects if name not in before.effects]
+        parts.append(
+            f"{names.of(added)} from {percent(before.frequency_error)} to {percent(after.frequency_error)} "
+            f"({percent(before.left_out_error)} to {percent(after.left_out_error)} for modes left out)"
+        )
+    return f"Step by step the frequency error falls with {'; with '.join(parts)}."
 
 
 def _estimates(own: Ranked) -> str:
-    return ", ".join(
-        f"{p.name} = {p.value:.4g}{'' if p.unit == '1' else ' ' + p.unit} (90 %: {p.lower:.4g} to {p.upper:.4g})"
+    parts = [
+        f"{p.name} = {p.value:.3g}{'' if p.unit == '1' else ' ' + p.unit} (95 %: {p.lower:.3g} to {p.upper:.3g})"
         for p in own.parameter
-    )
+    ]
+    return ", ".join(parts) or "which has no physical parameter"
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """Write a share as percent with two digits."""
+    if not np.isfinite(share):
+        return "an unknown share"
     return f"{100.0 * share:#.2g} %".replace(". %", " %")
 
 
-def _chance(probability: float) -> str:
-    if probability < 2.0 / DRAWS:
-        return f"fewer than 1 of {DRAWS // 2}"
-    return f"{100.0 * probability:.0f} of 100" if probability > 0.01 else f"{1e4 * probability:.0f} of 10000"
+def _sizes(own: Sizes) -> str:
+    parts = [f"{percent(getattr(own, kind))} of a {name}" for kind, name in _KINDS.items()]
+    return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _left_over(own: Explanation) -> str:
-    """Say how likely what an explanation leaves is: the only hint at an effect that no catalogue has."""
-    return f"Where nothing else is missing, as much as it leaves is left in {_chance(p_value(own))} cases."
+def _remains(found: Search, own: Explanation, lacking: Sequence[str]) -> str:
+    """Say why what remains is too much."""
+    if lacking:
+        return f"The model has no mode like {', '.join(lacking)}: what was said is of the others."
+    large = [
+        f"{percent(getattr(own.mean, kind))} of a {_KINDS[kind]} (usual: up to "
+        f"{percent(MEDIAN[kind] * float(np.exp(1.645 * SPREAD)))})"
+        for kind in KINDS
+        if getattr(own.mean, kind) > MEDIAN[kind] * np.exp(1.645 * SPREAD)
+    ]
+    reason = f"That is more than a right model leaves: {', '.join(large)}. " if large else ""
+    return f"{reason}{_where(found, own)}"
 
 
-def _doubtful(doubt: Doubt, named: Explanation) -> str:
-    """Say why a second effect that leaves less is not named."""
-    second = _named(doubt.effects)
-    return (
-        f"{second} beside it would lower the squared misfit by {doubt.gain:.0f} more. What the form of "
-        f"{_named(named.effects)} may be off by accounts for up to {doubt.least:.0f}, so {second} may be there "
-        "and is not named."
-    )
+def _where(found: Search, own: Explanation) -> str:
+    """Say which frequencies an explanation misses most."""
+    evidence, off = found.evidence, np.expm1(own.residual.log_frequency)
+    worst = np.argsort(-np.abs(off))[:3]
+    parts = [
+        f"{evidence.tested[c].name}, mode {r + 1} at {evidence.tested[c].modes.frequency[r]:.1f} Hz "
+        f"(measured {percent(abs(off[i]))} {'higher' if off[i] > 0 else 'lower'})"
+        for i, (c, r) in ((int(i), evidence.modes[int(i)]) for i in worst)
+    ]
+    return f"It fails most at {'; '.join(parts)}."
 
 
-def _at_a_point(own: PointChange) -> str:
+def _at_a_point(own: PointChange, names: Names) -> str:
     """Say where something is that no effect of the catalogue explains."""
     size = f"{1e3 * abs(own.size):.2g} g" if own.kind == "mass" else f"{abs(own.size):.2g} N/m"
     what = f"{size} {'more' if own.size > 0.0 else 'less'} {'mass' if own.kind == 'mass' else 'stiffness'}"
-    return (
-        f"This is unlike anything in the catalogue: what {_named(own.beside)} leaves looks like {what} at or near "
-        f"point {own.node} in the measured direction, which lowers the squared misfit by {own.gain:.0f}. Where nothing "
-        f"is missing, some point does as much in {_chance(own.chance)} cases. Look there."
-    )
+    return f"What {names.of(own.beside)} leaves looks like {what} at or near point {own.node} in the measured direction."
+
+
+def _at_bounds(left: Sequence[Explanation], names: Names) -> list[str]:
+    found = []
+    for x in left:
+        bound = [p.name for p, hit in zip(x.parameter, x.at_bound, strict=True) if hit]
+        if bound:
+            found.append(
+                f"Beware: {', '.join(bound)} of {names.of(x.effects)} lies at the end of its plausible range, so the "
+                "explanation is doubtful."
+            )
+    return found
 
 
 def _misread(gains: Sequence[SensorGain]) -> list[str]:
     """Say which accelerometers read otherwise than the first."""
     return [
-        f"Sensor {own.sensor} of each run reads {_percent(abs(own.excess))} {'higher' if own.excess > 0 else 'lower'} "
-        f"than sensor 1 (standard deviation {_percent(own.std)}): check its calibration. It is taken into account."
+        f"Sensor {own.sensor} of each run reads {percent(abs(own.excess))} {'higher' if own.excess > 0 else 'lower'} "
+        f"than sensor 1 (95 %: ± {percent(1.96 * own.std)}): check its calibration. It is taken into account."
         for own in gains
-        if abs(own.excess) > _WORTH * own.std
+        if abs(own.excess) > _NOTABLE * own.std
     ]
 
 
-def _change(base: Ranked, own: Ranked) -> str:
-    """Say what the frequency error falls to, also where each mode is predicted from all others."""
-    before, after = _percent(base.frequency_error), _percent(own.frequency_error)
-    if own.frequency_error >= base.frequency_error:
-        return f"the mean frequency error stays small ({before} before, {after} with it): other data show the effect"
-    text = f"the mean frequency error falls from {before} to {after}"
-    if not np.isfinite([base.held_out_error, own.held_out_error]).all():
-        return text
-    before, after = _percent(base.held_out_error), _percent(own.held_out_error)
-    return f"{text} (from {before} to {after} for a mode that is predicted from all others)"
-
-
-def _shares(own: Ranked, ranked: Mapping[tuple[str, ...], Ranked]) -> list[str]:
-    """Say how much of what several effects explain each of them explains alone."""
-    fall = ranked[()].misfit - own.misfit
-    alone = {n: (ranked[()].misfit - ranked[(n,)].misfit) / fall for n in own.effects if (n,) in ranked}
-    if len(own.effects) < 2 or not alone:
-        return []
-    shares = [f"{name} {100.0 * share:.0f} %" for name, share in sorted(alone.items(), key=lambda x: -x[1])]
-    return [f"Of the squared misfit that both explain, each alone explains: {', '.join(shares)}."]
-
-
-def _where(base: Explanation, error: str) -> str:
-    """Say which data the base model misses most."""
-    parts = []
-    for kind in ("frequency", "damping"):
-        inside = np.flatnonzero(base.residual.kind == kind)
-        value = base.residual.value[inside]
-        worst = inside[np.argsort(-np.abs(value))[:3]]
-        far = [
-            f"{base.residual.label[i]} ({'measured higher' if base.residual.value[i] > 0 else 'measured lower'})"
-            for i in worst
-            if abs(base.residual.value[i]) > _WORTH
+def _next(tests: Sequence[NextTest]) -> list[str]:
+    useful = [t for t in tests if t.distance > max(t.now, 1.0)]
+    if useful and useful[0].distance >= _NOTABLE:
+        return [
+            f"To tell them apart, {useful[0].instruction}: they would differ by {useful[0].distance:.1f} standard "
+            f"deviations, now by {useful[0].now:.1f}."
         ]
-        if far:
-            name = "frequencies" if kind == "frequency" else "damping ratios"
-            parts.append(f"{name} of {', '.join(far)}")
-    held = np.flatnonzero((base.residual.kind == "prior") & (np.abs(base.residual.value) > _WORTH))
-    parts += [
-        f"{base.residual.label[i]}, which would have to leave what is known of it by "
-        f"{abs(base.residual.value[i]):.0f} standard deviations"
-        for i in held[:2]
-    ]
-    tail = f" It fails most at {'; '.join(parts)}." if parts else ""
-    return f"The base model misses the measured frequencies by {error} in the mean.{tail}"
+    if tests:
+        return ["None of the further tests that were considered would tell them apart by 3 standard deviations."]
+    return []

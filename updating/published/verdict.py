@@ -11,12 +11,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.verdict import GAIN_SECOND, GAIN_SINGLE, SEPARATE
 from updating.fitting.modal_table import ModalTable
 from updating.published.screening import Screening, Tried
 
 MEASURED = 0.002
 """What a frequency of such a test is known to, relative."""
+
+
+SEPARATE = 3.0
+"""Discrimination distance below which two explanations are an ambiguity."""
+GAIN_SINGLE, GAIN_SECOND = 16.0, 20.0
+"""Fall of the squared misfit that a missing effect must bring, and a second one beside it."""
 
 
 def published_verdict(found: Sequence[Screening], table: ModalTable) -> str:

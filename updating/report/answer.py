@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.verdict import GAIN_SECOND, SEPARATE
+from updating.diagnosis.verdict import SEPARATE
 from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.results.text import estimate_text
@@ -75,17 +75,16 @@ def explanation_table(results: Results) -> Table:
     return Table(
         title="Explanations that were tried",
         header=(
-            "effects", "probability", "misfit", "distance", "frequency error [%]", "held out [%]",
-            "parameters with 90 % interval",
+            "effects", "probability", "explained [%]", "frequency error [%]", "left out [%]",
+            "parameters with 95 % interval",
         ),
         rows=tuple(
             (
                 " + ".join(own.effects) or "none",
                 f"{own.probability:.3f}",
-                f"{own.misfit:.1f}",
-                f"{own.distance:.1f}",
-                f"{100 * own.frequency_error:.3f}",
-                f"{100 * own.held_out_error:.3f}",
+                f"{100 * own.explained:.0f}",
+                f"{100 * own.frequency_error:.2g}",
+                f"{100 * own.left_out_error:.2g}",
                 "; ".join(
                     f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}){'' if p.unit == '1' else ' ' + p.unit}"
                     for p in own.parameter
@@ -93,10 +92,10 @@ def explanation_table(results: Results) -> Table:
             )
             for own in ranking
         ),
-        note="Misfit: squared differences of frequencies, damping ratios and shapes over their variances. Distance: "
-        f"from the explanation of least misfit; below {SEPARATE:g} the data cannot tell the two apart, and a second "
-        f"effect that brings less than {np.sqrt(GAIN_SECOND):.1f} is not named. Held out: the frequency error where "
-        "each mode is predicted from all others.",
+        note="Explained: share of the squared differences of frequencies, damping ratios and shapes, over the variances of "
+        "noise and of the discrepancy that the best explanation leaves. Left out: the frequency error where each mode is "
+        f"predicted from all others. Explanations less than {np.exp(SEPARATE):.0f} times less probable than the first are "
+        "not told apart.",
     )  # fmt: skip
 
 
@@ -115,6 +114,7 @@ def _headline(diagnosis: Diagnosis) -> str:
     names = "; ".join(" with ".join(effects) for effects in diagnosis.set)
     return {
         "nothing missing": "Nothing is missing that these data can show.",
+        "partly explained": f"What the model lacks is mostly, but not only: {names}.",
         "identified": f"What the model lacks: {names}.",
         "one of": f"The model lacks one of these, and the data cannot tell which: {names}.",
         "unlike anything": "The model lacks something that is unlike anything in the catalogue.",

@@ -1,4 +1,4 @@
-"""Measured configurations put beside the reduced model with all effects: from modes and a model to evidence."""
+"""Evidence assembled: measured configurations put beside the reduced model with all effects."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
@@ -16,7 +17,8 @@ from updating.correlation.registration import register
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
 from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
 from updating.diagnosis.mode_space import ModeSpace
-from updating.diagnosis.residual import unit_shape, unit_shapes
+from updating.diagnosis.hypotheses import measurement_hypotheses
+from updating.diagnosis.residual import covariance_of, unit_shape, unit_shapes
 from updating.errors import FitError
 
 Vector = NDArray[np.float64]
@@ -27,14 +29,15 @@ _MAC_SAME = 0.9  # from which the mesh does to its shape what it does to the mod
 _TURNED = 0.05  # difference of two meshes' shapes that is no error but two close modes turned into each other
 _FREE = 0.2  # of the directions of shapes that no mode may reach, from which sensors' scatter shows
 _RESOLVED = 1e-3  # of a shape, that reduction and mesh leave
+_USUAL_SCATTER = 1e-2  # of a shape, where too few sensors show it
 _RANK = 1e-6  # singular values below this share of the largest are rounding
 _PLACES = 4  # of an accelerometer, from which its gain is told
 _TRIALS = 17
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Gathered(Evidence):
-    """Evidence with what it was gathered from, so that its basis can grow and further tests can be played.
+class Assembled(Evidence):
+    """Evidence with what it was assembled from, so that its basis can grow and further tests can be simulated.
 
     Attributes
     ----------
@@ -61,7 +64,7 @@ class Gathered(Evidence):
         """The evidence alone: all that a fit needs, and small enough for another process."""
         return Evidence(**{field.name: getattr(self, field.name) for field in fields(Evidence)})
 
-    def with_system(self, system: ReducedSystem) -> Gathered:
+    def with_system(self, system: ReducedSystem) -> Assembled:
         """Return the evidence beside the same model with another basis."""
         return replace(
             self,
@@ -71,9 +74,9 @@ class Gathered(Evidence):
         )
 
 
-def gather(
+def assemble_evidence(
     candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: DiagnosisScatter | None = None
-) -> Gathered:
+) -> Assembled:
     """Put measured configurations beside a model and find the measured modes that it has.
 
     Parameters
@@ -99,7 +102,7 @@ def gather(
     observation = tuple(
         register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
     )
-    gathered = Gathered(
+    assembled = Assembled(
         stack=base,
         tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
         used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
@@ -118,10 +121,17 @@ def gather(
         shift=(),
         finer=candidates.finer,
     )
-    started = _started(gathered)
+    started = _started(assembled)
     G_f = started.theta(started.start, 0)["G_f"]
-    started = replace(started, scatter=replace(started.scatter, shape=_shape_scatter(started, G_f)))
-    return replace(started, shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))))
+    started = replace(
+        started,
+        sensor_scatter=_sensor_scatter(started, G_f),
+        sizes=started.scatter.sizes,
+        identity=identities(started.tested),
+        shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))),
+        hypotheses=measurement_hypotheses(started),
+    )
+    return replace(started, covariance=covariance_of(started, started.start))
 
 
 def _n_gain(sensors: Sequence[NDArray[np.int64]]) -> int:
@@ -130,33 +140,59 @@ def _n_gain(sensors: Sequence[NDArray[np.int64]]) -> int:
     return number - 1 if min(own.size for own in sensors) >= _PLACES * number else 0
 
 
-def _shape_scatter(evidence: Gathered, G_f: float) -> float:
-    """Return what sensors add to shapes: `DiagnosisScatter.shape`, or what they show, if less.
+def identities(tested: Sequence[Tested]) -> tuple[NDArray[np.int64], ...]:
+    """Return for each configuration which mode of the stack each measured mode is, by MAC and distance in frequency.
 
-    They show it where no mode of the model, no rigid-body motion and no gain of a sensor reaches, beside their standard
-    deviations; what an effect changes in shapes are these modes for the most part. As a place is off for all modes
-    alike, one mode tells of it as much as all, and what is shown is as uncertain.
+    A mode that resembles none of the configurations before is one of its own.
+    """
+    known: list[tuple[int, int]] = []
+    found = []
+    for c, own in enumerate(tested):
+        number = np.full(own.modes.frequency.size, -1, dtype=np.int64)
+        for before in range(c - 1, -1, -1):
+            other = tested[before].modes
+            if other.shape.shape[0] != own.modes.shape.shape[0]:
+                continue
+            similar = mac(own.modes.shape, other.shape)
+            row, column = linear_sum_assignment(similar, maximize=True)
+            for i, j in zip(row, column, strict=True):
+                if similar[i, j] >= _MAC_USED and number[i] < 0 and found[before][j] not in number:
+                    number[i] = found[before][j]
+        for i in np.flatnonzero(number < 0):
+            number[i] = len(known)
+            known.append((c, int(i)))
+        found.append(number)
+    return tuple(found)
+
+
+def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[Vector, ...]:
+    """Return what is added to each measured shape beside its standard deviations, over its length, as it shows it.
+
+    It shows it where no mode of the model, no rigid-body motion and no gain of a sensor reaches; what an effect changes
+    in shapes are these modes for the most part. The places of sensors are off for all modes alike, so no shape has less
+    than half of what is usual in the test.
     """
     found = []
     for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
         base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
-        known = la.orth(ModeSpace.of(base, evidence.observed[c], evidence.scatter).shape, _RANK)
+        known = la.orth(ModeSpace.of(base, evidence.observed[c]).shape, _RANK)
         by_gain = evidence.by_gain(c)
         n_free = len(known) - known.shape[1] - evidence.n_gain
-        share = (
-            n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))
-        )  # one standard deviation more than shown
-        measured = tested.modes.shape[:, used]
-        shape, std = unit_shape(measured), tested.modes.shape_std[:, used] / np.linalg.norm(measured, axis=0)
-        for i in range(used.size if n_free > _FREE * len(known) else 0):
-            reached = la.orth(np.hstack([known, by_gain * shape[:, i, None]]), _RANK)
-            left = float(np.sum((shape[:, i] - reached @ (reached.T @ shape[:, i])) ** 2))
-            found.append((left - float((1.0 - np.sum(reached**2, axis=1)) @ std[:, i] ** 2)) / share)
-    shown = float(np.sqrt(max(np.median(found), 0.0))) if found else np.inf
-    return min(evidence.scatter.shape, max(shown, _RESOLVED))
+        share = n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))  # one standard deviation more than shown
+        measured = tested.modes.shape
+        shape, std = unit_shape(measured), tested.modes.shape_std / np.linalg.norm(measured, axis=0)
+        own = np.full(measured.shape[1], _USUAL_SCATTER)
+        for r in used if n_free > _FREE * len(known) else ():
+            reached = la.orth(np.hstack([known, by_gain * shape[:, r, None]]), _RANK)
+            left = float(np.sum((shape[:, r] - reached @ (reached.T @ shape[:, r])) ** 2))
+            noise = float((1.0 - np.sum(reached**2, axis=1)) @ std[:, r] ** 2)
+            own[r] = np.sqrt(max(left - noise, 0.0) / share)
+        found.append(own)
+    usual = np.median(np.concatenate([own[used] for own, used in zip(found, evidence.used, strict=True)]))
+    return tuple(np.maximum(own, max(0.5 * float(usual), _RESOLVED)) for own in found)
 
 
-def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
+def base_shift(evidence: Assembled, configuration: int, G_f: float) -> Shift:
     """Return the shift of a configuration: of those modes of the base model at `G_f` that resemble its most."""
     own = evidence.tested[configuration]
     base = solved(evidence, configuration, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
@@ -192,7 +228,7 @@ def base_shift(evidence: Gathered, configuration: int, G_f: float) -> Shift:
 
 
 def _slope(
-    evidence: Gathered, name: str, resized: ReducedEquations, mode: Vector, at: Mapping[str, float]
+    evidence: Assembled, name: str, resized: ReducedEquations, mode: Vector, at: Mapping[str, float]
 ) -> Vector:
     """Return how much the logarithm of each mode's frequency grows with that of a dimension (Rayleigh's quotient).
 
@@ -212,11 +248,11 @@ def _slope(
     return 0.5 * np.log(quotient(resized) / quotient(evidence.equations)) / np.log(ratio)
 
 
-def _started(evidence: Gathered) -> Gathered:
+def _started(evidence: Assembled) -> Assembled:
     """Scan G_f for the value that explains most modes, and keep the measured modes that the model has there."""
     rough = evidence.rough
-    G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _met(rough, trial)[0])
-    used = _met(evidence, G_f)[1]
+    G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _matched(rough, trial)[0])
+    used = _matched(evidence, G_f)[1]
     if not sum(u.size for u in used):
         message = "no measured mode resembles one of the model; check points, directions and signs"
         raise FitError(message)
@@ -226,7 +262,7 @@ def _started(evidence: Gathered) -> Gathered:
     return replace(evidence, used=used, start=start)
 
 
-def _met(evidence: Evidence, G_f: float) -> tuple[float, tuple[NDArray[np.int64], ...]]:
+def _matched(evidence: Evidence, G_f: float) -> tuple[float, tuple[NDArray[np.int64], ...]]:
     """Return how far the measured modes are from the base model's in all, and those that it has."""
     cost, used = 0.0, []
     for c, tested in enumerate(evidence.tested):

@@ -1,0 +1,74 @@
+"""Tests that a second model plays, as the modal models that a diagnosis reads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import ema
+from ema.types.geometry import Dofs, Geometry
+from tests.independent.campaign import SHAKER, Play, TableNoise, draw, modal_tables, play
+
+BAND = (100.0, 1150.0)
+"""Hz: eight to fourteen modes of the stack of `data/hidden_effect`."""
+
+
+def simulated(test: Play, second_model, noise: TableNoise | None = None):
+    """Return what is played, and of each configuration name, stated pressure and identified modes."""
+    played = play(replace(test, band=BAND, step=25.0), second_model)
+    geometry = Geometry(
+        node=np.arange(1, SHAKER + 1),
+        coordinate=played.nominal,
+        line=np.empty((0, 2), dtype=int),
+    )
+    tables = modal_tables(played, noise or TableNoise())
+    return played, [
+        (table.configuration.name, table.configuration.pressure, _modal_model(table, geometry))
+        for table in tables
+    ]
+
+
+def _modal_model(table, geometry):
+    """Return a table of modes as an identification gives it."""
+    n_dof, n = table.shape.shape
+    largest = np.abs(table.shape).max(axis=0)
+    pole = 2.0 * np.pi * table.frequency * (-table.damping + 1j * np.sqrt(1.0 - table.damping**2))
+    zero = np.zeros((n_dof, 1))
+    upwards = np.tile([0.0, 0.0, 1.0], (n_dof, 1))
+    return ema.ModalModel(
+        name=table.configuration.name,
+        frequency=table.frequency,
+        damping=table.damping,
+        frequency_std=table.frequency_std,
+        damping_std=table.damping_std,
+        pole=pole,
+        residue=np.zeros((n_dof, 1, n), complex),
+        lower=zero.astype(complex),
+        upper=zero.astype(complex),
+        outside_pole=np.empty(0, complex),
+        outside_residue=np.empty((n_dof, 1, 0), complex),
+        shape=(table.shape / largest).astype(complex),
+        shape_std=table.shape_std / largest,
+        scaled=np.zeros(n, dtype=bool),
+        node=np.arange(1, n_dof + 1),
+        direction=upwards,
+        sensor=np.arange(n_dof) % 2,
+        input=Dofs(node=np.array([SHAKER]), direction=np.array([[0.0, 0.0, 1.0]])),
+        band=BAND,
+        geometry=geometry,
+        quantity="accelerance",
+        covariance=np.eye(2 * n),
+        residue_std=np.zeros((n_dof, 1, n)),
+        noise=zero,
+        correlation=zero + 1.0,
+        error=zero,
+        run=np.array([1]),
+        run_pole=pole[None, :],
+        run_frequency_std=table.frequency_std[None, :],
+        run_damping_std=table.damping_std[None, :],
+        run_probability=np.ones((1, n)),
+    )
+
+
+__all__ = ["BAND", "draw", "simulated"]

@@ -1,0 +1,33 @@
+"""What may be wrong with a measurement or with what a file states of it, tried beside the physical effects.
+
+Each hypothesis lets nuisances leave what is known of them. It explains nothing physical, and is named as what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from updating.diagnosis.evidence import Evidence
+
+MEASUREMENT = "measurement"
+"""Family of these hypotheses."""
+STATED_PRESSURE, STATED_SIZE, SENSOR_GAIN = "stated_pressure", "stated_size", "sensor_gain"
+LABELS = {
+    STATED_PRESSURE: "a pressure or torque stated wrongly",
+    STATED_SIZE: "dimensions of the stack stated wrongly",
+    SENSOR_GAIN: "the calibration of a roving accelerometer",
+}
+"""What each is called."""
+_PRESSURE, _SIZE, _GAIN = 0.1, 0.01, 0.3  # standard deviations of the logarithms where something was stated wrongly
+
+
+def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
+    """Return the hypotheses that these data allow: by name, nuisances and the standard deviations that they then have."""
+    found: dict[str, Mapping[str, float]] = {}
+    if len(evidence.tested) > 1:
+        found[STATED_PRESSURE] = {f"G_f[{own.name}]": _PRESSURE for own in evidence.tested}
+    if evidence.dimensions:
+        found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, _SIZE)
+    if evidence.n_gain:
+        found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": _GAIN for i in range(evidence.n_gain)}
+    return found
