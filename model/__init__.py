@@ -15,7 +15,8 @@ from model.reduction.truncation import truncated
 from model.stack.effect import Effect, Parameter, shared_parameters
 from model.stack.errors import EffectError, ModelError, SolveError, StackError
 from model.stack.material import Material
-from model.stack.stack import Clamp, Contact, Instruments, Mesh, Stack
+from model.stack.parts import Clamp, Contact, Instruments, Mesh
+from model.stack.stack import Stack
 from model.stack.stack_file import read_stack
 
 __all__ = [

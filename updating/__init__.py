@@ -17,6 +17,7 @@ from updating.diagnosis.evidence import DiagnosisScatter
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fitting.fit import Estimate, Fit, fit
 from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.ledger import Entry, ledger
 from updating.fitting.objective import frequency_error, opt_d, opt_G
 from updating.fitting.prepared import Prepared, prepare
@@ -36,6 +37,7 @@ __all__ = [
     "Expansion",
     "Fit",
     "FitError",
+    "FitSettings",
     "FittedParameter",
     "FrfCorrelation",
     "JointFit",

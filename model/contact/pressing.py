@@ -22,7 +22,8 @@ from model.elements.clamping import footprint_points
 from model.elements.mesh import Plan, plan_of
 from model.elements.shell import plate_form
 from model.stack.errors import SolveError, StackError
-from model.stack.stack import Pressing, PressureDistribution, Stack
+from model.stack.parts import Pressing, PressureDistribution
+from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
 
@@ -149,6 +150,36 @@ def press(stack: Stack) -> PressureField:
     SolveError
         Newton's method does not converge.
     """
+    pressing = _pressing_of(stack)
+    plan = plan_of(stack)
+    law = InterfaceLaw.of(stack, pressing.curve)
+    problem = _problem(stack, plan, pressing, law)
+    force = stack.contact.pressure * plan.area
+    w, residuals, n_step = _in_load_steps(stack, problem, plan, force)
+    pressure, _ = problem.contact(w)
+    highest, end = float(pressure[~law.is_layer].max(initial=0.0)), float(pressing.curve.pressure[-1])
+    if highest > end:
+        message = (
+            f"the pressure reaches {highest / 1e3:.4g} kPa, but the compression curve ends at {end / 1e3:.4g} kPa; "
+            "measure the curve farther, or spread the clamps' force by plates or wider footprints"
+        )
+        raise StackError(message)
+    one = plan.interpolate("w", (1.0, 0.0, 0.0))
+    closing = law.strain_at(stack.contact.pressure) * law.spacing
+    heights = np.concatenate([[0.0], -np.cumsum(closing)])
+    shape = (stack.n_lamina - 1, *plan.membrane.dx.shape)
+    return PressureField(
+        plan=plan,
+        law=law,
+        deflection=np.outer(heights - heights.mean(), one) + w,
+        pressure=pressure.reshape(shape),
+        force=force,
+        residual=np.array(residuals),
+        n_step=n_step,
+    )
+
+
+def _pressing_of(stack: Stack) -> Pressing:
     pressing = stack.pressing
     if not isinstance(pressing, Pressing):
         message = "the stack says nothing about how it is pressed; give it a Pressing (table [pressing])"
@@ -156,25 +187,24 @@ def press(stack: Stack) -> PressureField:
     if stack.n_lamina < 2 or sum(clamp.share for clamp in stack.clamps) <= 0.0:
         message = "the static stage needs at least two laminas and one clamp with a share of the force"
         raise StackError(message)
-    plan = plan_of(stack)
-    law = InterfaceLaw.of(stack, pressing.curve)
-    problem = _problem(stack, plan, pressing, law)
-    mean = stack.contact.pressure
-    force = mean * plan.area
+    return pressing
 
-    uniform = problem.evaluate.T @ problem.area * mean
+
+def _in_load_steps(
+    stack: Stack, problem: _Problem, plan: Plan, force: float
+) -> tuple[Vector, list[float], int]:
+    """Put the clamps' load in place of the uniform one, step by step.
+
+    Returns the deflections beyond uniform compression, the residuals of the last step, and the number of steps.
+    """
+    uniform = problem.evaluate.T @ problem.area * stack.contact.pressure
     clamped = np.zeros_like(uniform)
     total = sum(clamp.share for clamp in stack.clamps)
     for clamp in stack.clamps:
         points, weights = footprint_points((clamp.x, clamp.y), clamp.footprint, plan)
         clamped += force * clamp.share / total * (weights @ plan.point_rows("w", points))
     load = np.zeros((stack.n_lamina, uniform.size))
-
-    one = plan.interpolate("w", (1.0, 0.0, 0.0))
-    closing = law.strain_at(mean) * law.spacing
-    heights = np.concatenate([[0.0], -np.cumsum(closing)])
     w = np.zeros_like(load)
-
     done, step, residuals, n_step = 0.0, 1.0, [0.0], 0
     while done < 1.0:
         aim = min(done + step, 1.0)
@@ -188,25 +218,7 @@ def press(stack: Stack) -> PressureField:
                 raise
             continue
         w, done, n_step = found, aim, n_step + 1
-
-    pressure, _ = problem.contact(w)
-    highest, end = float(pressure[~law.is_layer].max(initial=0.0)), float(pressing.curve.pressure[-1])
-    if highest > end:
-        message = (
-            f"the pressure reaches {highest / 1e3:.4g} kPa, but the compression curve ends at {end / 1e3:.4g} kPa; "
-            "measure the curve farther, or spread the clamps' force by plates or wider footprints"
-        )
-        raise StackError(message)
-    shape = (stack.n_lamina - 1, *plan.membrane.dx.shape)
-    return PressureField(
-        plan=plan,
-        law=law,
-        deflection=np.outer(heights - heights.mean(), one) + w,
-        pressure=pressure.reshape(shape),
-        force=force,
-        residual=np.array(residuals),
-        n_step=n_step,
-    )
+    return w, residuals, n_step
 
 
 def pressure_distribution(stack: Stack) -> PressureDistribution | None:

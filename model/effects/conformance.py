@@ -25,7 +25,8 @@ from model.reduction.reduction import reduce
 from model.stack.effect import OMEGA_REFERENCE, Effect
 from model.stack.errors import EffectError
 from model.stack.material import Material
-from model.stack.stack import Clamp, Contact, EdgeSupport, Mesh, Stack
+from model.stack.parts import Clamp, Contact, EdgeSupport, Mesh
+from model.stack.stack import Stack
 
 SECTIONS = ("Enters:", "Range:", "Does:", "Mistaken for:")
 """Paragraphs that an effect's description has."""

@@ -15,7 +15,8 @@ from model.elements.clamping import footprint_points
 from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 from model.elements.mesh import FIELDS, Derivative, Field
 from model.stack.errors import EffectError
-from model.stack.stack import Clamp, Instruments, Stack
+from model.stack.parts import Clamp, Instruments
+from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
 

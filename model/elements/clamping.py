@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from model.elements.equations import Kron, Monomial, Term
 from model.elements.mesh import FIELDS, Plan
-from model.stack.stack import Clamp, Stack
+from model.stack.parts import Clamp
+from model.stack.stack import Stack
 
 _MOST_PANELS = 24  # along one side of a footprint
 

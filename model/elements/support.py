@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from model.elements.clamping import footprint_points
 from model.elements.equations import Kron, Monomial, Term
 from model.elements.mesh import FIELDS, Plan
-from model.stack.stack import Edge, EdgeSupport, PatchSupport, Stack
+from model.stack.parts import Edge, EdgeSupport, PatchSupport
+from model.stack.stack import Stack
 
 _HELD = 1e5  # stiffness that stands for an infinite one, relative to a lamina's over one element
 _ON_LINE = 1e-9  # of the plan's size

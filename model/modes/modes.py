@@ -165,22 +165,7 @@ def solve_modes(
     observed = observe(system, observation)
     names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
     rigid = Derivatives.steady(eigenvalues[:n_rigid], vectors[:, :n_rigid], len(names))
-    if OMEGA not in theta:
-        elastic = mode_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
-    elif any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
-        elastic = Derivatives.joined(
-            [_at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in range(n_rigid, n_mode)]
-        )
-    else:  # only damping follows frequency: the undamped modes are the same for all
-        elastic = mode_derivatives(
-            system,
-            theta,
-            (*names, OMEGA),
-            eigenvalues,
-            vectors,
-            range(n_rigid, n_mode),
-            np.sqrt(eigenvalues[n_rigid:n_mode]),
-        ).without_omega()
+    elastic = _elastic_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
     found = Derivatives.joined([rigid, elastic])
     omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, found.eigenvalue))
     safe = np.where(omega > 0.0, omega, np.inf)
@@ -203,6 +188,26 @@ def solve_modes(
         coordinate=found.coordinate,
         outside=outside_ranges(system, theta),
     )
+
+
+def _elastic_derivatives(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    eigenvalues: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    elastic: range,
+) -> Derivatives:
+    """Return the elastic modes with their derivatives, each with the matrices at its own frequency."""
+    if OMEGA not in theta:
+        return mode_derivatives(system, theta, names, eigenvalues, vectors, elastic)
+    if any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
+        return Derivatives.joined(
+            [_at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in elastic]
+        )
+    # only damping follows frequency: the undamped modes are the same for all
+    at = np.sqrt(eigenvalues[elastic.start : elastic.stop])
+    return mode_derivatives(system, theta, (*names, OMEGA), eigenvalues, vectors, elastic, at).without_omega()
 
 
 def _at_own_frequency(

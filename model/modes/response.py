@@ -64,15 +64,8 @@ def frf(
     SolveError
         The quantity or a parameter is unknown, or a frequency is not positive.
     """
-    if quantity not in get_args(Quantity):
-        message = f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}"
-        raise SolveError(message)
     frequency = np.asarray(frequency, dtype=float)
-    if frequency.size and not frequency.min() > 0.0:
-        message = (
-            f"frequencies must be positive: a free stack has no static response; got {frequency.min():g} Hz"
-        )
-        raise SolveError(message)
+    _require_sound(quantity, frequency)
     theta = full_parameters(system, G_f, d_f, parameters)
     rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
     assembly = system.assembly
@@ -87,20 +80,50 @@ def frf(
         [(system.basis, assembly.apply(krons["M"], system.basis))],
     )
     basis = np.hstack([system.basis, attachment])
-    reduced: dict[Target, NDArray[np.float64]] = {}
-    for target, parts in krons.items():
-        added = basis.T @ assembly.apply(parts, attachment)
-        matrix = np.zeros((basis.shape[1], basis.shape[1]))
-        matrix[: system.size, : system.size] = system.matrix(target, theta)
-        matrix[:, system.size :] = added
-        matrix[system.size :] = added.T
-        reduced[target] = matrix
-
+    reduced = {
+        target: _bordered(system.matrix(target, theta), basis.T @ assembly.apply(parts, attachment))
+        for target, parts in krons.items()
+    }
     following = _following_terms(system, theta, basis)
-    load = (rows_in @ basis).T
-    response = rows_out @ basis
     omega = 2.0 * np.pi * frequency
-    value = np.empty((rows_out.shape[0], rows_in.shape[0], frequency.size), dtype=complex)
+    value = _superposed(reduced, following, theta, omega, (rows_in @ basis).T, rows_out @ basis)
+    return value * (1j * omega) ** get_args(Quantity).index(quantity)
+
+
+def _require_sound(quantity: str, frequency: NDArray[np.float64]) -> None:
+    if quantity not in get_args(Quantity):
+        message = f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}"
+        raise SolveError(message)
+    if frequency.size and not frequency.min() > 0.0:
+        message = (
+            f"frequencies must be positive: a free stack has no static response; got {frequency.min():g} Hz"
+        )
+        raise SolveError(message)
+
+
+def _bordered(inner: NDArray[np.float64], added: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a symmetric matrix from its leading block and its last columns."""
+    size = inner.shape[0]
+    matrix = np.zeros((added.shape[0], added.shape[0]))
+    matrix[:size, :size] = inner
+    matrix[:, size:] = added
+    matrix[size:] = added.T
+    return matrix
+
+
+def _superposed(
+    reduced: Mapping[Target, NDArray[np.float64]],
+    following: list[tuple[Term, NDArray[np.float64]]],
+    theta: Mapping[str, float],
+    omega: NDArray[np.float64],
+    load: NDArray[np.float64],
+    response: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Return the receptances (n_output, n_input, n_frequency) of matrices in a basis.
+
+    `following` are the terms whose factor depends on frequency; the matrices have them at that of `theta`.
+    """
+    value = np.empty((response.shape[0], load.shape[1], omega.size), dtype=complex)
     for first in range(0, omega.size, _LINES_AT_ONCE):
         lines = omega[first : first + _LINES_AT_ONCE, None, None]
         dynamic = reduced["K"] + 1j * lines * reduced["C"] - lines**2 * reduced["M"]
@@ -111,7 +134,7 @@ def frf(
             dynamic += change * (1j * lines) ** power * matrix
         solved = np.linalg.solve(dynamic, np.broadcast_to(load, (lines.size, *load.shape)))
         value[:, :, first : first + _LINES_AT_ONCE] = (response @ solved).transpose(1, 2, 0)
-    return value * (1j * omega) ** get_args(Quantity).index(quantity)
+    return value
 
 
 def _following_terms(

@@ -27,9 +27,9 @@ from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
 from model.reduction.sobol import sobol
 from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, shear_shift, z_basis
-from model.solvers.eigen import orthonormalize
+from model.solvers.eigen import Block, Product, orthonormalize
 from model.solvers.low_rank import Factor
-from model.solvers.stack_solver import solver_over_plan
+from model.solvers.stack_solver import Solver, solver_over_plan
 from model.stack.arrays import readonly
 from model.stack.errors import SolveError
 from model.stack.stack import Stack
@@ -180,47 +180,66 @@ def reduce(
         return assembly.apply(mass, x)
 
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
-    basis, mass_basis = orthonormalize(rigid, product)
-    fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
-    modes = []
-    for i, sample in enumerate(samples):
-        if i < len(outer):
-            start = over_z.snapshots[i][:, N_RIGID:]
-        else:
-            stiffness, inertia = (
-                _symmetric(basis.T @ assembly.apply(assembly.krons(target, sample), basis))
-                for target in ("K", "M")
-            )
-            start = basis @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
-        start = np.hstack([start, fresh])
-        shift = shear_shift(stack, sample)
-        values, vectors = solver.modes(sample, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
-        block, mass_block = orthonormalize(vectors[:, :n_mode], product, [(basis, mass_basis)])
-        basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
-        strained = np.flatnonzero(values[:n_mode] > FREE * shift)
-        modes.append(vectors[:, strained] / np.sqrt(values[strained]))
-    basis, mass_basis = orthonormalize(rigid, product)
-    principal = leading(np.hstack(modes), assembly, middle)
-    block, mass_block = orthonormalize(principal, product, [(basis, mass_basis)])
-    basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+    starts = [snapshot[:, N_RIGID:] for snapshot in over_z.snapshots[: len(outer)]]
+    modes = _snapshot_modes(assembly, solver, samples, starts, rigid, product, n_mode)
+    space = _extended(orthonormalize(rigid, product), leading(modes, assembly, middle), product)
     for effects, at in (
         (stack.effects, middle),
         (sampled, samples[-1]),
     ):  # these have modes of their own there
-        answers = effect_answers(assembly, effects, solver, at, basis, n_mode)
+        answers = effect_answers(assembly, effects, solver, at, space[0], n_mode)
         if answers.shape[1]:
-            block, mass_block = orthonormalize(answers, product, [(basis, mass_basis)])
-            basis, mass_basis = np.hstack([basis, block]), np.hstack([mass_basis, mass_block])
+            space = _extended(space, answers, product)
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
         assembly=assembly,
-        basis=basis,
-        terms=reduced_terms(assembly, basis),
+        basis=space[0],
+        terms=reduced_terms(assembly, space[0]),
         theta=assembly.theta,
         ranges=box,
         laminas=laminas,
     )
+
+
+def _snapshot_modes(
+    assembly: Assembly,
+    solver: Solver,
+    samples: Sequence[Mapping[str, float]],
+    starts: Sequence[NDArray[np.float64]],
+    rigid: NDArray[np.float64],
+    product: Product,
+    n_mode: int,
+) -> NDArray[np.float64]:
+    """Return the strained modes at all samples, of unit energy.
+
+    The first samples start from `starts`, the others from the modes in the space of those before them.
+    """
+    space, modes = orthonormalize(rigid, product), []
+    fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
+    for i, sample in enumerate(samples):
+        if i < len(starts):
+            start = starts[i]
+        else:
+            stiffness, inertia = (
+                _symmetric(space[0].T @ assembly.apply(assembly.krons(target, sample), space[0]))
+                for target in ("K", "M")
+            )
+            start = space[0] @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
+        shift = shear_shift(assembly.stack, sample)
+        values, vectors = solver.modes(
+            sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, _MIN_STEPS
+        )
+        space = _extended(space, vectors[:, :n_mode], product)
+        strained = np.flatnonzero(values[:n_mode] > FREE * shift)
+        modes.append(vectors[:, strained] / np.sqrt(values[strained]))
+    return np.hstack(modes)
+
+
+def _extended(space: Block, x: NDArray[np.float64], product: Product) -> Block:
+    """Return a mass-orthonormal basis, with its products with the mass matrix, extended by more directions."""
+    block, mass_block = orthonormalize(x, product, [space])
+    return np.hstack([space[0], block]), np.hstack([space[1], mass_block])
 
 
 def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[ReducedTerm, ...]:

@@ -8,7 +8,7 @@ interface is a jump; the shapes over the plan hardly feel that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -207,26 +207,37 @@ def z_basis(
         snapshots.append(vectors[:, :n_mode])
     elastic = _elastic(eigenvalues, snapshots, shifts)
     functions, energy = _functions_and_energies(full, stack, thetas, elastic)
+
+    def worst_error(phi: Phi) -> float:
+        """Return the largest relative error of a frequency over the shapes with these functions."""
+        reduced_solver = solver_over_plan(full.project_z(phi))
+        errors = []
+        for theta, shift, exact, snapshot in zip(thetas, shifts, eigenvalues, snapshots, strict=True):
+            start = _over_phi(full, phi, snapshot[:, N_RIGID:])
+            over_phi = _over_phi(full, phi, rigid)
+            approximate, _ = reduced_solver.modes(theta, shift, start, n_mode, _TOLERANCE, over_phi)
+            errors.append(np.max((approximate - exact) / (2.0 * np.maximum(exact, SOFT * shift))))
+        return float(max(errors))
+
+    phi = _enough(functions, energy, worst_error, tolerance)
+    return ZBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
+
+
+def _enough(
+    functions: Mapping[Field, Vector],
+    energy: Mapping[Field, Vector],
+    worst_error: Callable[[Phi], float],
+    tolerance: float,
+) -> Phi:
+    """Return as many principal functions of each field as keep the error of the frequencies in the tolerance."""
     allowed = 2.0 * tolerance  # an energy error of 2 e is a frequency error of e
     while True:
         keep = {f: max(int(np.count_nonzero(_tail(energy[f]) > allowed)), _FEWEST[f]) for f in FIELDS}
         phi: Phi = {f: la.qr(functions[f][:, : keep[f]], mode="economic")[0] for f in FIELDS}
-        reduced_solver = solver_over_plan(full.project_z(phi))
-        errors = []
-        for theta, shift, exact, snapshot in zip(thetas, shifts, eigenvalues, snapshots, strict=True):
-            approximate, _ = reduced_solver.modes(
-                theta,
-                shift,
-                _over_phi(full, phi, snapshot[:, N_RIGID:]),
-                n_mode,
-                _TOLERANCE,
-                _over_phi(full, phi, rigid),
-            )
-            errors.append(np.max((approximate - exact) / (2.0 * np.maximum(exact, SOFT * shift))))
-        if max(errors) < tolerance or allowed < _ROUNDING:
-            break
-        allowed *= min(0.5, 0.7 * tolerance / max(errors))
-    return ZBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
+        error = worst_error(phi)
+        if error < tolerance or allowed < _ROUNDING:
+            return phi
+        allowed *= min(0.5, 0.7 * tolerance / error)
 
 
 def _over_plan(assembly: Assembly, field: Field, x: Vector) -> Vector:

@@ -160,6 +160,23 @@ def ring(outer: float, inner: float, n_side: int) -> Outline:
     return Outline(boundary=circle(outer, n_side), holes=(circle(inner, n_side),))
 
 
+@dataclass(frozen=True, kw_only=True)
+class BoltHoles:
+    """Round holes on a circle around the centre.
+
+    Attributes
+    ----------
+    number : int
+        Number of holes, the first one at angle 0.
+    diameter, circle : float
+        Diameter of the holes and of the circle on which they lie, m.
+    """
+
+    number: int
+    diameter: float
+    circle: float
+
+
 def stator(
     *,
     outer: float,
@@ -167,9 +184,7 @@ def stator(
     slot: float,
     n_tooth: int,
     tooth_width: float,
-    hole: float = 0.0,
-    hole_circle: float = 0.0,
-    n_hole: int = 0,
+    holes: BoltHoles | None = None,
     n_side: int = 96,
 ) -> Outline:
     """Return a stator sheet: a yoke with parallel-sided teeth inwards and bolt holes in the yoke.
@@ -184,10 +199,8 @@ def stator(
         Number of teeth; the first one stands at angle 0.
     tooth_width : float
         Width of a tooth, m.
-    hole, hole_circle : float
-        Diameter of the holes and of the circle on which they lie, m.
-    n_hole : int
-        Number of holes, the first one behind the first tooth.
+    holes : BoltHoles, optional
+        Holes in the yoke, the first one behind the first tooth.
     n_side : int
         Sides of the outer circle; other circles in proportion.
 
@@ -203,10 +216,7 @@ def stator(
             f"{n_tooth} teeth of {tooth_width:g} m must fit side by side into the bore"
         )
         raise StackError(message)
-    beside = hole_circle * np.sin(min(np.pi / max(n_hole, 1), np.pi / 2.0))
-    if n_hole and not (n_hole > 0 and slot + hole < hole_circle < outer - hole and 0.0 < hole < beside):
-        message = f"stator: holes of {hole:g} m on a circle of {hole_circle:g} m do not fit into the yoke"
-        raise StackError(message)
+    bolts = () if holes is None else _bolt_holes(holes, slot, outer, n_side)
     half = tooth_width / 2.0
     at_tip, at_slot = (float(np.arcsin(half / (d / 2.0))) for d in (inner, slot))
     pitch = 2.0 * np.pi / n_tooth
@@ -220,13 +230,23 @@ def stator(
         for angle in middle + at_slot + np.linspace(0.0, pitch - 2.0 * at_slot, n_slot + 1):
             bore.append((slot / 2.0, angle))
     radius, angle = np.array(bore).T
-    holes = [np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])]
-    for k in range(n_hole):
-        turn = 2.0 * np.pi * k / n_hole
-        middle_of_hole = hole_circle / 2.0 * np.array([np.cos(turn), np.sin(turn)])
-        n_circle = max(_SEGMENTS // 2, round(n_side * hole / outer))
-        holes.append(middle_of_hole + circle(hole, n_circle))
-    return Outline(boundary=circle(outer, n_side), holes=tuple(holes))
+    bore_polygon = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return Outline(boundary=circle(outer, n_side), holes=(bore_polygon, *bolts))
+
+
+def _bolt_holes(holes: BoltHoles, slot: float, outer: float, n_side: int) -> tuple[Points, ...]:
+    """Return the polygons of holes in the yoke, which lies between two diameters."""
+    beside = holes.circle * np.sin(min(np.pi / max(holes.number, 1), np.pi / 2.0))
+    hole = holes.diameter
+    if not (holes.number > 0 and slot + hole < holes.circle < outer - hole and 0.0 < hole < beside):
+        message = f"stator: holes of {hole:g} m on a circle of {holes.circle:g} m do not fit into the yoke"
+        raise StackError(message)
+    found = []
+    for k in range(holes.number):
+        turn = 2.0 * np.pi * k / holes.number
+        middle = holes.circle / 2.0 * np.array([np.cos(turn), np.sin(turn)])
+        found.append(middle + circle(hole, max(_SEGMENTS // 2, round(n_side * hole / outer))))
+    return tuple(found)
 
 
 def circle(diameter: float, n_side: int) -> Points:

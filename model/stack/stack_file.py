@@ -16,7 +16,7 @@ from model.stack import outline
 from model.stack.curve import read_curve
 from model.stack.errors import StackError
 from model.stack.material import Material
-from model.stack.stack import (
+from model.stack.parts import (
     Clamp,
     Contact,
     Distribution,
@@ -27,8 +27,8 @@ from model.stack.stack import (
     Mesh,
     PatchSupport,
     Pressing,
-    Stack,
 )
+from model.stack.stack import Stack
 
 _PLATE_POISSON = 0.3
 
@@ -308,9 +308,7 @@ def _outline(
             slot=need("slot_mm") * 1e-3,
             n_tooth=need("n_tooth"),
             tooth_width=need("tooth_width_mm") * 1e-3,
-            hole=table.hole_mm * 1e-3,
-            hole_circle=table.hole_circle_mm * 1e-3,
-            n_hole=table.n_hole,
+            holes=_bolt_holes(table),
             n_side=n_side,
         )
     elif table.kind == "polygon":
@@ -323,6 +321,14 @@ def _outline(
     shape = outline.centred(shape)
     (x0, x1), (y0, y1) = shape.bounds
     return float(x1 - x0), float(y1 - y0), shape
+
+
+def _bolt_holes(table: _Outline) -> outline.BoltHoles | None:
+    if table.n_hole == 0:
+        return None
+    return outline.BoltHoles(
+        number=table.n_hole, diameter=table.hole_mm * 1e-3, circle=table.hole_circle_mm * 1e-3
+    )
 
 
 def _pressure(contact: _Contact, forces: list[float | None], area: float, folder: Path) -> float:

@@ -61,7 +61,9 @@ prepared = updating.prepare(targets)
 last = {"M2": [targets[1].frequency.size - 1]}
 for effects in ((), ("pressure_exponent",)):
     joint = updating.joint_fit(
-        prepared, effects=effects, scope={"d_f": "configuration"}, hold_out=last, intervals="profile"
+        prepared,
+        updating.FitSettings(effects=effects, scope={"d_f": "configuration"}, hold_out=last),
+        intervals="profile",
     )
     print(
         f"{' + '.join(('base', *effects))}: error {100 * joint.error():.2f} %, "

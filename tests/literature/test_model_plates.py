@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg as la
 
 import model
-from model.stack.stack import EdgeSupport, PatchSupport
+from model.stack.parts import EdgeSupport, PatchSupport
 
 STEEL = model.Material(young=2e11, poisson=0.3, density=7850.0)
 HELD = float("inf")

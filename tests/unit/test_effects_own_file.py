@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from model import read_effect, read_stack
-from model.stack.stack import Mesh
+from model.stack.parts import Mesh
 from updating.fitting.joint_fit import joint_fit
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.target import target_of_table
 from updating.virtual.vibration_test import specimens
@@ -62,6 +63,6 @@ def test_the_fit_finds_its_strength(mine):
         modes, column = solve_target(one, values, ())
         target = dataclasses.replace(one.target, frequency=modes.frequency[column])
         measured.append(dataclasses.replace(one, target=target))
-    found = joint_fit(measured, damping=False, n_start=2)
+    found = joint_fit(measured, FitSettings(damping=False), n_start=2)
     assert found.value("wedge_modulus") == pytest.approx(TRUE, rel=1e-3)
     assert [found.value("G_f", name) for name in "AB"] == pytest.approx(list(G_F.values()), rel=1e-3)

@@ -8,12 +8,12 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from model import find_effects, read_stack
-from model.stack.stack import Mesh
+from model.stack.parts import Mesh
 from updating.errors import FitError
 from updating.fitting.descent import covariance, descend
 from updating.fitting.intervals import bootstrap_intervals, normal_intervals
 from updating.fitting.joint_fit import joint_fit
-from updating.fitting.joint_problem import Problem
+from updating.fitting.joint_problem import FitSettings, Problem
 from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.starts import starts
@@ -71,18 +71,7 @@ def with_shapes(one):
 
 
 def problem_of(prepared, **fixed):
-    return Problem(
-        prepared,
-        effects=None,
-        free=(),
-        scope={},
-        fixed=fixed,
-        bounds={},
-        priors={"G_f": (1000.0, 300.0)},
-        hold_out={},
-        damping=True,
-        scatter=Scatter(),
-    )
+    return Problem(prepared, FitSettings(fixed=fixed, priors={"G_f": (1000.0, 300.0)}))
 
 
 def test_targets_that_differ_by_pressure_share_one_reduction(prepared):
@@ -130,7 +119,7 @@ def test_shapes_are_fitted_as_vectors(prepared):
 
 def test_a_parameter_of_the_specimen_is_one_for_both_torques(prepared):
     same = [dataclasses.replace(p, target=dataclasses.replace(p.target, specimen="S")) for p in prepared]
-    found = joint_fit(same, effects=(), scope={"G_f": "specimen"}, damping=False)
+    found = joint_fit(same, FitSettings(effects=(), scope={"G_f": "specimen"}, damping=False))
     assert [(p.name, p.group) for p in found.parameter] == [("G_f", "S")]
 
 
@@ -150,9 +139,7 @@ def test_the_covariance_predicts_the_scatter_of_estimates(prepared):
         ]
         found = joint_fit(
             noisy,
-            damping=False,
-            fixed={"clamp_station": 0.79},
-            scatter=Scatter(frequency=0.003),
+            FitSettings(damping=False, fixed={"clamp_station": 0.79}, scatter=Scatter(frequency=0.003)),
             n_start=1,
         )
         std = np.sqrt(np.diag(found.covariance))
@@ -170,7 +157,7 @@ def test_modes_held_out_are_predicted_not_fitted(prepared):
         dataclasses.replace(prepared[0], target=dataclasses.replace(prepared[0].target, frequency=wrong)),
         prepared[1],
     )
-    found = joint_fit(spoilt, hold_out={"A": [3]}, n_start=2)
+    found = joint_fit(spoilt, FitSettings(hold_out={"A": [3]}), n_start=2)
     assert found.value("clamp_station") == pytest.approx(TRUE["clamp_station"], rel=1e-3)
     assert found.error() < 1e-4
     assert found.error(held_out=True) == pytest.approx(1.0 - 1.0 / 1.5, rel=1e-3)
@@ -184,12 +171,14 @@ def test_a_fit_begins_where_another_ended(prepared, fitted):
 
 
 def test_a_prior_draws_the_estimate(prepared):
-    found = joint_fit(prepared, fixed={"clamp_station": 0.79}, priors={"clamp_roll_inertia": (0.006, 1e-5)})
+    found = joint_fit(
+        prepared, FitSettings(fixed={"clamp_station": 0.79}, priors={"clamp_roll_inertia": (0.006, 1e-5)})
+    )
     assert found.value("clamp_roll_inertia") == pytest.approx(0.006, rel=1e-2)
 
 
 def test_an_estimate_at_its_bound_says_so(prepared):
-    found = joint_fit(prepared, bounds={"clamp_roll_inertia": (0.0, 0.002)}, n_start=2)
+    found = joint_fit(prepared, FitSettings(bounds={"clamp_roll_inertia": (0.0, 0.002)}), n_start=2)
     inertia = next(p for p in found.parameter if p.name == "clamp_roll_inertia")
     assert inertia.at_bound
     assert not inertia.determined
@@ -213,14 +202,14 @@ def test_a_profile_ends_where_chi_square_has_risen(prepared):
     """An inertia that is hardly known is bounded more sharply from below: its interval is not symmetric."""
     options = {"damping": False, "scatter": Scatter(frequency=0.1), "fixed": {"clamp_station": 0.79}}
     data = noisy(prepared, 0.01, 1)
-    found = joint_fit(data, **options, n_start=1, intervals="profile")
+    found = joint_fit(data, FitSettings(**options), n_start=1, intervals="profile")
     inertia = next(p for p in found.parameter if p.name == "clamp_roll_inertia")
     assert inertia.method == "profile"
     above, below = inertia.interval[1] - inertia.value, inertia.value - inertia.interval[0]
     assert above > 1.2 * below > 0.0
     for end in inertia.interval:
         fixed = {**options["fixed"], "clamp_roll_inertia": end}
-        there = joint_fit(data, **{**options, "fixed": fixed})
+        there = joint_fit(data, FitSettings(**{**options, "fixed": fixed}))
         assert there.chi_square - found.chi_square == pytest.approx(3.84, abs=0.05)
 
 
@@ -238,17 +227,20 @@ def test_simulated_data_give_the_interval_of_the_covariance_where_all_is_nearly_
 def test_what_only_a_product_of_two_parameters_changes_is_not_determined(prepared):
     """Young's modulus, density and G_f scale together: frequencies tell two of the three."""
     found = joint_fit(
-        prepared, effects=(), fixed=TRUE, free=("young", "density"), scope={"G_f": "all"}, damping=False
+        prepared,
+        FitSettings(effects=(), fixed=TRUE, free=("young", "density"), scope={"G_f": "all"}, damping=False),
     )
     assert len(found.subset) < len(found.parameter)
     assert not all(p.determined for p in found.parameter)
     known = joint_fit(
         prepared,
-        effects=(),
-        fixed=TRUE,
-        free=("young", "density"),
-        damping=False,
-        priors={"young": (1.0, 0.02), "density": (1.0, 0.01)},
+        FitSettings(
+            effects=(),
+            fixed=TRUE,
+            free=("young", "density"),
+            damping=False,
+            priors={"young": (1.0, 0.02), "density": (1.0, 0.01)},
+        ),
     )
     assert known.value("young") == pytest.approx(1.0, abs=0.002)
     assert known.value("G_f", "A") == pytest.approx(G_F["A"], rel=1e-2)
@@ -263,7 +255,7 @@ def test_frequencies_that_fit_badly_are_not_excused_by_shapes_that_fit_well(prep
         for p in prepared
     ]
     plain, shaped = (
-        joint_fit(data, effects=(), fixed=TRUE, damping=False)
+        joint_fit(data, FitSettings(effects=(), fixed=TRUE, damping=False))
         for data in (spoilt, [with_shapes_of(p, q) for p, q in zip(prepared, spoilt, strict=True)])
     )
     assert shaped.parameter[0].std > 0.7 * plain.parameter[0].std
@@ -279,7 +271,7 @@ def with_shapes_of(right, one):
 
 def test_a_pressure_with_a_prior_takes_up_a_torque_error(prepared):
     same = [dataclasses.replace(p, target=dataclasses.replace(p.target, specimen="S")) for p in prepared]
-    found = joint_fit(same, damping=False, fixed=TRUE, effects=(), scatter=Scatter(pressure=0.3))
+    found = joint_fit(same, FitSettings(damping=False, fixed=TRUE, effects=(), scatter=Scatter(pressure=0.3)))
     a, b = (found.value("pressure", name) for name in "AB")
     assert found.error() < 2e-3
     assert a / b == pytest.approx(G_F["A"] * 160e3 / (G_F["B"] * 320e3), rel=0.02)
@@ -291,7 +283,6 @@ def test_a_pressure_with_a_prior_takes_up_a_torque_error(prepared):
         ({"effects": ["clamp_inertias"]}, "did you mean clamp_inertia"),
         ({"priors": {"G_ff": (1.0, 1.0)}}, "did you mean G_f"),
         ({"free": ["joung"]}, "did you mean young"),
-        ({"intervals": "profil"}, "did you mean profile"),
         ({"bounds": {"clamp_station": (0.9, 0.1)}}, "is not below"),
         ({"hold_out": {"C": [0]}}, "configuration 'C' is unknown"),
         ({"hold_out": {"A": range(4)}}, "all its modes are held out"),
@@ -303,7 +294,12 @@ def test_a_pressure_with_a_prior_takes_up_a_torque_error(prepared):
 )
 def test_what_cannot_be_fitted_is_said(prepared, options, message):
     with pytest.raises(FitError, match=message):
-        joint_fit(prepared, **options)
+        joint_fit(prepared, FitSettings(**options))
+
+
+def test_a_misspelt_kind_of_interval_is_said(prepared):
+    with pytest.raises(FitError, match="did you mean profile"):
+        joint_fit(prepared, intervals="profil")
 
 
 def test_names_of_configurations_are_unique(stack):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from model import find_effects, read_stack
-from model.stack.stack import Mesh
+from model.stack.parts import Mesh
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.ledger import ledger
 from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.sensitivity import Scatter
@@ -44,7 +45,9 @@ def played(effects, values, specimen=""):
 def entries():
     values = {"clamp_roll_inertia": 0.004, "clamp_station": 0.7, "G_f": 1200.0}
     return ledger(
-        played(["clamp_inertia", "fill_factor"], values), ["clamp_inertia", "fill_factor"], damping=False
+        played(["clamp_inertia", "fill_factor"], values),
+        ["clamp_inertia", "fill_factor"],
+        FitSettings(damping=False),
     )
 
 
@@ -53,7 +56,9 @@ def torques():
     """One stack at two torques, whose stiffness and loss grow with the root of the pressure."""
     values = {"exponent": 0.5, "G_f": 1200.0, "d_f": 5e-11}
     return ledger(
-        played(["pressure_exponent"], values, "S"), ["pressure_exponent"], scatter=Scatter(pressure=0.03)
+        played(["pressure_exponent"], values, "S"),
+        ["pressure_exponent"],
+        FitSettings(scatter=Scatter(pressure=0.03)),
     )
 
 

@@ -10,8 +10,8 @@ from model.contact.pressing import press
 from model.elements.mesh import plan_of, triangles
 from model.plot.pressure import pressure_figure
 from model.stack.curve import read_curve
-from model.stack.outline import Outline, Triangulation, ring, smallest_angle, stator
-from model.stack.stack import Pressing
+from model.stack.outline import BoltHoles, Outline, Triangulation, ring, smallest_angle, stator
+from model.stack.parts import Pressing
 
 DATA = Path(__file__).parents[2] / "data"
 CURVE = read_curve(DATA / "contact/compression_standin.csv")
@@ -21,9 +21,7 @@ STATOR = stator(
     slot=0.16,
     n_tooth=12,
     tooth_width=0.014,
-    hole=0.008,
-    hole_circle=0.182,
-    n_hole=4,
+    holes=BoltHoles(number=4, diameter=0.008, circle=0.182),
     n_side=32,
 )
 MATERIAL = model.Material(young=2e11, poisson=0.3, density=7850.0)
@@ -146,7 +144,7 @@ def test_shipped_stator_is_valid():
     np.testing.assert_allclose(field.interface_force, 320e3 * shipped.outline.area, rtol=1e-6)
 
 
-HOLED = {"outer": 0.2, "inner": 0.1, "slot": 0.16, "n_tooth": 6, "tooth_width": 0.01, "hole_circle": 0.18}
+HOLED = {"outer": 0.2, "inner": 0.1, "slot": 0.16, "n_tooth": 6, "tooth_width": 0.01}
 
 
 @pytest.mark.parametrize(
@@ -159,9 +157,15 @@ HOLED = {"outer": 0.2, "inner": 0.1, "slot": 0.16, "n_tooth": 6, "tooth_width": 
             lambda: stator(outer=0.2, inner=0.11, slot=0.16, n_tooth=40, tooth_width=0.014),
             "40 teeth of 0.014 m",
         ),
-        (lambda: stator(**HOLED, hole=0.02, n_hole=2), "do not fit into the yoke"),
+        (
+            lambda: stator(**HOLED, holes=BoltHoles(number=2, diameter=0.02, circle=0.18)),
+            "do not fit into the yoke",
+        ),
         (lambda: stator(outer=0.2, inner=0.0, slot=0.16, n_tooth=4, tooth_width=0.014), r"0 < inner \(0\)"),
-        (lambda: stator(**HOLED, hole=0.01, n_hole=60), "do not fit into the yoke"),
+        (
+            lambda: stator(**HOLED, holes=BoltHoles(number=60, diameter=0.01, circle=0.18)),
+            "do not fit into the yoke",
+        ),
         (lambda: model.Mesh(n_x=2_000_000), "n_x and n_y must be at most 1000, got 2000000"),
         (lambda: Outline(boundary=[(0, 0), (1, 0)]), "2 corners"),
         (

@@ -9,7 +9,7 @@ from model.contact.contact import SEPARATION
 from model.contact.pressing import press
 from model.contact.pressure import separate
 from model.stack.curve import read_curve
-from model.stack.stack import Interlayer, Pressing
+from model.stack.parts import Interlayer, Pressing
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")
 STACK = model.Stack(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.stack.stack import EdgeSupport, PatchSupport, Pressing
+from model.stack.parts import EdgeSupport, PatchSupport, Pressing
 
 DATA = Path(__file__).parents[2] / "data"
 CONTACT = f'torque_Nm = 1.5\ntorque_table = "{DATA}/pirnat2013/table2_pressure.csv"\n'

@@ -41,7 +41,8 @@ def errors(monkeypatch):
             self.parameter = (parameter(),)
             self.error = lambda: min(given[e] for e in effects)
 
-    def fit(_, effects, first, **__):
+    def fit(_, settings, first, **__):
+        effects = settings.effects
         begun.append((effects, first))
         if any(np.isnan(given[e]) for e in effects):
             message = "no mode of its class"

@@ -22,6 +22,7 @@ from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
 from updating.fitting.fit import Fit
 from updating.fitting.fit import fit as fit_configuration
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.ledger import Entry, ledger
 from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
 from updating.fitting.prepared import prepare
@@ -167,7 +168,7 @@ def campaign_ledger(
         for found, fitted in fits
     ]
     with workers(1 + len(effects), cluster) as executor:
-        entries = ledger(prepare(targets), effects, scatter=TORQUE_SCATTER, executor=executor)
+        entries = ledger(prepare(targets), effects, FitSettings(scatter=TORQUE_SCATTER), executor=executor)
     write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
     return entries
 
@@ -191,7 +192,9 @@ def table_ledger(
         for fit in fits
     ]
     with workers(1 + len(effects), cluster) as executor:
-        entries = ledger(prepare(targets), effects, damping=False, scatter=SCATTER, executor=executor)
+        entries = ledger(
+            prepare(targets), effects, FitSettings(damping=False, scatter=SCATTER), executor=executor
+        )
     write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
     return entries
 

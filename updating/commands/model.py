@@ -16,7 +16,7 @@ from model.contact.pressure import PressureSummary
 from model.modes.verified import Verification, solve_verified
 from model.plot.pressure import pressure_figure
 from model.plot.shapes import mode_png
-from model.stack.stack import Pressing
+from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
 from updating.commands.effect_option import with_named_effects
 from updating.commands.options import EffectFiles, Folder

@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -27,10 +27,10 @@ from updating.fitting.fit_plot import as_png
 from updating.fitting.intervals import N_DRAW
 from updating.fitting.joint_fit import JointFit, joint_fit
 from updating.fitting.joint_plot import convergence_figure, correlation_figure
-from updating.fitting.joint_problem import require_known
+from updating.fitting.joint_problem import FitSettings, require_known
 from updating.fitting.ledger import Entry, ledger
 from updating.fitting.modal_table import is_modal_table, read_modal_table
-from updating.fitting.prepared import prepare
+from updating.fitting.prepared import Prepared, prepare
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import (
     Target,
@@ -108,26 +108,21 @@ def run_update(
     stiffness = given.bounds.get("G_f", G_F_BOUNDS)
     with console.status("reduce the models"):
         prepared = prepare(targets, threshold=given.threshold, G_f_bounds=stiffness)
-    options: dict[str, Any] = {
-        "damping": given.damping,
-        "scatter": Scatter(**given.scatter.model_dump()),
-        "free": given.free,
-        "scope": given.scope,
-        "fixed": given.fixed,
-        "bounds": given.bounds,
-        "priors": given.priors,
-    }
-    kept = [
-        replace(p, used=p.used & ~np.isin(np.arange(p.used.size), hold_out.get(p.target.name, ())))
-        for p in prepared
-    ]
+    settings = FitSettings(
+        free=given.free,
+        scope=given.scope,
+        fixed=given.fixed,
+        bounds=given.bounds,
+        priors=given.priors,
+        damping=given.damping,
+        scatter=Scatter(**given.scatter.model_dump()),
+    )
     n_task = N_DRAW if given.intervals == "bootstrap" else 1 + len(effects)
     with workers(n_task, cluster) as executor:
         with console.status("fit"):
             fit = joint_fit(
                 prepared,
-                **options,
-                hold_out=hold_out,
+                replace(settings, hold_out=hold_out),
                 first=given.first,
                 n_start=given.starts,
                 intervals=given.intervals,
@@ -135,10 +130,17 @@ def run_update(
                 executor=executor,
             )
         with console.status("ledger"):
-            entries = ledger(kept, [e.name for e in effects], **options, executor=executor)
+            kept = [_without_modes(p, hold_out.get(p.target.name, ())) for p in prepared]
+            entries = ledger(kept, [e.name for e in effects], settings, executor=executor)
     result = Updated(name=given.name, fit=fit, ledger=entries)
     _write(result, tuple(inputs), given, output)
     return result
+
+
+def _without_modes(prepared: Prepared, modes: Sequence[int]) -> Prepared:
+    """Return a configuration of which some modes do not take part."""
+    out = np.isin(np.arange(prepared.used.size), modes)
+    return replace(prepared, used=prepared.used & ~out)
 
 
 def parameter_table(fit: JointFit) -> Table:

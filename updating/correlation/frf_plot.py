@@ -65,17 +65,7 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
             phase.plot(lines.frequency, _degrees(value), ".", color=color, markersize=size)
         title = f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
         if model is not None:
-            magnitude.semilogy(
-                lines.frequency,
-                np.abs(model[k]),
-                color=_MODEL,
-                linewidth=1.2,
-                linestyle=_GAPS,
-                label="fitted model",
-            )
-            phase.plot(
-                lines.frequency[::_SPARSE], _degrees(model[k][::_SPARSE]), ".", color=_MODEL, markersize=1.5
-            )
+            _draw_model(magnitude, phase, lines.frequency, model[k])
             title += f", of the fitted model {float(frac(lines.value[o, 0], model[k])):.4f}"
         phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
         if lines.coherence is not None:
@@ -112,6 +102,15 @@ def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], outp
     axes.semilogy(lines.frequency, np.abs(value), color=MEASURED, linewidth=1.8, label="measured")
     axes.semilogy(lines.frequency, np.abs(model), color=FITTED, linewidth=1.0, label="from the modes")
     axes.set_ylabel(UNIT[lines.quantity])
+
+
+def _draw_model(
+    magnitude: Axes, phase: Axes, frequency: NDArray[np.float64], model: NDArray[np.complex128]
+) -> None:
+    magnitude.semilogy(
+        frequency, np.abs(model), color=_MODEL, linewidth=1.2, linestyle=_GAPS, label="fitted model"
+    )
+    phase.plot(frequency[::_SPARSE], _degrees(model[::_SPARSE]), ".", color=_MODEL, markersize=1.5)
 
 
 def _degrees(value: NDArray[np.complex128]) -> NDArray[np.float64]:

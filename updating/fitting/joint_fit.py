@@ -7,7 +7,7 @@ errors, from several starts, with the derivatives of `solve_modes`.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -20,12 +20,12 @@ from ema.modal.mac import mac
 from ema.types.arrays import readonly
 from ema.types.threads import single_threaded
 from updating.errors import FitError
-from updating.fitting.descent import at_bound, covariance, descend
+from updating.fitting.descent import Descent, at_bound, covariance, descend
 from updating.fitting.intervals import Method, bootstrap_intervals, normal_intervals, profile_intervals
-from updating.fitting.joint_problem import Problem, Scope, require_known
+from updating.fitting.joint_problem import FitSettings, Problem, require_known
 from updating.fitting.objective import frequency_error
 from updating.fitting.prepared import Prepared, solve_target
-from updating.fitting.sensitivity import PRIOR, Scatter
+from updating.fitting.sensitivity import PRIOR
 from updating.fitting.starts import starts
 from updating.fitting.subset import select
 from updating.workers.workers import distribute
@@ -233,16 +233,8 @@ class JointFit:
 @single_threaded
 def joint_fit(
     prepared: Sequence[Prepared],
+    settings: FitSettings | None = None,
     *,
-    effects: Collection[str] | None = None,
-    free: Collection[str] = (),
-    scope: Mapping[str, Scope] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    priors: Mapping[str, tuple[float, float]] | None = None,
-    hold_out: Mapping[str, Collection[int]] | None = None,
-    damping: bool = True,
-    scatter: Scatter | None = None,
     n_start: int | None = None,
     first: Mapping[str, float] | JointFit | None = None,
     intervals: Method = "normal",
@@ -255,25 +247,9 @@ def joint_fit(
     ----------
     prepared : sequence of Prepared
         The configurations, from `prepare`.
-    effects : collection of str, optional
-        Effects of the stacks whose parameters are free; by default all. The others keep the stacks' values.
-    free : collection of str, optional
-        Further parameters of the stacks that are free, as ratios to what their files say: "young", "density",
-        "normal_modulus". They are hardly ever known without a prior.
-    scope : mapping of parameter name to "all", "specimen" or "configuration", optional
-        Who shares a parameter; by default the configurations of one stack share G_f and d_f, and all share the others.
-    fixed : mapping of str to float, optional
-        Values of parameters that are not fitted.
-    bounds : mapping of str to (float, float), optional
-        In place of the default bounds: those of `fit` for G_f and d_f, the plausible ranges for effects.
-    priors : mapping of str to (float, float), optional
-        Mean and standard deviation of a normal distribution from other knowledge, for each group of a parameter.
-    hold_out : mapping of str to collection of int, optional
-        Modes by configuration, counted from 0, that do not take part and are predicted.
-    damping : bool
-        Whether damping ratios take part; without, d_f is no parameter.
-    scatter : Scatter, optional
-        Standard deviation beyond the identification's; the default of `Scatter`.
+    settings : FitSettings, optional
+        What is free, shared, fixed, bounded, known beforehand and held out; by default all effects of the stacks are
+        fitted to all modes.
     n_start : int, optional
         Descents: from the effects' nominal values, from near their neutral ones, and from points of a Sobol
         sequence. Each begins with the best G_f of a scan. Without effects there is one; by default 4 with one effect
@@ -296,18 +272,45 @@ def joint_fit(
         A name is unknown, nothing is left to fit, or no descent converges.
     """
     require_known("intervals", [intervals], get_args(Method))
-    problem = Problem(
-        prepared,
-        effects=effects,
-        free=free,
-        scope=scope or {},
-        fixed=fixed or {},
-        bounds=bounds or {},
-        priors=priors or {},
-        hold_out=hold_out or {},
-        damping=damping and any(np.any(np.isfinite(p.target.damping)) for p in prepared),
-        scatter=scatter or Scatter(),
+    problem = Problem(prepared, settings or FitSettings())
+    found = _descents(problem, n_start, first, executor)
+    x = found[0].last
+    residual, _ = problem.evaluate(x)
+    spread, inflation = covariance(problem, x)
+    between = normal_intervals(problem, x, spread)
+    method: Sequence[Method] = ["normal"] * x.size
+    if intervals == "profile":
+        between, method = profile_intervals(problem, x, between, inflation)
+    elif intervals == "bootstrap":
+        between = bootstrap_intervals(problem, x, inflation, seed=seed, executor=executor)
+        method = ["bootstrap"] * x.size
+    slope = _slopes(problem, x)
+    return JointFit(
+        effect=problem.effects,
+        parameter=_parameters(problem, x, np.sqrt(np.diag(spread)), inflation, between, method),
+        covariance=spread * np.outer(slope, slope),
+        chi_square=float(residual @ residual),
+        n_residual=residual.size,
+        configuration=tuple(_configuration(problem, i, x) for i in range(len(problem.prepared))),
+        start=tuple(
+            Start(
+                first=problem.value(descent.first),
+                last=problem.value(descent.last),
+                objective=descent.objective,
+                converged=descent.converged,
+            )
+            for descent in found
+        ),
     )
+
+
+def _descents(
+    problem: Problem,
+    n_start: int | None,
+    first: Mapping[str, float] | JointFit | None,
+    executor: Executor | None,
+) -> list[Descent]:
+    """Descend from every start and return the descents, the best first."""
     usual = 4 if len(problem.of_effects) == 1 else 8
     n = (n_start or usual) if problem.of_effects else 1
     near = {(p.name, p.group): p.value for p in first.parameter} if isinstance(first, JointFit) else {}
@@ -319,53 +322,37 @@ def joint_fit(
             f"the fit did not converge in {found[0].objective.size} evaluations; fix or bound a parameter"
         )
         raise FitError(message)
-    records = tuple(
-        Start(
-            first=problem.value(descent.first),
-            last=problem.value(descent.last),
-            objective=descent.objective,
-            converged=descent.converged,
-        )
-        for descent in found
-    )
-    x = found[0].last
-    residual, jacobian = problem.evaluate(x)
-    spread, inflation = covariance(problem, x)
-    between = normal_intervals(problem, x, spread)
-    method: Sequence[Method] = ["normal"] * x.size
-    if intervals == "profile":
-        between, method = profile_intervals(problem, x, between, inflation)
-    elif intervals == "bootstrap":
-        between, method = (
-            bootstrap_intervals(problem, x, inflation, seed=seed, executor=executor),
-            ["bootstrap"] * x.size,
-        )
-    reach = problem.high - problem.low
-    uniform = reach / np.sqrt(12.0)
+    return found
+
+
+def _slopes(problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of each parameter by its search variable."""
+    return np.array([f.slope(v) for f, v in zip(problem.free, problem.value(x), strict=True)])
+
+
+def _parameters(
+    problem: Problem,
+    x: NDArray[np.float64],
+    std: NDArray[np.float64],
+    inflation: NDArray[np.float64],
+    between: NDArray[np.float64],
+    method: Sequence[Method],
+) -> tuple[FittedParameter, ...]:
+    """Return the estimates at x, with standard deviations and intervals of the search variables."""
+    value, slope, bounded = problem.value(x), _slopes(problem, x), at_bound(problem, x)
+    uniform = (problem.high - problem.low) / np.sqrt(12.0)
+    _, jacobian = problem.evaluate(x)
     data = (problem.block != PRIOR)[:, None] * jacobian / inflation[:, None]
     order, gain = select(data * uniform)
     rank = np.argsort(order)
-    value = problem.value(x)
-    slope = np.array([f.slope(v) for f, v in zip(problem.free, value, strict=True)])
-    std = np.sqrt(np.diag(spread))
-    bounded = at_bound(problem, x)
-    return JointFit(
-        effect=problem.effects,
-        parameter=tuple(
-            FittedParameter(
-                name=f.name, unit=f.unit, group=f.group, value=float(value[j]), std=float(std[j] * slope[j]),
-                interval=(f.outward(float(between[j, 0])), f.outward(float(between[j, 1]))), method=method[j],
-                lower=f.lower, upper=f.upper, at_bound=bool(bounded[j]),
-                determined=bool(not bounded[j] and std[j] < uniform[j]), rank=int(rank[j]) + 1,
-                gain=float(gain[j]),
-            )
-            for j, f in enumerate(problem.free)
-        ),
-        covariance=spread * np.outer(slope, slope),
-        chi_square=float(residual @ residual),
-        n_residual=residual.size,
-        configuration=tuple(_configuration(problem, i, x) for i in range(len(problem.prepared))),
-        start=records,
+    return tuple(
+        FittedParameter(
+            name=f.name, unit=f.unit, group=f.group, value=float(value[j]), std=float(std[j] * slope[j]),
+            interval=(f.outward(float(between[j, 0])), f.outward(float(between[j, 1]))), method=method[j],
+            lower=f.lower, upper=f.upper, at_bound=bool(bounded[j]),
+            determined=bool(not bounded[j] and std[j] < uniform[j]), rank=int(rank[j]) + 1, gain=float(gain[j]),
+        )
+        for j, f in enumerate(problem.free)
     )  # fmt: skip
 
 

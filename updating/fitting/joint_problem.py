@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -27,6 +27,44 @@ RATIOS = ("young", "density", "normal_modulus")
 """Parameters of every stack, as ratios to the values of its file."""
 _RATIO_BOUNDS = (0.5, 2.0)
 _PRESSURE_REACH = 5.0  # bounds of a pressure that has a prior, in standard deviations
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FitSettings:
+    """What is fitted in a joint fit, what is known beforehand, and how the data weigh.
+
+    Attributes
+    ----------
+    effects : collection of str or None
+        Effects of the stacks whose parameters are free; None is all. The others keep the stacks' values.
+    free : collection of str
+        Further parameters of the stacks that are free, as ratios to what their files say: "young", "density",
+        "normal_modulus". They are hardly ever known without a prior.
+    scope : mapping of parameter name to "all", "specimen" or "configuration"
+        Who shares a parameter; by default the configurations of one stack share G_f and d_f, and all share the others.
+    fixed : mapping of str to float
+        Values of parameters that are not fitted.
+    bounds : mapping of str to (float, float)
+        In place of the default bounds: those of `fit` for G_f and d_f, the plausible ranges for effects.
+    priors : mapping of str to (float, float)
+        Mean and standard deviation of a normal distribution from other knowledge, for each group of a parameter.
+    hold_out : mapping of str to collection of int
+        Modes by configuration, counted from 0, that do not take part and are predicted.
+    damping : bool
+        Whether damping ratios take part; without, d_f is no parameter.
+    scatter : Scatter
+        Standard deviation beyond the identification's.
+    """
+
+    effects: Collection[str] | None = None
+    free: Collection[str] = ()
+    scope: Mapping[str, Scope] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    hold_out: Mapping[str, Collection[int]] = field(default_factory=dict)
+    damping: bool = True
+    scatter: Scatter = field(default_factory=Scatter)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,34 +96,16 @@ class Free:
 class Problem:
     """The least-squares problem: from a vector of search variables to weighted differences and derivatives."""
 
-    def __init__(
-        self,
-        prepared: Sequence[Prepared],
-        *,
-        effects: Collection[str] | None,
-        free: Collection[str],
-        scope: Mapping[str, Scope],
-        fixed: Mapping[str, float],
-        bounds: Mapping[str, tuple[float, float]],
-        priors: Mapping[str, tuple[float, float]],
-        hold_out: Mapping[str, Collection[int]],
-        damping: bool,
-        scatter: Scatter,
-    ) -> None:
-        self.prepared, self.fixed, self.damping, self.scatter = tuple(prepared), dict(fixed), damping, scatter
-        stacks = [p.target.stack for p in prepared]
-        there = {effect.name: effect for stack in stacks for effect in stack.effects}
-        self.effects = tuple(there) if effects is None else tuple(effects)
+    def __init__(self, prepared: Sequence[Prepared], settings: FitSettings) -> None:
+        self.prepared, self.fixed, self.scatter = tuple(prepared), dict(settings.fixed), settings.scatter
+        self.damping = settings.damping and any(np.any(np.isfinite(p.target.damping)) for p in prepared)
+        there = {effect.name: effect for p in prepared for effect in p.target.stack.effects}
+        self.effects = tuple(there) if settings.effects is None else tuple(settings.effects)
         require_known("effect", self.effects, there)
-        parameters = shared_parameters(there[name] for name in self.effects)
-        every = {"G_f", "d_f", *RATIOS, *shared_parameters(there.values())}
-        require_known("free: parameter", free, RATIOS)
-        for what, given in (("scope", scope), ("bounds", bounds), ("priors", priors)):
-            require_known(f"{what}: parameter", given, every)
-        require_known("fixed: parameter", fixed, {*every, *(n for p in prepared for n in p.system.theta)})
-        require_known("hold_out: configuration", hold_out, {p.target.name for p in prepared})
+        _require_names(settings, prepared, {"G_f", "d_f", *RATIOS, *shared_parameters(there.values())})
         self.used = [
-            p.used & ~np.isin(np.arange(p.used.size), list(hold_out.get(p.target.name, ()))) for p in prepared
+            p.used & ~np.isin(np.arange(p.used.size), list(settings.hold_out.get(p.target.name, ())))
+            for p in prepared
         ]
         if not any(np.any(used) for used in self.used):
             message = "no mode is left to fit"
@@ -96,26 +116,30 @@ class Problem:
         self.priors: dict[int, tuple[float, float]] = {}
         self.free: list[Free] = []
         self.column: list[dict[str, int]] = [{} for _ in self.prepared]
+        of_effects = shared_parameters(there[name] for name in self.effects)
+        self._add_all(settings, of_effects)
+        self.low = np.array([f.inward(f.lower) for f in self.free])
+        self.high = np.array([f.inward(f.upper) for f in self.free])
+        self.of_effects = [j for j, f in enumerate(self.free) if f.name in of_effects]
+
+    def _add_all(self, settings: FitSettings, of_effects: Mapping[str, Parameter]) -> None:
+        """Free what the settings say: contact, ratios, effects, pressures."""
         candidates = [
             _contact("G_f", "Pa/Pa", G_F_BOUNDS, nominal=1000.0),
-            *([_contact("d_f", "s/Pa", D_F_BOUNDS, nominal=1e-10)] if damping else []),
-            *(_contact(name, "1", _RATIO_BOUNDS, nominal=1.0) for name in free),
-            *parameters.values(),
+            *([_contact("d_f", "s/Pa", D_F_BOUNDS, nominal=1e-10)] if self.damping else []),
+            *(_contact(name, "1", _RATIO_BOUNDS, nominal=1.0) for name in settings.free),
+            *of_effects.values(),
         ]
         for parameter in candidates:
-            if parameter.name in fixed:
-                continue
-            own = parameter.name in ("G_f", "d_f")
-            given_scope = scope.get(parameter.name, "specimen" if own else "all")
-            self._add(parameter, given_scope, bounds, priors.get(parameter.name))
-        if scatter.pressure > 0.0 and "pressure" not in fixed:
-            self._add_pressures(scatter.pressure)
+            if parameter.name not in settings.fixed:
+                usual: Scope = "specimen" if parameter.name in ("G_f", "d_f") else "all"
+                scope = settings.scope.get(parameter.name, usual)
+                self._add(parameter, scope, settings.bounds, settings.priors.get(parameter.name))
+        if settings.scatter.pressure > 0.0 and "pressure" not in settings.fixed:
+            self._add_pressures(settings.scatter.pressure)
         if not self.free:
             message = "no parameter is left to fit"
             raise FitError(message)
-        self.low = np.array([f.inward(f.lower) for f in self.free])
-        self.high = np.array([f.inward(f.upper) for f in self.free])
-        self.of_effects = [j for j, f in enumerate(self.free) if f.name in parameters]
 
     def _add_pressures(self, std: float) -> None:
         """Free the pressure of each configuration, with its nominal value as the mean of a prior."""
@@ -217,6 +241,16 @@ def _contact(name: str, unit: str, bounds: tuple[float, float], *, nominal: floa
         name=name, unit=unit, nominal=nominal, lower=bounds[0], upper=bounds[1], neutral=nominal,
         scale="log" if bounds[0] > 0.0 else "lin", source="Table 6 of Pirnat et al. (2013), widened",
     )  # fmt: skip
+
+
+def _require_names(settings: FitSettings, prepared: Sequence[Prepared], known: Collection[str]) -> None:
+    """Require that the settings name parameters and configurations that there are."""
+    require_known("free: parameter", settings.free, RATIOS)
+    for what, given in (("scope", settings.scope), ("bounds", settings.bounds), ("priors", settings.priors)):
+        require_known(f"{what}: parameter", given, known)
+    in_models = {name for p in prepared for name in p.system.theta}
+    require_known("fixed: parameter", settings.fixed, {*known, *in_models})
+    require_known("hold_out: configuration", settings.hold_out, {p.target.name for p in prepared})
 
 
 def require_known(what: str, given: Collection[str], known: Collection[str]) -> None:

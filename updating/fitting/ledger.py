@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
-from updating.fitting.joint_problem import Scope
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import Prepared
-from updating.fitting.sensitivity import Scatter
 from updating.workers.workers import distribute
 
 
@@ -69,14 +68,8 @@ class Ledger:
 def ledger(
     prepared: Sequence[Prepared],
     effects: Sequence[str],
+    settings: FitSettings | None = None,
     *,
-    damping: bool = True,
-    scatter: Scatter | None = None,
-    free: Collection[str] = (),
-    scope: Mapping[str, Scope] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    priors: Mapping[str, tuple[float, float]] | None = None,
     executor: Executor | None = None,
 ) -> tuple[Entry, ...]:
     """Fit the base model, the base model with each effect, and with all of them.
@@ -87,12 +80,8 @@ def ledger(
         The configurations, whose stacks have these effects.
     effects : sequence of str
         Their names.
-    damping : bool
-        Whether damping ratios take part.
-    scatter : Scatter, optional
-        Standard deviation beyond the identification's.
-    free, scope, fixed, bounds, priors
-        As in `joint_fit`.
+    settings : FitSettings, optional
+        As in `joint_fit`; which effects are fitted and which modes are held out is chosen here.
     executor : Executor, optional
         Where the fits run; by default here.
 
@@ -101,44 +90,25 @@ def ledger(
     FitError
         A fit fails.
     """
-    options = _Options(
-        damping=damping,
-        scatter=scatter,
-        free=free,
-        scope=scope,
-        fixed=fixed or {},
-        bounds=bounds,
-        priors=priors,
-    )
+    settings = settings or FitSettings()
     alone: list[tuple[str, ...]] = [(), *((name,) for name in effects)]
-    fits = list(distribute(partial(_fit, prepared, options), alone, executor))
+    fits = list(distribute(partial(_fit, prepared, settings), alone, executor))
     if len(effects) > 1:  # all together begin with the best one, than which they may not come out worse
         best = min(fits, key=lambda fit: fit.chi_square)
-        fits.append(_fit(prepared, options, tuple(effects), first=best, n_start=4))
-    return tuple(distribute(partial(_entry, prepared, options), fits, executor))
+        fits.append(_fit(prepared, settings, tuple(effects), first=best, n_start=4))
+    return tuple(distribute(partial(_entry, prepared, settings), fits, executor))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Options:
-    damping: bool
-    scatter: Scatter | None
-    free: Collection[str]
-    scope: Mapping[str, Scope] | None
-    fixed: Mapping[str, float]
-    bounds: Mapping[str, tuple[float, float]] | None
-    priors: Mapping[str, tuple[float, float]] | None
-
-
-def _entry(prepared: Sequence[Prepared], options: _Options, whole: JointFit) -> Entry:
+def _entry(prepared: Sequence[Prepared], settings: FitSettings, whole: JointFit) -> Entry:
     effects = whole.effect
     by_mode, by_configuration = _Errors(), _Errors()
     for p in prepared:
         for r in np.flatnonzero(p.used):
             if sum(np.count_nonzero(other.used) for other in _kin(prepared, p)) > 1:
-                fit = _fit(prepared, options, effects, first=whole, hold_out={p.target.name: [int(r)]})
+                fit = _fit(prepared, settings, effects, first=whole, hold_out={p.target.name: [int(r)]})
                 by_mode.add(fit, p.target.name, [int(r)])
     for one in prepared if len(prepared) > 1 else ():
-        predicted = _without(prepared, one, effects, options, whole)
+        predicted = _without(prepared, one, effects, settings, whole)
         if predicted is not None:
             by_configuration.add(predicted, one.target.name, np.flatnonzero(one.used))
     return Entry(
@@ -146,9 +116,9 @@ def _entry(prepared: Sequence[Prepared], options: _Options, whole: JointFit) -> 
         error=whole.error(),
         mode_error=by_mode.frequency(),
         configuration_error=by_configuration.frequency(),
-        damping_error=whole.error(damping=True) if options.damping else float("nan"),
-        mode_damping_error=by_mode.damping() if options.damping else float("nan"),
-        configuration_damping_error=by_configuration.damping() if options.damping else float("nan"),
+        damping_error=whole.error(damping=True) if settings.damping else float("nan"),
+        mode_damping_error=by_mode.damping() if settings.damping else float("nan"),
+        configuration_damping_error=by_configuration.damping() if settings.damping else float("nan"),
         chi_square=whole.chi_square,
         n_residual=whole.n_residual,
         shared=tuple(p for p in whole.parameter if not p.group),
@@ -160,7 +130,7 @@ def _without(
     prepared: Sequence[Prepared],
     one: Prepared,
     effects: tuple[str, ...],
-    options: _Options,
+    settings: FitSettings,
     whole: JointFit,
 ) -> JointFit | None:
     """Return a fit that predicts one configuration from the others; None where they do not determine enough."""
@@ -168,18 +138,18 @@ def _without(
     if not any(np.any(p.used) for p in rest):
         return None
     kin = len(_kin(prepared, one)) > 1
-    alone = any(scope == "configuration" for scope in (options.scope or {}).values())
+    alone = any(scope == "configuration" for scope in settings.scope.values())
     if kin and not alone:
         out = {one.target.name: range(one.used.size)}
-        others = _fit(prepared, options, effects, first=whole, hold_out=out)
+        others = _fit(prepared, settings, effects, first=whole, hold_out=out)
     else:
-        others = _fit(rest, options, effects, first=whole)
+        others = _fit(rest, settings, effects, first=whole)
     if not all(p.determined or p.at_bound for p in others.parameter if not p.group):
         return None
     if kin and not alone:
         return others
     known_of = {p.name: p.value for p in others.parameter if p.group in ("", one.target.specimen)}
-    return _fit([one], options, effects, fixed=known_of)
+    return _fit([one], settings, effects, fixed=known_of)
 
 
 def _kin(prepared: Sequence[Prepared], one: Prepared) -> list[Prepared]:
@@ -189,7 +159,7 @@ def _kin(prepared: Sequence[Prepared], one: Prepared) -> list[Prepared]:
 
 def _fit(
     prepared: Sequence[Prepared],
-    options: _Options,
+    settings: FitSettings,
     effects: tuple[str, ...],
     *,
     first: JointFit | None = None,
@@ -197,20 +167,10 @@ def _fit(
     fixed: Mapping[str, float] | None = None,
     hold_out: Mapping[str, Sequence[int]] | None = None,
 ) -> JointFit:
-    return joint_fit(
-        prepared,
-        effects=effects,
-        first=first,
-        fixed={**options.fixed, **(fixed or {})},
-        hold_out=hold_out,
-        damping=options.damping,
-        scatter=options.scatter,
-        free=options.free,
-        scope=options.scope,
-        bounds=options.bounds,
-        priors=options.priors,
-        n_start=n_start or (None if first is None else 1),
+    own = replace(
+        settings, effects=effects, fixed={**settings.fixed, **(fixed or {})}, hold_out=hold_out or {}
     )
+    return joint_fit(prepared, own, first=first, n_start=n_start or (None if first is None else 1))
 
 
 class _Errors:

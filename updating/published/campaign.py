@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ema.types.arrays import readonly
 from model import Stack, find_effects, read_stack
-from model.stack.stack import Mesh
+from model.stack.parts import Mesh
 from updating.errors import FitError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, Prediction, estimate_damping, estimate_stiffness
 from updating.fitting.joint_fit import ConfigurationFit, JointFit, joint_fit
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.modal_table import ModalTable, fit_row_by, read_modal_table
 from updating.fitting.objective import frequency_error
 from updating.fitting.prepared import Prepared, prepare, solve_target
@@ -307,14 +308,18 @@ def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
 
 def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_validate: bool = True) -> Shared:
     """Fit shared effects to all stacks, and to all but one to predict that one with its own G_f alone."""
-    fit = joint_fit(sevens, effects=effects[:1], damping=False, scatter=SCATTER)
+    fit = joint_fit(sevens, FitSettings(effects=effects[:1], damping=False, scatter=SCATTER))
     for n in range(2, len(effects) + 1):  # one more may not come out worse than without it
-        fit = joint_fit(sevens, effects=effects[:n], damping=False, scatter=SCATTER, first=fit)
+        fit = joint_fit(sevens, FitSettings(effects=effects[:n], damping=False, scatter=SCATTER), first=fit)
     left_out = []
     for one in sevens if cross_validate else ():
         others = [p for p in sevens if p is not one]
-        known = joint_fit(others, effects=effects, damping=False, scatter=SCATTER, n_start=1, first=fit)
-        found = joint_fit([one], effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)
+        known = joint_fit(
+            others, FitSettings(effects=effects, damping=False, scatter=SCATTER), n_start=1, first=fit
+        )
+        found = joint_fit(
+            [one], FitSettings(effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)
+        )
         left_out.append(found.configuration[0])
     return Shared(effects=tuple(effects), fit=fit, left_out=tuple(left_out))
 

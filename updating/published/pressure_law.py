@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 from ema.types.arrays import readonly
 from updating.fitting.intervals import Method
 from updating.fitting.joint_fit import JointFit, joint_fit
+from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import Prepared
 from updating.fitting.sensitivity import Scatter
 
@@ -132,12 +133,14 @@ def _fit(
 ) -> JointFit:
     return joint_fit(
         prepared,
-        effects=(*effects, "pressure_exponent"),
-        fixed=fixed,
-        bounds={"exponent": _RANGE},
-        hold_out=held,
-        damping=False,
-        scatter=scatter,
+        FitSettings(
+            effects=(*effects, "pressure_exponent"),
+            fixed=fixed,
+            bounds={"exponent": _RANGE},
+            hold_out=held or {},
+            damping=False,
+            scatter=scatter,
+        ),
         n_start=1 if first else None,
         first=first,
         intervals=intervals,

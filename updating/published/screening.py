@@ -12,6 +12,7 @@ import numpy as np
 from model import ModelError
 from updating.errors import UpdatingError
 from updating.fitting.joint_fit import FittedParameter, joint_fit
+from updating.fitting.joint_problem import FitSettings
 from updating.published.campaign import SCATTER, Published, prepare_published
 
 _AMONG = 4  # the best effects whose pairs are tried beside those with the best one
@@ -92,7 +93,9 @@ def _try(
         stacks, _ = prepare_published(data, calibration, effects, both=False)
         neutral = {p.name: p.neutral for e in stacks[0].target.stack.effects for p in e.parameters}
         first = {**neutral, **alone} if alone else {}
-        fit = joint_fit(stacks, effects=effects, damping=False, scatter=SCATTER, n_start=3, first=first)
+        fit = joint_fit(
+            stacks, FitSettings(effects=effects, damping=False, scatter=SCATTER), n_start=3, first=first
+        )
     except (UpdatingError, ModelError) as error:
         return Tried(effects=effects, error=float("nan"), shared=(), note=str(error))
     return Tried(

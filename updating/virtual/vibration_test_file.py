@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 import model
 from ema.io.form import Section, read_form
 from ema.types.geometry import Geometry
-from model import Effect, Mesh, Observation
+from model import Contact, Effect, Mesh, Observation
 from updating.errors import FitError
 from updating.virtual.vibration_test import Averaging, VirtualConfiguration, VirtualTest, four_edge_points
 
@@ -40,13 +40,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
         model.read_stack(path.parent / given.structure.stack),
         mesh=Mesh(n_x=given.structure.mesh[0], n_y=given.structure.mesh[1]),
     )
-    edges = four_edge_points(stack, given.points.n_station)
-    place = np.array([[1e-3 * c for c in given.shaker.place_mm]])
-    geometry = Geometry(
-        node=np.append(edges.node, edges.node.size + 1),
-        coordinate=np.vstack([edges.coordinate, place]),
-        line=edges.line,
-    )
+    geometry = _with_shaker(four_edge_points(stack, given.points.n_station), given.shaker.place_mm)
     effects, values = _effects(given.effect, path, effect_files)
     measurement = given.measurement
     try:
@@ -58,23 +52,14 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
             geometry=geometry,
             shaker=Observation(
                 node=geometry.node[-1:],
-                location=model.sample_points(stack, place)[0],
+                location=model.sample_points(stack, geometry.coordinate[-1:])[0],
                 direction=np.array([[0.0, 0.0, 1.0]]),
             ),
             band=measurement.band_Hz,
             step=measurement.step_Hz,
             noise=0.0 if measurement.noise is None else measurement.noise,
             seed=measurement.seed,
-            configurations=tuple(
-                VirtualConfiguration(
-                    name=c.name,
-                    torque=c.torque_Nm,
-                    pressure=1e3 * c.pressure_kPa,
-                    G_f=stack.contact.G_f if c.G_f is None else c.G_f,
-                    d_f=stack.contact.d_f if c.d_f_s_per_Pa is None else c.d_f_s_per_Pa,
-                )
-                for c in given.configuration
-            ),
+            configurations=tuple(_in_si(c, stack.contact) for c in given.configuration),
             effects=effects,
             effect_values=values,
             deviation={
@@ -86,18 +71,39 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
             dummy_masses=measurement.dummy_masses,
             force_cell_mass=1e-3 * given.shaker.force_cell_mass_g,
             stinger_stiffness=given.shaker.stinger_N_m,
-            averaging=None
-            if measurement.averages is None
-            else Averaging(
-                n_average=measurement.averages,
-                force_noise=measurement.force_noise,
-                response_noise=measurement.response_noise,
-            ),
+            averaging=_averaging(measurement),
             file_format=measurement.format,
         )
     except FitError as error:
         message = f"{path}: {error}"
         raise FitError(message) from error
+
+
+def _with_shaker(edges: Geometry, place_mm: Sequence[float]) -> Geometry:
+    """Return the sensors' points and, as the last one, that of the shaker."""
+    return Geometry(
+        node=np.append(edges.node, edges.node.size + 1),
+        coordinate=np.vstack([edges.coordinate, [[1e-3 * c for c in place_mm]]]),
+        line=edges.line,
+    )
+
+
+def _in_si(given: _Configuration, contact: Contact) -> VirtualConfiguration:
+    return VirtualConfiguration(
+        name=given.name,
+        torque=given.torque_Nm,
+        pressure=1e3 * given.pressure_kPa,
+        G_f=contact.G_f if given.G_f is None else given.G_f,
+        d_f=contact.d_f if given.d_f_s_per_Pa is None else given.d_f_s_per_Pa,
+    )
+
+
+def _averaging(given: _Measurement) -> Averaging | None:
+    if given.averages is None:
+        return None
+    return Averaging(
+        n_average=given.averages, force_noise=given.force_noise, response_noise=given.response_noise
+    )
 
 
 def _effects(

@@ -1,0 +1,295 @@
+"""The parts of a stack: contact, clamps, what presses it, soft layers, supports, instruments, mesh."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.stack.arrays import readonly
+from model.stack.curve import CompressionCurve
+from model.stack.errors import StackError
+
+Distribution = Literal["height", "faces"]
+Edge = Literal["left", "right", "front", "back", "all"]
+Laminas = Literal["all", "bottom", "top", "faces"]
+
+_MOST_ELEMENTS = 1000  # along a side; more is a slip, and would fill the memory before anything is said
+
+
+def require_positive(owner: str, value: object, *names: str) -> None:
+    """Require that attributes of a value are positive and finite.
+
+    Parameters
+    ----------
+    owner : str
+        What the value is called in the message.
+    value : object
+        The value.
+    *names : str
+        The attributes.
+
+    Raises
+    ------
+    StackError
+        One is not; the message names it.
+    """
+    for name in names:
+        if not 0 < getattr(value, name) < math.inf:
+            message = f"{owner}: {name} must be positive, got {getattr(value, name)!r}"
+            raise StackError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Contact:
+    """Contact between neighbouring laminas at the mean pressure `pressure`.
+
+    The shear modulus of the contact is G = G_f p and its stiffness-proportional damping coefficient is
+    beta = d_f p (Pirnat et al. 2013, Fig. 10).
+
+    Attributes
+    ----------
+    G_f : float
+        Contact stiffness parameter, Pa of shear modulus per Pa of pressure.
+    d_f : float
+        Contact damping parameter, s/Pa.
+    pressure : float
+        Mean surface pressure p, Pa.
+    normal_modulus : float
+        Tangent modulus E_z of the stack under compression along z at that pressure, Pa.
+    """
+
+    G_f: float
+    d_f: float
+    pressure: float
+    normal_modulus: float
+
+    def __post_init__(self) -> None:
+        require_positive("contact", self, "G_f", "pressure", "normal_modulus")
+        if not self.d_f >= 0.0:
+            message = f"contact: d_f must not be negative, got {self.d_f!r}"
+            raise StackError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Clamp:
+    """Effective mass of one clamp, moving with the laminas in all three directions.
+
+    Attributes
+    ----------
+    mass : float
+        Effective mass, kg.
+    x, y : float
+        Its place on the plan, m.
+    distribution : "height" or "faces"
+        Spread evenly over all laminas, or half on the top and half on the bottom one.
+    footprint : (float, float)
+        Lengths along x and y of the rectangle that the clamp presses on the plan, m; the mass moves with the
+        mean displacement there. (0, 0) is a point mass; what overhangs the stack does not count.
+    share : float
+        Its part of the clamping force relative to the other clamps'.
+    """
+
+    mass: float
+    x: float
+    y: float
+    distribution: Distribution = "height"
+    footprint: tuple[float, float] = (0.0, 0.0)
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "share"):
+            if not getattr(self, name) >= 0.0:
+                message = f"clamp: {name} must not be negative, got {getattr(self, name)!r}"
+                raise StackError(message)
+        if self.distribution not in get_args(Distribution):
+            message = f"clamp: distribution must be 'height' or 'faces', got {self.distribution!r}"
+            raise StackError(message)
+        if min(self.footprint) < 0.0:
+            message = f"clamp: footprint must not be negative, got {self.footprint!r}"
+            raise StackError(message)
+
+
+class PressureDistribution(Protocol):
+    """Pressure between the laminas over the plan: what stage 1 finds, or what a user prescribes."""
+
+    @property
+    def mean(self) -> float:
+        """Mean pressure over the plan, Pa."""
+        ...
+
+    def at(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return pressure and normal tangent modulus, Pa, (n_interface, n) each, at points (n, 2) of the plan."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pressing:
+    """How the clamps press the stack: what the static stage needs beside the clamps.
+
+    The clamping force is the contact's mean pressure times the area of the plan, divided between the clamps
+    by their shares.
+
+    Attributes
+    ----------
+    curve : CompressionCurve
+        Pressure over compressive strain of the sheets.
+    plate_rigidity : float
+        Bending stiffness E t**3 / 12 (1 - nu**2), N m, with nu = 0.3, of the pressing plates that cover both
+        faces under the clamps; `inf` for rigid ones. Without plates the bare sheets beside the clamps would
+        open like a fan.
+    """
+
+    curve: CompressionCurve
+    plate_rigidity: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if not self.plate_rigidity > 0.0:  # infinite for rigid plates
+            message = f"pressing: plate_rigidity must be positive, got {self.plate_rigidity!r}"
+            raise StackError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Interlayer:
+    """A soft layer, such as a silicon sheet, between two laminas.
+
+    Next to steel it has no membrane stiffness worth counting; it shears, is compressed, and its mass moves with
+    the mean of the laminas above and below. Contact with its neighbours is so much stiffer that it is left
+    out.
+
+    Attributes
+    ----------
+    below : int
+        Number of laminas below it, from 1 to n_lamina - 1.
+    thickness : float
+        Thickness, m.
+    shear_modulus : float
+        Shear modulus, Pa.
+    normal_modulus : float
+        Pressure over strain when it is compressed between the laminas, Pa; of rubber that cannot expand
+        sideways it is many times Young's modulus.
+    density : float
+        Mass per volume, kg/m3.
+    """
+
+    below: int
+    thickness: float
+    shear_modulus: float
+    normal_modulus: float
+    density: float
+
+    def __post_init__(self) -> None:
+        require_positive(
+            "interlayer", self, "below", "thickness", "shear_modulus", "normal_modulus", "density"
+        )
+
+
+def _require_support(
+    support: EdgeSupport | PatchSupport, choices: dict[str, object], *stiffness: str
+) -> None:
+    for name, allowed in choices.items():
+        if getattr(support, name) not in get_args(allowed):
+            message = f"support: {name} must be one of {', '.join(get_args(allowed))}, got {getattr(support, name)!r}"
+            raise StackError(message)
+    values = [getattr(support, name) for name in stiffness]
+    if not (min(values) >= 0.0 and max(values) > 0.0):
+        message = (
+            f"support: {', '.join(stiffness)} must not be negative and one of them positive, got {values}"
+        )
+        raise StackError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EdgeSupport:
+    """An edge of laminas on springs to the ground; `inf` holds a motion.
+
+    Attributes
+    ----------
+    edge : "left", "right", "front", "back" or "all"
+        Lowest or highest x, lowest or highest y, or the whole boundary.
+    along, across : float
+        Stiffness per length of the edge and lamina against motion in the plan and along z, N/m2.
+    rotation : float
+        Stiffness per length and lamina against turning about the edge, N m/rad per m.
+    laminas : "all", "bottom", "top" or "faces"
+        Which laminas it holds.
+    """
+
+    edge: Edge
+    along: float = 0.0
+    across: float = 0.0
+    rotation: float = 0.0
+    laminas: Laminas = "all"
+
+    def __post_init__(self) -> None:
+        _require_support(self, {"edge": Edge, "laminas": Laminas}, "along", "across", "rotation")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PatchSupport:
+    """A rectangle on laminas on springs to the ground; `inf` holds a motion.
+
+    Attributes
+    ----------
+    x, y : float
+        Its centre, m.
+    size : (float, float)
+        Its lengths along x and y, m.
+    along, across : float
+        Stiffness per area and lamina against motion in the plan and along z, N/m3.
+    laminas : "all", "bottom", "top" or "faces"
+        Which laminas it holds.
+    """
+
+    x: float
+    y: float
+    size: tuple[float, float]
+    along: float = 0.0
+    across: float = 0.0
+    laminas: Laminas = "all"
+
+    def __post_init__(self) -> None:
+        _require_support(self, {"laminas": Laminas}, "along", "across")
+        if not min(self.size) > 0.0:
+            message = f"support: size must be positive, got {self.size!r}"
+            raise StackError(message)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Instruments:
+    """Where the test's instruments touch the stack; what effects of their mass and stiffness need.
+
+    Attributes
+    ----------
+    shaker : (x, y, z)
+        Where the stinger is fixed, m.
+    sensor : (n, 3) float
+        Points over which the accelerometers rove, m.
+    """
+
+    shaker: tuple[float, float, float]
+    sensor: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sensor", readonly("Instruments", "sensor", self.sensor, (None, 3)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mesh:
+    """Fineness of the mesh of one lamina: number of elements along x and y.
+
+    Along x elements also end where clamps do, so there may be some more or fewer. Triangles of an outline are as large
+    as `n_x` of them along the length; `n_y` does not count for them.
+    """
+
+    n_x: int = 24
+    n_y: int = 6
+
+    def __post_init__(self) -> None:
+        require_positive("mesh", self, "n_x", "n_y")
+        if max(self.n_x, self.n_y) > _MOST_ELEMENTS:
+            message = f"mesh: n_x and n_y must be at most {_MOST_ELEMENTS}, got {self.n_x} and {self.n_y}"
+            raise StackError(message)
