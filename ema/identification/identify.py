@@ -14,21 +14,24 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
+from ema.identification.functions import Functions, inside
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit
+from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std
-from ema.identification.selection import Functions, fit_chosen, inside, select_modes
+from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.shapes import driving_points, shapes_from_residues
 from ema.identification.significance import variance_inflation
 from ema.identification.stabilization import highest_order, stabilization
 from ema.modal.mac import frac
 from ema.quality.channels import check, usable
+from ema.quality.explained import check_explained
 from ema.quality.linearity import check_force_levels
 from ema.quality.verdict import Verdict
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
-from ema.types.modal_model import ModalModel
+from ema.types.modal_model import ModalModel, UnexplainedPeak
 from ema.types.threads import single_threaded
 
 MIN_LINES = 6
@@ -44,7 +47,7 @@ class Identification:
     measurement : Measurement
         What was identified, without the channels that failed a check; its notes say which.
     verdicts : tuple of Verdict
-        What the checks found before the identification.
+        What the checks found before the identification, and how much of the power the modes explain.
     modal_model : ModalModel
         The modes.
     """
@@ -138,6 +141,7 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
         kept.frf, kept.geometry, name=name, band=options.band, order=options.order, pole=pole
     )
     kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
+    verdicts += check_explained(kept.frf, modal_model)
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
 
 
@@ -200,7 +204,7 @@ def identify_frf(
     )
     if pole is None:
         candidates = stabilization(lines, order=order).chosen
-        fit, runs = select_modes(data, candidates, (lower, upper))
+        fit, runs, left = select_modes(data, candidates, (lower, upper))
     else:
         candidates = pole
         if not inside(pole, (lower, upper)).all():
@@ -210,14 +214,15 @@ def identify_frf(
                 f"{lower:g}-{upper:g} Hz by a half bandwidth: widen the band or take them away"
             )
             raise IdentificationError(message)
-        fit, runs = fit_chosen(data, candidates, (lower, upper))
+        fit, runs, left = fit_chosen(data, candidates, (lower, upper))
     if not inside(fit.pole, (lower, upper)).any():
         message = (
             f"{name}: none of {candidates.size} stable poles in {lower:g}-{upper:g} Hz stands out of "
             "the noise as a mode: check the data, or give another band"
         )
         raise IdentificationError(message)
-    return _model(fit, runs, lines, geometry, name, (float(lower), float(upper)))
+    model = _model(fit, runs, lines, geometry, name, (float(lower), float(upper)))
+    return replace(model, unexplained=_unexplained(left, lines.input.node.size))
 
 
 def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
@@ -229,6 +234,19 @@ def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
     return (
         f"shapes at {listed} are not mass-normalised: the residue at the driving point is weaker than three "
         "standard deviations (a nodal line) or has the wrong sign or phase",
+    )
+
+
+def _unexplained(left: Left, n_input: int) -> tuple[UnexplainedPeak, ...]:
+    """Give the peaks that no mode was found for with their outputs."""
+    return tuple(
+        UnexplainedPeak(
+            frequency=peak.frequency,
+            share=peak.share,
+            channel=tuple(int(c) for c in np.unique(np.flatnonzero(peak.left > 0.5) // n_input)),
+            reason=reason,
+        )
+        for peak, reason in left
     )
 
 

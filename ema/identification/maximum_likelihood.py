@@ -26,6 +26,7 @@ from ema.types.frf import Quantity
 MAX_STEP = 60
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
+_NONE = np.empty(0, dtype=complex)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,6 +104,8 @@ def refine(
     pole: NDArray[np.complex128],
     quantity: Quantity,
     weight: NDArray[np.float64] | None = None,
+    *,
+    held: NDArray[np.complex128] = _NONE,
 ) -> Fit:
     """Refine poles to the maximum of the likelihood and return the fit with its covariance.
 
@@ -119,9 +122,13 @@ def refine(
     weight : (n_function, n_frequency) float, optional
         Inverse variances relative to one another in each function, of geometric mean 1, so that objectives of
         different weights can be compared. All lines weigh the same where not given.
+    held : (n_held,) complex, optional
+        Poles that stay where they are; in the fit they come last.
     """
     target, rows = stack_functions(value), _row_weights(weight)
-    fixed = residual_basis(frequency, quantity)
+    fixed = np.concatenate(
+        [mode_basis(frequency, held, quantity), residual_basis(frequency, quantity)], axis=1
+    )
     current = pole.astype(complex)
     state = _project(frequency, target, fixed, current, quantity, rows)
     damping = 1e-3
@@ -154,6 +161,8 @@ def refine(
         current, state, damping = trial, proposed, max(damping / 10.0, 1e-12)
         if gain < TOLERANCE:
             break
+    if held.size:
+        return linear_fit(frequency, value, np.concatenate([current, held]), quantity, weight)
     return _finish(frequency, target, current, quantity, state)
 
 

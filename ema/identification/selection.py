@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.identification.functions import Functions, inside
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
+from ema.identification.residual_search import Left, take_in_peaks, unexplained_peaks
 from ema.identification.run_poles import RunPoles, run_poles
 from ema.identification.significance import (
     is_confined,
@@ -17,7 +19,6 @@ from ema.identification.significance import (
     significance_threshold,
 )
 from ema.identification.stabilization import MAX_DAMPING
-from ema.types.frf import Quantity
 
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
@@ -26,36 +27,9 @@ CLOSE = 3.0
 _ASIDE = 0.03  # of the band, from its ends: where a flank's pole is first sought; refinement moves it
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Functions:
-    """Functions to fit as rows.
-
-    Attributes
-    ----------
-    frequency : (n_frequency,) float
-        Lines of the band above 0 Hz.
-    value : (n_function, n_frequency) complex
-    run : (n_function,) int
-        Roving run of each function.
-    quantity : {"receptance", "mobility", "accelerance"}
-    weight : (n_function, n_frequency) float
-        Inverse variances that the coherences lead to (`ema.identification.line_weights`); ones where there are none.
-    """
-
-    frequency: NDArray[np.float64]
-    value: NDArray[np.complex128]
-    run: NDArray[np.int64]
-    quantity: Quantity
-    weight: NDArray[np.float64]
-
-    def linear_fit(self, pole: NDArray[np.complex128]) -> Fit:
-        """Fit residues and residual terms at fixed poles."""
-        return linear_fit(self.frequency, self.value, pole, self.quantity)
-
-
 def select_modes(
     data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float]
-) -> tuple[Fit, RunPoles]:
+) -> tuple[Fit, RunPoles, Left]:
     """Refine what looks like a mode, then look for modes in what is left until none is found.
 
     Parameters
@@ -73,6 +47,8 @@ def select_modes(
         All modes together, ascending in frequency; those outside the band last.
     runs : RunPoles
         The same poles run by run.
+    left : tuple of (Peak, str)
+        Peaks that stay unexplained, each with the reason why it was not taken in.
     """
     fit = _without_images(data, _refined(data, _screen(data, candidates), band), band)
     threshold = significance_threshold(*data.value.shape)
@@ -91,7 +67,8 @@ def select_modes(
                 searching = True
                 break
     fit = _refined(data, fit.pole, band)
-    return _finished(data, fit, band)
+    fit, left = take_in_peaks(data, fit, candidates, band)
+    return *_finished(data, fit, band), left
 
 
 def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit, RunPoles]:
@@ -115,12 +92,14 @@ def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit
 
 def fit_chosen(
     data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]
-) -> tuple[Fit, RunPoles]:
+) -> tuple[Fit, RunPoles, Left]:
     """Refine poles that were chosen by hand, and judge, add and take away none.
 
     The parameters and results are those of `select_modes`.
     """
-    return _finished(data, refine(data.frequency, data.value, pole, data.quantity), band)
+    fit, runs = _finished(data, refine(data.frequency, data.value, pole, data.quantity), band)
+    chosen = "the poles were chosen by hand"
+    return fit, runs, tuple((peak, chosen) for peak in unexplained_peaks(data, fit))
 
 
 def _proposals(
@@ -229,9 +208,3 @@ def _sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -
     moved = np.abs(fit.pole - start) > MAX_MOVE * np.maximum(half_bandwidth, -start.real)
     determined = (std < half_bandwidth) & (half_bandwidth <= MAX_DAMPING * np.abs(fit.pole))
     return inside(fit.pole, band) & ~moved & determined
-
-
-def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
-    """Tell which poles the band (Hz) holds with at least one half bandwidth on each side."""
-    hertz, half_bandwidth = np.abs(pole) / (2.0 * np.pi), -pole.real / (2.0 * np.pi)
-    return (hertz - half_bandwidth >= band[0]) & (hertz + half_bandwidth <= band[1])

@@ -149,7 +149,7 @@ def variance_inflation(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.f
     ``1 + 2 sum_k rho_k``. It stays 1 where both the variance and the correlation are those of white noise.
     """
     scaled = fit.whitened
-    return np.array([_inflation(scaled[:, _window(frequency, pole)]) for pole in fit.pole])
+    return np.array([inflation(scaled[:, _window(frequency, pole)]) for pole in fit.pole])
 
 
 def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
@@ -162,7 +162,7 @@ def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
     return slice(start, int(np.clip(centre + reach + 1, start + fewest, frequency.size)))
 
 
-def _inflation(residual: NDArray[np.complex128]) -> float:
+def inflation(residual: NDArray[np.complex128]) -> float:
     """Spectral density of unit-variance residuals ``(n_function, n_line)`` if it is significantly above 1."""
     n_function, n_line = residual.shape
     sample = n_function * n_line
@@ -223,7 +223,7 @@ def likeliest_poles(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.comp
                 break
             window = _window(frequency, pole[k])
             rest = scaled[:, window] - amplitude[:, k, None] * line[np.arange(n)[window] - k]
-            inflated = statistic[k] / _inflation(rest)
+            inflated = statistic[k] / inflation(rest)
             if inflated > threshold and _collinear(amplitude[:, k]) > 0.8 * MIN_COLLINEARITY:
                 found.append((inflated, complex(pole[k])))
                 break

@@ -13,6 +13,28 @@ from ema.types.frf import DERIVATIVE, Quantity
 from ema.types.geometry import Dofs, Geometry
 
 
+@dataclass(frozen=True, kw_only=True)
+class UnexplainedPeak:
+    """A peak of the measured functions that no mode was taken in for.
+
+    Attributes
+    ----------
+    frequency : float
+        Its place, Hz.
+    share : float
+        Share of its power that the modes leave, in the sum of all functions, each relative to its mean power.
+    channel : tuple of int
+        Positions of the outputs in which the modes leave more than half of it.
+    reason : str
+        Why it was not taken for a mode.
+    """
+
+    frequency: float
+    share: float
+    channel: tuple[int, ...]
+    reason: str
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModalModel:
     """Poles, residues and shapes of one configuration, ascending in frequency.
@@ -82,6 +104,8 @@ class ModalModel:
     run_probability : (n_run, n_mode) float
         Probability that noise alone would make any run's frequency of any mode differ this much from those of
         the other runs (Bonferroni's bound); 1 where there is one run only.
+    unexplained : tuple of UnexplainedPeak
+        What the functions show as a peak and the modes do not explain, the largest first.
     """
 
     name: str
@@ -115,6 +139,7 @@ class ModalModel:
     run_frequency_std: NDArray[np.float64]
     run_damping_std: NDArray[np.float64]
     run_probability: NDArray[np.float64]
+    unexplained: tuple[UnexplainedPeak, ...] = ()
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)

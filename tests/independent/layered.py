@@ -58,7 +58,7 @@ class Layered:
 
     laminas_per_layer: int = 3
     n_element: tuple[int, int] = (24, 4)
-    n_function: tuple[int, int] = (10, 7)
+    n_function: tuple[int, int] = (9, 6)
     reduced: bool = True
     sheet_shear: bool = True
 
@@ -207,23 +207,30 @@ def _only_carried(tie: Tie) -> bool:
     return tie.gauge.layer is None and not tie.rider
 
 
-@lru_cache
 def _height_functions(
     usual: Usual, laminas_per_layer: int, number: tuple[int, int]
 ) -> tuple[Array, Array, Array]:
     """Return orthonormal functions of the height (n_layer, n) of u, v, w: rigid, usual, of what is planted."""
-    coarse = Layered(laminas_per_layer=laminas_per_layer, n_element=SNAPSHOT_ELEMENTS, reduced=False)
     inplane, normal = _rigid(usual.n_lamina, laminas_per_layer)
     for kind in usual.kinds:
-        gram = [0.0, 0.0, 0.0]
-        for bench in usual.benches(kind):
-            for i, field in enumerate(_Stack.of(coarse, bench).solve(SNAPSHOT_MODES)[1]):
-                across = field.transpose(2, 0, 1, 3).reshape(field.shape[2], -1)
-                gram[i] = gram[i] + across @ across.T
+        gram = _seen(dataclasses.replace(usual, kinds=(kind,)), laminas_per_layer)
         n_inplane, n_normal = number if kind == USUAL else EXTRA
         inplane = _with_leading(inplane, gram[0] + gram[1], n_inplane)
         normal = _with_leading(normal, gram[2], n_normal)
     return inplane, inplane, normal
+
+
+@lru_cache
+def _seen(usual: Usual, laminas_per_layer: int) -> tuple[Array, Array, Array]:
+    """Return the Gram matrices (n_layer, n_layer) of u, v, w in the snapshots of one kind."""
+    coarse = Layered(laminas_per_layer=laminas_per_layer, n_element=SNAPSHOT_ELEMENTS, reduced=False)
+    n_layer = _n_layer(usual.n_lamina, laminas_per_layer)
+    gram = np.zeros((3, n_layer, n_layer))
+    for bench in usual.benches(usual.kinds[0]):
+        for i, field in enumerate(_Stack.of(coarse, bench).solve(SNAPSHOT_MODES)[1]):
+            across = field.transpose(2, 0, 1, 3).reshape(n_layer, -1)
+            gram[i] += across @ across.T
+    return gram[0], gram[1], gram[2]
 
 
 def _rigid(n_lamina: int, laminas_per_layer: int) -> tuple[Array, Array]:

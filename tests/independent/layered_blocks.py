@@ -113,9 +113,9 @@ def lowest(body: Tied, n_mode: int) -> tuple[Array, Array]:
     block = np.random.default_rng(0).standard_normal((n, BLOCK))
     for i in range(n_block):
         here = slice(i * BLOCK, (i + 1) * BLOCK)
-        block = _orthonormal(body, block, space, weighed)
-        space, weighed = np.hstack([space, block]), np.hstack([weighed, body.weight(block)])
-        block = inverse(weighed[:, here])
+        block, heavy = _orthonormal(body, block, space, weighed)
+        space, weighed = np.hstack([space, block]), np.hstack([weighed, heavy])
+        block = inverse(heavy)
         projected[: here.stop, here] = weighed.T @ block
     upper = np.triu(projected)
     value, turn = la.eigh(upper + np.triu(projected, 1).T)
@@ -123,10 +123,13 @@ def lowest(body: Tied, n_mode: int) -> tuple[Array, Array]:
     return 1.0 / value[best] - SHIFT, space @ turn[:, best]
 
 
-def _orthonormal(body: Tied, block: Array, space: Array, weighed: Array) -> Array:
-    """Return vectors that are orthonormal with the mass, also to those before."""
+def _orthonormal(body: Tied, block: Array, space: Array, weighed: Array) -> tuple[Array, Array]:
+    """Return vectors that are orthonormal with the mass, also to those before, and the mass times them."""
     for _ in range(2):  # once is not enough in floating point
         block = block - space @ (weighed.T @ block)
-        chol = la.cholesky(block.T @ body.weight(block), lower=True)
-        block = la.solve_triangular(chol, block.T, lower=True).T
-    return block
+        block = block / np.linalg.norm(block, axis=0)
+    heavy = body.weight(block)
+    for _ in range(2):
+        chol = la.cholesky(block.T @ heavy, lower=True)
+        block, heavy = (la.solve_triangular(chol, one.T, lower=True).T for one in (block, heavy))
+    return block, heavy

@@ -289,22 +289,24 @@ class Rig:
         return shifts + turns
 
     def _bars(self) -> list[Tie]:
-        """Return bars that turn about x with the mean slope dw/dy of the two faces under them."""
-        bench = self.bench
+        """Return bars, one on each face with half the inertia, that turn about x as the sheets under them do.
+
+        A rigid bar on an even bed turns with the mean of the slope dw/dy, weighted by a parabola over the width.
+        """
+        bench, across = self.bench, self.plan.lines[1]
         two, four = (value(bench, f"clamp_inertia_{name}", "inertia") for name in ("two", "four"))
         x = 0.4 * bench.length * value(bench, "clamp_inertia_two", "station")
         stations = [(two, -x), (two, x), *((four, clamp.x) for clamp in bench.clamps)]
-        faces = np.zeros(self.n_layer)
-        faces[[0, -1]] = 0.5
-        slope = self.plan.lines[1].mean(-0.5 * bench.width, 0.5 * bench.width, derivative=1)
-        reach = 0.5 * (bench.length - STRIP)
+        y, weight = across.rule(-0.5 * bench.width, 0.5 * bench.width)
+        bed = 1.5 * weight / bench.width * (1.0 - (2.0 * y / bench.width) ** 2)
+        slope, reach = bed @ across.at(y, 1), 0.5 * (bench.length - STRIP)
         found = []
         for inertia, at in stations:
-            if inertia:
-                low = float(np.clip(at, -reach, reach)) - 0.5 * STRIP
-                along = self.plan.lines[0].mean(low, low + STRIP)
-                gauge = Gauge(component=2, along=along, across=slope, layer=faces)
-                found.append(Tie(gauge=gauge, mass=inertia))
+            low = float(np.clip(at, -reach, reach)) - 0.5 * STRIP
+            along = self.plan.lines[0].mean(low, low + STRIP)
+            for face in np.eye(self.n_layer)[[0, -1]] if inertia else ():
+                gauge = Gauge(component=2, along=along, across=slope, layer=face)
+                found.append(Tie(gauge=gauge, mass=0.5 * inertia))
         return found
 
     def _pad(self, component: int, at: tuple[float, float, float]) -> Gauge:

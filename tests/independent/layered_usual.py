@@ -1,4 +1,4 @@
-"""Stacks that show how the layers of a bench like them move with each other, rounded so that many benches share them."""
+"""Stacks that show how the layers of a bench like them move together, rounded so that many benches share them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from tests.independent.bench import Bench, Clamp, Planted
 from tests.independent.effects import PRESSURE_REFERENCE
 
-SNAPSHOT_ELEMENTS = (10, 2)
+SNAPSHOT_ELEMENTS = (8, 2)
 """Elements of a snapshot along x and y."""
-SNAPSHOT_MODES = 40
+SNAPSHOT_MODES = 24
 EXTRA = (4, 4)
 """Functions of in-plane and normal displacements for each kind of thing that is planted."""
 USUAL = "usual"

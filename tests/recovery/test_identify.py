@@ -200,7 +200,8 @@ def test_measured_beam_in_uff() -> None:
     sets = [s for s in pyuff.UFF(str(path)).read_sets() if s["type"] == 58]
     frf = block(sets[0]["x"], np.array([s["data"] for s in sets]))
     model = identify_frf(frf, geometry(3), name="beam", band=(30.0, 1100.0))
-    expect(model, [52.56, 144.63, 283.12, 468.28, 698.45, 972.96], 1e-3)
+    # 922 Hz stands 20 dB over the valleys beside it in the second function; earlier versions left it out in silence.
+    expect(model, [52.56, 144.63, 283.12, 468.28, 698.45, 922.04, 972.96], 1e-3)
 
 
 def test_measured_free_beam_with_roving_hammer() -> None:

@@ -115,6 +115,7 @@ def assemble_evidence(
         scatter=scatter or DiagnosisScatter(),
         start=np.zeros(0),
         dimensions=tuple(candidates.resized),
+        places=candidates.places,
         sensor=tuple(modes.sensor for _, _, modes in tested),
         n_gain=_n_gain([modes.sensor for _, _, modes in tested]),
         resized=candidates.resized,

@@ -25,6 +25,7 @@ from model import (
     truncated,
     with_attachment_modes,
 )
+from updating.diagnosis.rig import clamp_places
 from updating.workers.workers import distribute
 
 _LOG = logging.getLogger(__name__)
@@ -65,6 +66,8 @@ class CandidateModel:
         The stack without effects with one dimension changed, in the basis of `system`.
     finer : ReducedSystem, optional
         The stack without effects on a finer mesh; none where an outline decides the mesh.
+    places : tuple of str
+        Parameters of `system` that say how far parts of the rig are from where the files have them, m.
     """
 
     stack: Stack
@@ -73,6 +76,7 @@ class CandidateModel:
     impossible: Mapping[str, str]
     resized: Mapping[str, ReducedEquations]
     finer: ReducedSystem | None
+    places: tuple[str, ...]
 
 
 def candidate_model(
@@ -108,15 +112,16 @@ def candidate_model(
         except EffectError as error:
             impossible[name] = str(error)
     finer = distribute(_plain, _finer(base), executor)  # begins at once where there is an executor
+    placed = clamp_places(base)
     system = reduce(
-        base.with_effects(*possible.values(), *aids),
+        base.with_effects(*possible.values(), *aids, *placed),
         G_f_range=G_F_RANGE,
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
     )
     sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
     system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
-    system = truncated(system, _corners(possible.values()), N_MODEL, _TRUNCATED)
+    system = truncated(system, _corners([*possible.values(), *placed]), N_MODEL, _TRUNCATED)
     return CandidateModel(
         stack=base,
         system=system,
@@ -124,6 +129,7 @@ def candidate_model(
         impossible=impossible,
         resized=_resized(base, system),
         finer=next(finer, None),
+        places=tuple(effect.name for effect in placed),
     )
 
 

@@ -35,7 +35,7 @@ SPREAD = float(np.log(5.0) / 1.645)
 """Standard deviation of the logarithm of a size: nine of ten lie within a factor of 5 of the median."""
 CORRELATION = 0.9
 """Of the discrepancy of one mode between two configurations."""
-_SMALLEST, _LARGEST, _N_SIZE = 1.0 / 60.0, 20.0, 15  # of the sizes that are tried, over their medians
+_SMALLEST, _LARGEST, _N_SIZE = 1.0 / 60.0, 20.0, 11  # of the sizes that are tried, over their medians
 _CLOSEST = 2000.0  # k_rs of modes so close that any mixture is possible
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
 _ALONG = 10.0  # standard deviation of a shape along itself, over its length: its scale says nothing

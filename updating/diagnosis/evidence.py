@@ -47,6 +47,8 @@ class DiagnosisScatter:
         Of G_f and d_f between configurations: reassembly and torque.
     young, density, normal_modulus, length, width, height : float
         Of what the stack file says of the steel, of the contact across, and of the dimensions.
+    clamp_place : float
+        Of where the clamps sit along the stack, m.
     """
 
     frequency: float | None = None
@@ -62,6 +64,7 @@ class DiagnosisScatter:
     length: float = 1e-3
     width: float = 2e-3
     height: float = 2e-3
+    clamp_place: float = 2e-3
 
     @property
     def stated(self) -> tuple[Kind, ...]:
@@ -192,6 +195,8 @@ class Evidence:
         Accelerometers whose gain relative to the first is not known exactly; all configurations have the same.
     shift : tuple of Shift
         What dimensions and mesh do to the measured modes of each configuration.
+    places : tuple of str
+        Parameters of the model that say how far parts of the rig are from where the files have them, m.
     identity : tuple of (n_mode,) int
         For each configuration, the mode of the stack that each measured mode is, the same in all configurations.
     sensor_scatter : tuple of (n_mode,) float
@@ -219,6 +224,7 @@ class Evidence:
     sensor: tuple[NDArray[np.int64], ...]
     n_gain: int
     shift: tuple[Shift, ...]
+    places: tuple[str, ...] = ()
     identity: tuple[NDArray[np.int64], ...] = ()
     sensor_scatter: tuple[Vector, ...] = ()
     sizes: Sizes = field(default_factory=Sizes)
@@ -268,10 +274,10 @@ class Evidence:
 
     @property
     def nuisances(self) -> tuple[str, ...]:
-        """Names of the nuisance coordinates; all are logarithms of a ratio."""
+        """Names of the nuisance coordinates: logarithms of a ratio, and of places in m."""
         n = len(self.tested)
         return (
-            *SHARED,
+            *self.shared,
             *self.dimensions,
             *(f"gain[sensor {i + 2}]" for i in range(self.n_gain)),
             *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
@@ -284,16 +290,22 @@ class Evidence:
         s, n = self.scatter, len(self.tested)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
         size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
-        std = np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *size, *gain, *each])
+        places = [s.clamp_place] * len(self.places)
+        std = np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *places, *size, *gain, *each])
         for name in self.released:
             for nuisance, wide in self.hypotheses[name].items():
                 std[self.nuisances.index(nuisance)] = wide
         return std
 
     @property
+    def shared(self) -> tuple[str, ...]:
+        """Parameters of the model that are nuisances of all configurations, the first of the coordinates."""
+        return (*SHARED, *self.places)
+
+    @property
     def n_sized(self) -> int:
         """Number of nuisance coordinates before the gains of sensors."""
-        return len(SHARED) + len(self.dimensions)
+        return len(self.shared) + len(self.dimensions)
 
     @property
     def n_common(self) -> int:
@@ -309,13 +321,14 @@ class Evidence:
         return tuple(shared_parameters(self.effects[n] for n in names if n not in self.hypotheses).values())
 
     def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
-        """Return the values of `SHARED` in a configuration, in their order, at nuisance coordinates."""
+        """Return the values of `shared` in a configuration, in their order, at nuisance coordinates."""
         ratio = np.exp(nuisance[: len(SHARED)])
+        places = nuisance[len(SHARED) : len(self.shared)].tolist()
         n = len(self.tested)
         own = np.exp(nuisance[self.n_common :].reshape(2, n)[:, configuration]) if n > 1 else np.ones(2)
         contact = self.stack.contact
         at = (contact.G_f * own[0], (contact.d_f or D_F_START) * own[1], 1.0, 1.0, 1.0)
-        return dict(zip(SHARED, (ratio * at).tolist(), strict=True))
+        return dict(zip(self.shared, [*(ratio * at).tolist(), *places], strict=True))
 
 
 def solved(

@@ -11,14 +11,18 @@ from updating.diagnosis.evidence import Evidence
 
 MEASUREMENT = "measurement"
 """Family of these hypotheses."""
-STATED_PRESSURE, STATED_SIZE, SENSOR_GAIN = "stated_pressure", "stated_size", "sensor_gain"
+STATED_PRESSURE, STATED_SIZE, STATED_PLACE, SENSOR_GAIN = (
+    "stated_pressure", "stated_size", "stated_place", "sensor_gain",
+)
 LABELS = {
     STATED_PRESSURE: "a pressure or torque stated wrongly",
     STATED_SIZE: "dimensions of the stack stated wrongly",
+    STATED_PLACE: "clamps that sit elsewhere than stated",
     SENSOR_GAIN: "the calibration of a roving accelerometer",
 }
 """What each is called."""
 _PRESSURE, _SIZE, _GAIN = 0.1, 0.01, 0.3  # standard deviations of the logarithms where something was stated wrongly
+_PLACE = 8e-3  # m
 
 
 def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
@@ -28,6 +32,8 @@ def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]
         found[STATED_PRESSURE] = {f"G_f[{own.name}]": _PRESSURE for own in evidence.tested}
     if evidence.dimensions:
         found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, _SIZE)
+    if evidence.places:
+        found[STATED_PLACE] = dict.fromkeys(evidence.places, _PLACE)
     if evidence.n_gain:
         found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": _GAIN for i in range(evidence.n_gain)}
     return found

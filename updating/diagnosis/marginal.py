@@ -11,6 +11,8 @@ from updating.diagnosis.discrepancy import KINDS, Kind, Sizes, sizes_tried
 
 Vector = NDArray[np.float64]
 
+_COUNTS = 0.02  # of the largest weight, from which sizes count for the covariance
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Linearized:
@@ -111,7 +113,9 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
     logs = [np.log(size)[i] for size, i in zip(tried, index.T, strict=True)]
     mean = [float(weight @ log) for log in logs]
     spread = [float(np.sqrt(max(weight @ (log - m) ** 2, 0.0))) for log, m in zip(logs, mean, strict=True)]
-    inverse = np.linalg.pinv(precision, hermitian=True)
+    counts = weight > _COUNTS * weight.max()
+    weight, step = weight[counts] / weight[counts].sum(), step[counts]
+    inverse = np.linalg.pinv(precision[counts], hermitian=True)
     middle = weight @ step
     covariance = np.einsum("i,ijk->jk", weight, inverse)
     covariance += np.einsum("i,ij,ik->jk", weight, step - middle, step - middle)

@@ -189,12 +189,14 @@ def _compared(
     evidence: Evidence, c: int, nuisance: Vector, effect: Mapping[str, tuple[float, float]]
 ) -> _Compared:
     """Put one configuration beside the model."""
-    n_shared, n_sized, n_common = len(SHARED), evidence.n_sized, evidence.n_common
+    n_shared, n_sized, n_common = len(evidence.shared), evidence.n_sized, evidence.n_common
     theta = evidence.theta(nuisance, c)
     by = (*theta, *effect)
     modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
     place = [modes.parameter.index(name) for name in by]
-    per = np.array([*theta.values(), *(slope for _, slope in effect.values())])
+    per = np.array(
+        [*(theta[name] for name in SHARED), *(1.0 for _ in evidence.places), *(slope for _, slope in effect.values())]
+    )
     by_gain = evidence.by_gain(c)
     gain = np.exp(by_gain @ nuisance[n_sized:n_common])
     used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]

@@ -235,7 +235,7 @@ def _provenance(inputs: tuple[Path, ...], options: Mapping[str, object]) -> dict
 def _code_digest() -> str:
     """First digits of the digest of the program's own files, which may change without their version."""
     digest = hashlib.sha256()
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     for file in sorted(f for package in ("ema", "model", "updating") for f in (root / package).rglob("*.py")):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:12]
