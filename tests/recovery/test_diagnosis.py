@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from updating.diagnosis.gathering import gather
 
 import model
 from updating.blind.case import blind_test, candidates_of, played
 from updating.diagnosis.diagnosis import conclude
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import explain
-from updating.diagnosis.gathering import gather
 from updating.diagnosis.residual import residual
 from updating.virtual.measurement import ModalNoise, play_modes
 

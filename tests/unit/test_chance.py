@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from updating.diagnosis.chance import chance_of_gain
 
 from model import Parameter
-from updating.diagnosis.chance import chance_of_gain
 from updating.diagnosis.screening import Screened
 
 RNG = np.random.default_rng(7)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from scipy.stats import kstest
-
 from updating.diagnosis.mixing import Mixing, p_value
 
 N_DOF, N_MODE, NOISE = 44, 7, 2e-4

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from updating.diagnosis.mixing import leaning
 
 from updating.diagnosis.evidence import DiagnosisScatter
-from updating.diagnosis.mixing import leaning
 from updating.diagnosis.mode_space import ModeSpace
 
 N_DOF, SIGMA = 44, 2e-4

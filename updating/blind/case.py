@@ -13,14 +13,14 @@ import numpy as np
 import model
 from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
+from updating.diagnosis.assembly import Campaigned
+from updating.diagnosis.assembly import assemble_evidence as gather
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of
-
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Explanation, explain
-from updating.diagnosis.assembly import Campaigned, assemble_evidence as gather
 from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.residual import residual
 from updating.diagnosis.search import VISIBLE, Search, search

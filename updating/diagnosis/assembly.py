@@ -16,8 +16,8 @@ from model import Observation, ReducedEquations, ReducedSystem, observe, solve_m
 from updating.correlation.registration import register
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
 from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
-from updating.diagnosis.mode_space import ModeSpace
 from updating.diagnosis.hypotheses import measurement_hypotheses
+from updating.diagnosis.mode_space import ModeSpace
 from updating.diagnosis.residual import covariance_of, unit_shape, unit_shapes
 from updating.errors import FitError
 
@@ -147,7 +147,7 @@ def identities(tested: Sequence[Tested]) -> tuple[NDArray[np.int64], ...]:
     A mode that resembles none of the configurations before is one of its own.
     """
     known: list[tuple[int, int]] = []
-    found = []
+    found: list[NDArray[np.int64]] = []
     for c, own in enumerate(tested):
         number = np.full(own.modes.frequency.size, -1, dtype=np.int64)
         for before in range(c - 1, -1, -1):
@@ -179,7 +179,9 @@ def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[Vector, ...]:
         known = la.orth(ModeSpace.of(base, evidence.observed[c]).shape, _RANK)
         by_gain = evidence.by_gain(c)
         n_free = len(known) - known.shape[1] - evidence.n_gain
-        share = n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))  # one standard deviation more than shown
+        share = (
+            n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))
+        )  # one standard deviation more than shown
         measured = tested.modes.shape
         shape, std = unit_shape(measured), tested.modes.shape_std / np.linalg.norm(measured, axis=0)
         own = np.full(measured.shape[1], _USUAL_SCATTER)

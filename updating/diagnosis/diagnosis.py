@@ -1,8 +1,8 @@
 """Which physical effect is missing, how sure that is, what cannot be told apart, and what cannot be seen.
 
 The base model is fitted first. Each effect is then scored by what its signature explains of the residual after the
-nuisances' share is taken out; the best are fitted in full, alone and together, and compared by evidence, the size of the
-discrepancy that every model has being integrated out. What the data cannot tell apart is reported as a set.
+nuisances' share is taken out; the best are fitted in full, alone and together, and compared by evidence, the size of
+the discrepancy that every model has being integrated out. What the data cannot tell apart is reported as a set.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
-from updating.diagnosis.assembly import Campaigned, Assembled, assemble_evidence
+from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
@@ -32,7 +33,7 @@ from updating.diagnosis.ranking import Ranked, explained, rank
 from updating.diagnosis.search import VISIBLE, Search, search
 from updating.diagnosis.sensor_gain import SensorGain, sensor_gains
 from updating.diagnosis.text import sentences
-from updating.diagnosis.verdict import Decision, Verdict, decide
+from updating.diagnosis.verdict import Verdict, decide
 from updating.errors import FitError
 
 Vector = NDArray[np.float64]
@@ -77,7 +78,7 @@ class Step:
     explained : float
         Share of the base model's misfit that it explains.
     frequency_error, left_out_error : float
-        Mean relative error of the frequencies, of the modes that were fitted and of each mode predicted from all others.
+        Mean relative error of frequencies, of the modes that were fitted and of each mode predicted from all others.
     discrepancy : Sizes
         What it leaves beside the noise of the measurement.
     """
@@ -106,7 +107,7 @@ class Diagnosis:
     steps : tuple of Step
         From the base model to the first of the set, one effect at a time.
     discrepancy, discrepancy_spread : Sizes
-        What the first of the set, or the base model, leaves beside the noise, and standard deviations of the logarithms.
+        What the first of the set, or the base model, leaves beside the noise; standard deviations of the logarithms.
     point_change : PointChange, optional
         What is left looks like this.
     ranking : tuple of Ranked
@@ -206,7 +207,7 @@ def conclude(evidence: Assembled, executor: Executor | None = None) -> Diagnosis
     first = left[0] if left else base
     ranking = rank(found)
     named = {name for x in left for name in x.effects}
-    answer = {
+    answer: dict[str, Any] = {
         "steps": tuple(_step(found, x) for x in decision.steps),
         "labels": _labels(found),
         "discrepancy": first.mean,

@@ -1,14 +1,14 @@
 """What a model that is only nearly right leaves between itself and a measurement: sizes, structure and priors.
 
-Beside the noise of the measurement, every model misses every mode by a little. By how much is not known beforehand, so
-the size of that discrepancy is estimated for each kind of data, and every explanation is judged with all plausible sizes
-(Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001; Beck and Katafygiotis, J. Eng. Mech. 124, 1998; Simoen, De Roeck and
-Lombaert, Mech. Syst. Signal Process. 56-57, 2015). Its structure is known better than its size:
+Beside the noise of the measurement, every model misses every mode by a little. By how much is not known beforehand,
+so the size of that discrepancy is estimated for each kind of data, and every explanation is judged with all plausible
+sizes (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001; Beck and Katafygiotis, J. Eng. Mech. 124, 1998; Simoen, De
+Roeck and Lombaert, Mech. Syst. Signal Process. 56-57, 2015). Its structure is known better than its size:
 
 - A mode is missed by nearly the same in all configurations of a stack, so what changes between them is known best.
-- A shape is wrong along other modes, by c_rs = a k_rs with k_rs = w_r w_s / (w_r**2 - w_s**2) where stiffness is wrong and
-  w_r**2 / (w_s**2 - w_r**2) where mass is (Fox and Kapoor, AIAA J. 6, 1968). So modes close to each other are compared as the
-  subspace that they span, and no threshold says what is close.
+- A shape is wrong along other modes, by c_rs = a k_rs with k_rs = w_r w_s / (w_r**2 - w_s**2) where stiffness is wrong
+  and w_r**2 / (w_s**2 - w_r**2) where mass is (Fox and Kapoor, AIAA J. 6, 1968). So modes close to each other are
+  compared as the subspace that they span, and no threshold says what is close.
 """
 
 from __future__ import annotations
@@ -170,7 +170,10 @@ def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, fl
 
 
 def shape_block(
-    rows: Sequence[NDArray[np.intp]], shapes: Sequence[Vector], noise: Sequence[Vector], roots: Sequence[Vector]
+    rows: Sequence[NDArray[np.intp]],
+    shapes: Sequence[Vector],
+    noise: Sequence[Vector],
+    roots: Sequence[Vector],
 ) -> Block:
     """Return the block of one mode's shape in all configurations that have it.
 

@@ -12,10 +12,10 @@ from model import Effect, Parameter
 from model.effects.parts import every_lamina, mean_over, square
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
+from updating.diagnosis.assembly import Assembled, base_shift
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence, Tested, solved
 from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.assembly import Assembled, base_shift
 from updating.diagnosis.residual import covariance_of, residual
 
 Vector = NDArray[np.float64]

@@ -179,9 +179,7 @@ def explain(
     )
 
 
-def linearized(
-    evidence: Evidence, at: Residual, solution: Vector, at_bound: NDArray[np.bool_]
-) -> Linearized:
+def linearized(evidence: Evidence, at: Residual, solution: Vector, at_bound: NDArray[np.bool_]) -> Linearized:
     """Return a fit to first order, with the priors of nuisances, and those of effects over their ranges.
 
     `solution` holds the coordinates, nuisances first; `at_bound` says which of the others lie on an end of their range.

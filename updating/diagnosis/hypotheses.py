@@ -12,7 +12,10 @@ from updating.diagnosis.evidence import Evidence
 MEASUREMENT = "measurement"
 """Family of these hypotheses."""
 STATED_PRESSURE, STATED_SIZE, STATED_PLACE, SENSOR_GAIN = (
-    "stated_pressure", "stated_size", "stated_place", "sensor_gain",
+    "stated_pressure",
+    "stated_size",
+    "stated_place",
+    "sensor_gain",
 )
 LABELS = {
     STATED_PRESSURE: "a pressure or torque stated wrongly",
@@ -21,12 +24,16 @@ LABELS = {
     SENSOR_GAIN: "the calibration of a roving accelerometer",
 }
 """What each is called."""
-_PRESSURE, _SIZE, _GAIN = 0.1, 0.01, 0.3  # standard deviations of the logarithms where something was stated wrongly
+_PRESSURE, _SIZE, _GAIN = (
+    0.1,
+    0.01,
+    0.3,
+)  # standard deviations of the logarithms where something was stated wrongly
 _PLACE = 8e-3  # m
 
 
 def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
-    """Return the hypotheses that these data allow: by name, nuisances and the standard deviations that they then have."""
+    """Return the hypotheses that these data allow: of each, the standard deviations that nuisances then have."""
     found: dict[str, Mapping[str, float]] = {}
     if len(evidence.tested) > 1:
         found[STATED_PRESSURE] = {f"G_f[{own.name}]": _PRESSURE for own in evidence.tested}

@@ -1,4 +1,4 @@
-"""The marginal likelihood of an explanation: over its parameters by Laplace, over the sizes of the discrepancy by sum."""
+"""Marginal likelihood of an explanation: over its parameters by Laplace, over the sizes of the discrepancy by sum."""
 
 from __future__ import annotations
 

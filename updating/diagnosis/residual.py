@@ -105,7 +105,9 @@ def residual(
     effect = _values(parameters, coordinate)
     compared = [_compared(evidence, c, nuisance, effect) for c in range(len(evidence.tested))]
     kind = evidence.rows.kind
-    value = np.concatenate([np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared])
+    value = np.concatenate(
+        [np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared]
+    )
     width = len(evidence.nuisances) + len(effect)
     rows = np.concatenate(
         [
@@ -151,12 +153,19 @@ def covariance_of(
         own = _compared(evidence, c, nuisance, effect)
         used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
         space = ModeSpace.of(own.modes, evidence.observed[c])
-        std.append(np.hypot(np.hypot(measured.frequency_std[used] / measured.frequency[used], _RESOLVED), s.mesh * shift.mesh[used]))
+        std.append(
+            np.hypot(
+                np.hypot(measured.frequency_std[used] / measured.frequency[used], _RESOLVED),
+                s.mesh * shift.mesh[used],
+            )
+        )
         std.append(np.hypot(measured.damping_std[used] / measured.damping[used], _REPEATED))
         mesh = s.mesh * np.linalg.norm(shift.mesh_shape[:, used], axis=0)
         for i, (r, m) in enumerate(zip(used, own.column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
-            std.append(np.hypot(uncertain, np.hypot(evidence.sensor_scatter[c][r], mesh[i]) / np.sqrt(len(own.u))))
+            std.append(
+                np.hypot(uncertain, np.hypot(evidence.sensor_scatter[c][r], mesh[i]) / np.sqrt(len(own.u)))
+            )
             root, length = mixing_root(int(m), space.frequency, space.shape)
             shapes[c, i], roots[c, i] = own.u[:, i], root
             lengths.append(length)
@@ -195,7 +204,11 @@ def _compared(
     modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
     place = [modes.parameter.index(name) for name in by]
     per = np.array(
-        [*(theta[name] for name in SHARED), *(1.0 for _ in evidence.places), *(slope for _, slope in effect.values())]
+        [
+            *(theta[name] for name in SHARED),
+            *(1.0 for _ in evidence.places),
+            *(slope for _, slope in effect.values()),
+        ]
     )
     by_gain = evidence.by_gain(c)
     gain = np.exp(by_gain @ nuisance[n_sized:n_common])

@@ -38,7 +38,9 @@ def _placed(i: int, clamp: Clamp) -> Effect:
         # the square keeps the mass positive: it is that of the mean displacement there, to first order of the distance
         return (
             Term(name=name, target="M", factor=Monomial(exponent={name: 1}), krons=tuple(linear)),
-            Term(name=f"{name} squared", target="M", factor=Monomial(exponent={name: 2}), krons=tuple(squared)),
+            Term(
+                name=f"{name} squared", target="M", factor=Monomial(exponent={name: 2}), krons=tuple(squared)
+            ),
         )
 
     return Effect(
@@ -47,9 +49,7 @@ def _placed(i: int, clamp: Clamp) -> Effect:
         summary=what,
         description=what,
         parameters=(
-            Parameter(
-                name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"
-            ),
+            Parameter(name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"),
         ),
         terms=terms,
     )

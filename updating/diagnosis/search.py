@@ -32,7 +32,7 @@ MOST_EFFECTS = 4
 N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
 """Effects that are fitted in full; pairs by their linear step; further effects beside each of the best explanations."""
 N_FIRST = 3
-"""Explanations beside which a further effect is sought: where an effect is strong, steps from the base model mislead."""
+"""Explanations beside which a further effect is sought: steps from the base model mislead where one is strong."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
 N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
@@ -238,9 +238,7 @@ def _weighed(evidence: Assembled, own: Explanation | None = None) -> Assembled:
     )
 
 
-def _from_afar(
-    evidence: Assembled, places: Sequence[Place], executor: Executor | None
-) -> list[Explanation]:
+def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor | None) -> list[Explanation]:
     """Fit effects from where they come nearest over their whole ranges."""
     starts: list[Start] = []
     for place in places or nearest(evidence.alone, executor):
@@ -303,15 +301,11 @@ def _again(
 ) -> list[Explanation]:
     """Fit explanations again with another basis and other weights, those that have lost by one evaluation alone."""
     top = max(x.log_evidence for x in fitted)
-    starts = [
-        _from(x, _REFIT if not x.effects or top - x.log_evidence < 3.0 * _CLOSE else 1) for x in fitted
-    ]
+    starts = [_from(x, _REFIT if not x.effects or top - x.log_evidence < 3.0 * _CLOSE else 1) for x in fitted]
     return _done(_begun(evidence, starts, executor))
 
 
-def _ordered(
-    evidence: Evidence, base: Explanation, fitted: Sequence[Explanation]
-) -> tuple[Explanation, ...]:
+def _ordered(evidence: Evidence, base: Explanation, fitted: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """Return explanations by their number of effects, within each the most probable first."""
     return tuple(sorted(fitted, key=lambda x: (len(x.effects), -log_odds(evidence, x, base))))
 

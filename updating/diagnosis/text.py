@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -37,7 +38,9 @@ def sentences(found: Search, decision: Decision, answer: Mapping[str, Any]) -> t
     if len(answer["steps"]) > 2:
         text.append(_way(answer["steps"], names))
     if decision.verdict == "one of":
-        text += [f"If it is {names.of(x.effects)}: {_estimates(ranked[x.effects])}." for x in decision.left[:4]]
+        text += [
+            f"If it is {names.of(x.effects)}: {_estimates(ranked[x.effects])}." for x in decision.left[:4]
+        ]
     if decision.verdict in ("identified", "one of", "partly explained"):
         text.append(f"Beyond the noise of the measurement, what remains is {_sizes(answer['discrepancy'])}.")
     if decision.verdict == "partly explained":
@@ -81,8 +84,8 @@ def _verdict(decision: Decision, ranked: Mapping[tuple[str, ...], Ranked], names
     if decision.verdict == "nothing missing":
         return (
             f"Nothing is missing that these data can show: beyond noise the model is right to "
-            f"{_sizes(base.discrepancy)}. Its mean frequency error is {percent(base.frequency_error)}, and no effect of "
-            "the catalogue predicts modes better that it has not seen."
+            f"{_sizes(base.discrepancy)}. Its mean frequency error is {percent(base.frequency_error)}, and no effect "
+            "of the catalogue predicts modes better that it has not seen."
         )
     if decision.verdict == "unlike anything":
         return (
@@ -97,12 +100,15 @@ def _verdict(decision: Decision, ranked: Mapping[tuple[str, ...], Ranked], names
         return f"Identified: {what}, {_estimates(own)}. It explains {share} of the misfit: {change}."
     if decision.verdict == "one of":
         every = "; or ".join(names.of(x.effects) for x in decision.left)
-        return f"One of these, and the data cannot tell which: {every}. The first explains {share} of the misfit: {change}."
+        return (
+            f"One of these, and the data cannot tell which: {every}. "
+            f"The first explains {share} of the misfit: {change}."
+        )
     others = decision.left[1:]
     tail = f" Nearly as likely: {'; '.join(names.of(x.effects) for x in others[:3])}." if others else ""
     return (
-        f"Partly explained: mostly {what}, {_estimates(own)}. It explains {share} of the misfit, and something remains: "
-        f"{change}.{tail}"
+        f"Partly explained: mostly {what}, {_estimates(own)}. "
+        f"It explains {share} of the misfit, and something remains: {change}.{tail}"
     )
 
 
@@ -110,10 +116,8 @@ def _change(base: Ranked, own: Ranked) -> str:
     """Say what the frequency error falls to, also where each mode is predicted from all others."""
     before, after = percent(base.frequency_error), percent(own.frequency_error)
     if own.frequency_error >= base.frequency_error:
-        damping = (percent(base.discrepancy.damping), percent(own.discrepancy.damping))
-        return (
-            f"the mean frequency error stays at {after}, and damping ratios are met to {damping[1]} instead of {damping[0]}"
-        )
+        worse, better = (percent(x.discrepancy.damping) for x in (base, own))
+        return f"the mean frequency error stays at {after}, and damping ratios are met to {better} instead of {worse}"
     text = f"with it the mean frequency error falls from {before} to {after}"
     if not np.isfinite([base.left_out_error, own.left_out_error]).all():
         return text
@@ -129,7 +133,7 @@ def _rests_on(n_used: Mapping[str, tuple[int, int]]) -> str:
 def _way(steps: Sequence[Any], names: Names) -> str:
     """Say what each of several effects brings."""
     parts = []
-    for before, after in zip(steps, steps[1:], strict=False):
+    for before, after in itertools.pairwise(steps):
         added = [name for name in after.effects if name not in before.effects]
         parts.append(
             f"{names.of(added)} from {percent(before.frequency_error)} to {percent(after.frequency_error)} "
@@ -188,7 +192,10 @@ def _at_a_point(own: PointChange, names: Names) -> str:
     """Say where something is that no effect of the catalogue explains."""
     size = f"{1e3 * abs(own.size):.2g} g" if own.kind == "mass" else f"{abs(own.size):.2g} N/m"
     what = f"{size} {'more' if own.size > 0.0 else 'less'} {'mass' if own.kind == 'mass' else 'stiffness'}"
-    return f"What {names.of(own.beside)} leaves looks like {what} at or near point {own.node} in the measured direction."
+    return (
+        f"What {names.of(own.beside)} leaves looks like {what} "
+        f"at or near point {own.node} in the measured direction."
+    )
 
 
 def _at_bounds(left: Sequence[Explanation], names: Names) -> list[str]:
@@ -221,5 +228,7 @@ def _next(tests: Sequence[NextTest]) -> list[str]:
             f"deviations, now by {useful[0].now:.1f}."
         ]
     if tests:
-        return ["None of the further tests that were considered would tell them apart by 3 standard deviations."]
+        return [
+            "None of the further tests that were considered would tell them apart by 3 standard deviations."
+        ]
     return []

@@ -57,7 +57,9 @@ def decide(found: Search) -> Decision:
     left = _ambiguous(found, best)
     steps = _steps(found, best)
     if not is_adequate(evidence, best) or evidence.lacking:
-        return Decision(verdict="partly explained", left=left, steps=steps, point=point_change(evidence, best))
+        return Decision(
+            verdict="partly explained", left=left, steps=steps, point=point_change(evidence, best)
+        )
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left, steps=steps)
 
 

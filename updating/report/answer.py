@@ -92,10 +92,10 @@ def explanation_table(results: Results) -> Table:
             )
             for own in ranking
         ),
-        note="Explained: share of the squared differences of frequencies, damping ratios and shapes, over the variances of "
-        "noise and of the discrepancy that the best explanation leaves. Left out: the frequency error where each mode is "
-        f"predicted from all others. Explanations less than {np.exp(SEPARATE):.0f} times less probable than the first are "
-        "not told apart.",
+        note="Explained: share of the squared differences of frequencies, damping ratios and shapes, over the "
+        "variances of noise and of the discrepancy that the best explanation leaves. Left out: the frequency error "
+        "where each mode is predicted from all others. Explanations less than "
+        f"{np.exp(SEPARATE):.0f} times less probable than the first are not told apart.",
     )  # fmt: skip
 
 
