@@ -18,7 +18,8 @@ from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, Cand
 from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
 from updating.diagnosis.hypotheses import measurement_hypotheses
 from updating.diagnosis.mode_space import ModeSpace
-from updating.diagnosis.residual import covariance_of, unit_shape, unit_shapes
+from updating.diagnosis.residual import covariance_of, unit_shapes
+from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, place_slopes
 from updating.errors import FitError
 
 Vector = NDArray[np.float64]
@@ -71,6 +72,7 @@ class Assembled(Evidence):
             system=system,
             equations=system.equations,
             observed=tuple(observe(system, o) for o in self.observation),
+            place_slope=tuple(place_slopes(system, o) for o in self.observation),
         )
 
 
@@ -110,6 +112,7 @@ def assemble_evidence(
         system=candidates.system,
         observation=observation,
         observed=tuple(observe(candidates.system, o) for o in observation),
+        place_slope=tuple(place_slopes(candidates.system, o) for o in observation),
         effects=candidates.effects,
         impossible=candidates.impossible,
         scatter=scatter or DiagnosisScatter(),
@@ -124,9 +127,11 @@ def assemble_evidence(
     )
     started = _started(assembled)
     G_f = started.theta(started.start, 0)["G_f"]
+    place, sensor_scatter = _sensor_scatter(started, G_f)
     started = replace(
         started,
-        sensor_scatter=_sensor_scatter(started, G_f),
+        point_place=place,
+        sensor_scatter=sensor_scatter,
         sizes=started.scatter.sizes,
         identity=identities(started.tested),
         shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))),
@@ -166,33 +171,42 @@ def identities(tested: Sequence[Tested]) -> tuple[NDArray[np.int64], ...]:
     return tuple(found)
 
 
-def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[Vector, ...]:
-    """Return what is added to each measured shape beside its standard deviations, over its length, as it shows it.
+def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[float, tuple[Vector, ...]]:
+    """Return the error of the points' places, m, and what else is added to each measured shape, over its length.
 
-    It shows it where no mode of the model, no rigid-body motion and no gain of a sensor reaches; what an effect changes
-    in shapes are these modes for the most part. The places of sensors are off for all modes alike, so no shape has less
-    than half of what is usual in the test.
+    Shapes show both where no mode of the model, no rigid-body motion and no gain of a sensor reaches; what an effect
+    changes in shapes are these modes for the most part. With few sensors too little is left: what is usual is taken.
     """
-    found = []
+    stated, seen = evidence.scatter.point_place, []
+    nodes = np.unique(np.concatenate([observed.node for observed in evidence.observed]))
     for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
         base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
         known = la.orth(ModeSpace.of(base, evidence.observed[c]).shape, _RANK)
-        by_gain = evidence.by_gain(c)
-        n_free = len(known) - known.shape[1] - evidence.n_gain
-        share = (
-            n_free / len(known) / (1.0 + np.sqrt(2.0 / max(n_free, 1)))
-        )  # one standard deviation more than shown
-        measured = tested.modes.shape
-        shape, std = unit_shape(measured), tested.modes.shape_std / np.linalg.norm(measured, axis=0)
-        own = np.full(measured.shape[1], _USUAL_SCATTER)
-        for r in used if n_free > _FREE * len(known) else ():
-            reached = la.orth(np.hstack([known, by_gain * shape[:, r, None]]), _RANK)
-            left = float(np.sum((shape[:, r] - reached @ (reached.T @ shape[:, r])) ** 2))
-            noise = float((1.0 - np.sum(reached**2, axis=1)) @ std[:, r] ** 2)
-            own[r] = np.sqrt(max(left - noise, 0.0) / share)
+        if len(known) - known.shape[1] - evidence.n_gain <= _FREE * len(known):
+            usual = tuple(np.full(t.modes.frequency.size, _USUAL_SCATTER) for t in evidence.tested)
+            return USUAL if stated is None else stated, usual
+        measured, point = tested.modes.shape, np.searchsorted(nodes, evidence.observed[c].node)
+        column = np.argmax(mac(measured, base.shape), axis=1)
+        u, _, length = unit_shapes(measured, base.shape[:, column])
+        along = evidence.place_slope[c] @ base.coordinate[:, column] / length
+        for r in used:
+            slope = np.zeros((len(known), 2, nodes.size))
+            slope[np.arange(len(known)), :, point] = along[:, :, r]
+            seen.append(
+                Seen(
+                    shape=u[:, r],
+                    slope=slope.reshape(len(known), -1),
+                    std=tested.modes.shape_std[:, r] / np.linalg.norm(measured[:, r]),
+                    reached=la.orth(np.hstack([known, evidence.by_gain(c) * u[:, r, None]]), _RANK),
+                )
+            )
+    place, scatter = error_of_places(seen, stated)
+    each, found = iter([own.scatter(place, scatter) for own in seen]), []
+    for tested, used in zip(evidence.tested, evidence.used, strict=True):
+        own = np.full(tested.modes.frequency.size, scatter)
+        own[used] = [next(each) for _ in used]
         found.append(own)
-    usual = np.median(np.concatenate([own[used] for own, used in zip(found, evidence.used, strict=True)]))
-    return tuple(np.maximum(own, max(0.5 * float(usual), _RESOLVED)) for own in found)
+    return place, tuple(found)
 
 
 def base_shift(evidence: Assembled, configuration: int, G_f: float) -> Shift:

@@ -73,7 +73,7 @@ def sizes_tried(kind: Kind, stated: float | None) -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Block:
-    """Rows of data whose discrepancies are correlated: those of one kind and one mode, in all configurations.
+    """Rows of data that are correlated: frequencies or damping ratios of one mode in all configurations, or all shapes.
 
     Attributes
     ----------
@@ -169,36 +169,47 @@ def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, fl
     return (left * size) @ left.T, float(np.linalg.norm(usual))
 
 
-def shape_block(
-    rows: Sequence[NDArray[np.intp]],
-    shapes: Sequence[Vector],
-    noise: Sequence[Vector],
-    roots: Sequence[Vector],
-) -> Block:
-    """Return the block of one mode's shape in all configurations that have it.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasuredShape:
+    """A measured shape beside what may separate it from the model's.
 
-    Parameters
+    Attributes
     ----------
-    rows : sequence of (n_dof,) int
-        Of each configuration.
-    shapes : sequence of (n_dof,)
-        Measured, at unit length: along them scale is free, and by their signs configurations are compared.
-    noise : sequence of (n_dof,)
-        Standard deviations of their components.
-    roots : sequence of (n_dof, n_dof)
-        Of the discrepancy at unit size.
+    row : (n_dof,) int
+        Its rows of data.
+    mode : int
+        The mode of the stack, the same in all configurations.
+    shape : (n_dof,) float
+        As measured, at unit length: along it scale is free, and by their signs configurations are compared.
+    std : (n_dof,) float
+        Standard deviations of its components.
+    slope : (n_dof, n_place) float
+        Change by the errors of places that all shapes share, in standard deviations of these.
+    root : (n_dof, n_dof) float
+        Square root of the covariance of the discrepancy at unit size.
     """
-    n, common = len(rows), alike(len(rows))
-    own = la.block_diag(
-        *(np.diag(std**2) + _ALONG**2 * np.outer(u, u) for std, u in zip(noise, shapes, strict=True))
+
+    row: NDArray[np.intp]
+    mode: int
+    shape: Vector
+    std: Vector
+    slope: Vector
+    root: Vector
+
+
+def shape_block(shapes: Sequence[MeasuredShape]) -> Block:
+    """Return the block of all shapes: errors of places are the same in all, discrepancies in those of one mode."""
+    noise = la.block_diag(
+        *(np.diag(own.std**2) + _ALONG**2 * np.outer(own.shape, own.shape) for own in shapes)
     )
-    turned = [
-        1.0 if u.size != shapes[0].size or float(u @ shapes[0]) >= 0.0 else -1.0 for u in shapes
-    ]  # sensors differ in number where a channel was left out of one configuration
-    form = np.zeros_like(own)
-    edge = np.concatenate([[0], np.cumsum([r.size for r in rows])])
-    for i, j in itertools.product(range(n), repeat=2):
-        if i == j or rows[i].size == rows[j].size:
-            part = turned[i] * turned[j] * common[i, j] * roots[i] @ roots[j].T
-            form[edge[i] : edge[i + 1], edge[j] : edge[j + 1]] = part
-    return block_of(np.concatenate(rows), own, form)
+    slope = np.vstack([own.slope for own in shapes])
+    noise += slope @ slope.T
+    form = np.zeros_like(noise)
+    edge = np.concatenate([[0], np.cumsum([own.row.size for own in shapes])])
+    for (i, one), (j, other) in itertools.product(enumerate(shapes), repeat=2):
+        same = one.mode == other.mode and one.row.size == other.row.size
+        if i == j or same:  # sensors differ in number where a channel was left out of one configuration
+            turned = 1.0 if i == j or one.shape @ other.shape >= 0.0 else -1.0
+            share = turned * (1.0 if i == j else CORRELATION)
+            form[edge[i] : edge[i + 1], edge[j] : edge[j + 1]] = share * one.root @ other.root.T
+    return block_of(np.concatenate([own.row for own in shapes]), noise, form)

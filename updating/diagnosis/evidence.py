@@ -20,12 +20,15 @@ from ema.modal.mac import mac
 from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
 from updating.diagnosis.candidates import N_SOLVED
 from updating.diagnosis.discrepancy import KINDS, Discrepancy, Kind, Sizes
+from updating.diagnosis.sensor_place import USUAL
 
 Vector = NDArray[np.float64]
 
 _ROUGH = 100  # directions of the basis that do for a look: frequencies are off by 1 % at most
 SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 """Nuisances that all configurations share; the deviations of G_f and d_f of each follow them."""
+POINTS_SHIFT = "points_x"
+"""Nuisance: how far all measured points sit along x from where the files have them, m."""
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
@@ -48,7 +51,11 @@ class DiagnosisScatter:
     young, density, normal_modulus, length, width, height : float
         Of what the stack file says of the steel, of the contact across, and of the dimensions.
     clamp_place : float
-        Of where the clamps sit along the stack, m.
+        Of where the clamps sit along x and y, m.
+    point_place : float, optional
+        Of where each measured point sits, along x and y, m; estimated where it is not stated, see `sensor_place`.
+    points_shift : float
+        Of how far all points together sit along x from where the files have them, m.
     """
 
     frequency: float | None = None
@@ -65,6 +72,8 @@ class DiagnosisScatter:
     width: float = 2e-3
     height: float = 2e-3
     clamp_place: float = 2e-3
+    point_place: float | None = None
+    points_shift: float = 1e-3
 
     @property
     def stated(self) -> tuple[Kind, ...]:
@@ -200,8 +209,12 @@ class Evidence:
     identity : tuple of (n_mode,) int
         For each configuration, the mode of the stack that each measured mode is, the same in all configurations.
     sensor_scatter : tuple of (n_mode,) float
-        For each configuration, what places and calibration of the sensors and an identification that is worse than it
-        states add to each measured shape, over its length.
+        For each configuration, what the calibration of the sensors and an identification that is worse than it states
+        add to each measured shape, over its length.
+    place_slope : tuple of (n_dof, 2, n_basis) float
+        For each configuration, how observed displacements change as their points move along x and y, 1/m.
+    point_place : float
+        Standard deviation of where each point sits, m.
     sizes : Sizes
         Of the discrepancy, by which fits are weighed.
     covariance : Discrepancy
@@ -227,6 +240,8 @@ class Evidence:
     places: tuple[str, ...] = ()
     identity: tuple[NDArray[np.int64], ...] = ()
     sensor_scatter: tuple[Vector, ...] = ()
+    place_slope: tuple[Vector, ...] = ()
+    point_place: float = USUAL
     sizes: Sizes = field(default_factory=Sizes)
     covariance: Discrepancy = field(default_factory=lambda: Discrepancy(blocks=()))
     hypotheses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -269,8 +284,12 @@ class Evidence:
     @property
     def rough(self) -> Evidence:
         """The evidence beside the first directions of the basis alone: for a quick look."""
-        observed = tuple(replace(o, reduced_rows=o.reduced_rows[:, :_ROUGH]) for o in self.observed)
-        return replace(self, equations=self.equations.leading(_ROUGH), observed=observed)
+        return replace(
+            self,
+            equations=self.equations.leading(_ROUGH),
+            observed=tuple(replace(o, reduced_rows=o.reduced_rows[:, :_ROUGH]) for o in self.observed),
+            place_slope=tuple(slope[..., :_ROUGH] for slope in self.place_slope),
+        )
 
     @property
     def nuisances(self) -> tuple[str, ...]:
@@ -280,6 +299,7 @@ class Evidence:
             *self.shared,
             *self.dimensions,
             *(f"gain[sensor {i + 2}]" for i in range(self.n_gain)),
+            POINTS_SHIFT,
             *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
             *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
         )
@@ -291,7 +311,8 @@ class Evidence:
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
         size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
         places = [s.clamp_place] * len(self.places)
-        std = np.array([np.inf, np.inf, s.young, s.density, s.normal_modulus, *places, *size, *gain, *each])
+        steel = [s.young, s.density, s.normal_modulus]
+        std = np.array([np.inf, np.inf, *steel, *places, *size, *gain, s.points_shift, *each])
         for name in self.released:
             for nuisance, wide in self.hypotheses[name].items():
                 std[self.nuisances.index(nuisance)] = wide
@@ -309,8 +330,8 @@ class Evidence:
 
     @property
     def n_common(self) -> int:
-        """Number of nuisance coordinates before the deviations of the configurations."""
-        return self.n_sized + self.n_gain
+        """Number of nuisance coordinates before the deviations of the configurations; the last is `POINTS_SHIFT`."""
+        return self.n_sized + self.n_gain + 1
 
     def by_gain(self, configuration: int) -> Vector:
         """Return how the logarithms of shape components grow with the gains, (n_dof, n_gain)."""

@@ -230,6 +230,7 @@ def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Ex
         ),
         observation=evidence.observation[:1],
         observed=evidence.observed[:1],
+        place_slope=evidence.place_slope[:1],
         sensor=evidence.sensor[:1],
         hypotheses={},
         released=(),

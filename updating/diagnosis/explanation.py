@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from scipy.optimize import least_squares
 from model import Parameter, SolveError
 from updating.diagnosis.candidates import G_F_RANGE
 from updating.diagnosis.coordinates import bounds_of, scaled
-from updating.diagnosis.discrepancy import Sizes
+from updating.diagnosis.discrepancy import KINDS, Sizes
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.marginal import Linearized, marginal
-from updating.diagnosis.residual import Residual, residual
+from updating.diagnosis.marginal import Linearized, Marginal, marginal
+from updating.diagnosis.residual import Residual, residual, reweighed
 
 Vector = NDArray[np.float64]
 
@@ -23,11 +24,15 @@ Z95 = 1.96
 """Standard deviations to either side that hold 95 % of a normal distribution."""
 RANGE_PRECISION = 2.0 * np.pi
 """Of a normal distribution of a volume of 1, as ranges have: what the data do not show leaves the evidence as it is."""
+TRUST = 0.05**-2.0
+"""Inverse variance of steps, of a logarithm or in units of a range, for which first order does."""
 _FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
 _ROBUST = 10.0  # residual beyond which a robust loss counts it less
 _ASTRAY = 30.0  # squared residual of a value, in the mean, from which a search begins with such a loss
 _UNSEEN = 1e-9  # precision of a nuisance, beside that of data and priors
+_ALIKE = 1.5  # ratio of sizes of the discrepancy from which a fit is weighed anew
+_REWEIGHED = 3  # times
 _FORBIDDEN = 1e6  # residual of a step to where the model has no modes, so that a shorter one is tried
 
 
@@ -116,44 +121,38 @@ def explain(
     """
     evidence = evidence.supposing(effects)
     parameters = evidence.parameters(effects)
-    n_own = len(evidence.nuisances)
-    low, high = bounds_of(parameters)
+    bounds = _bounds(evidence, parameters)
     first = np.concatenate(
         [
             evidence.start if nuisance is None else nuisance,
-            np.clip(np.zeros(len(parameters)) if coordinate is None else coordinate, low + 1e-9, high - 1e-9),
+            np.zeros(len(parameters)) if coordinate is None else coordinate,
         ]
     )
-    nuisance_low, nuisance_high = _nuisance_bounds(evidence)
-    first[:n_own] = np.clip(first[:n_own], nuisance_low + 1e-9, nuisance_high - 1e-9)
-    bounds = (np.concatenate([nuisance_low, low]), np.concatenate([nuisance_high, high]))
-
-    at = _Residuals(evidence, parameters)
-
-    def minimum(at: _Residuals, start: Vector, loss: str) -> Vector:
-        found = least_squares(
-            lambda x: at(x).value,
-            start,
-            jac=lambda x: at(x).jacobian,
-            bounds=bounds,
-            x_scale="jac",
-            xtol=1e-5,
-            ftol=1e-4,
-            max_nfev=most,
-            loss=loss,
-            f_scale=_ROBUST,
+    first = np.clip(first, bounds[0] + 1e-9, bounds[1] - 1e-9)
+    if np.mean(_Residuals(evidence, parameters)(first).value ** 2) > _ASTRAY:
+        # modes that are still taken for others must not decide
+        first = _minimum(_Residuals(evidence.rough, parameters), first, bounds, most, "cauchy")
+    weighed, solution = evidence, first
+    for _ in range(_REWEIGHED if most > 1 else 1):
+        at = _Residuals(weighed, parameters)
+        solution = _minimum(at, solution, bounds, most, "linear")
+        best, at_bound = at(solution), _at_bound(parameters, solution)
+        found = marginal(
+            linearized(evidence, best, solution, at_bound), evidence.scatter.sizes, evidence.scatter.stated
         )
-        return np.asarray(found.x)
+        if _alike(found.likeliest, weighed.sizes):
+            break
+        weighed = replace(weighed, sizes=found.likeliest)
+    return _explanation(evidence, tuple(effects), solution, found, reweighed(best, evidence))
 
-    if np.mean(at(first).value ** 2) > _ASTRAY:  # modes that are still taken for others must not decide
-        first = minimum(_Residuals(evidence.rough, parameters), first, "cauchy")
-    solution = minimum(at, first, "linear")
-    best = at(solution)
+
+def _explanation(
+    evidence: Evidence, effects: tuple[str, ...], solution: Vector, found: Marginal, best: Residual
+) -> Explanation:
+    """Return the explanation that a fit with some effects arrives at."""
+    n_own, parameters = len(evidence.nuisances), evidence.parameters(effects)
+    low, high = bounds_of(parameters)
     z = solution[n_own:]
-    at_bound = (z - low < _EDGE) | (high - z < _EDGE)
-    found = marginal(
-        linearized(evidence, best, solution, at_bound), evidence.scatter.sizes, evidence.scatter.stated
-    )
     std = np.sqrt(np.maximum(np.diag(found.covariance)[n_own:], 0.0))
 
     def ends(step: Vector) -> Vector:
@@ -161,13 +160,13 @@ def explain(
         return np.array([scaled(p, float(x))[0] for p, x in zip(parameters, clipped, strict=True)])
 
     return Explanation(
-        effects=tuple(effects),
+        effects=effects,
         parameter=parameters,
         value=ends(np.zeros(z.size)),
         lower=ends(-Z95 * std),
         upper=ends(Z95 * std),
         std=std,
-        at_bound=at_bound,
+        at_bound=_at_bound(parameters, solution),
         nuisance=solution[:n_own],
         coordinate=z,
         misfit=float(best.value @ best.value),
@@ -177,6 +176,38 @@ def explain(
         spread=found.spread,
         residual=best,
     )
+
+
+def _minimum(
+    at: _Residuals, start: Vector, bounds: tuple[Vector, Vector], most: int, loss: Literal["linear", "cauchy"]
+) -> Vector:
+    """Return the coordinates, within bounds, of the least squares from a start."""
+    found = least_squares(
+        lambda x: at(x).value,
+        start,
+        jac=lambda x: at(x).jacobian,
+        bounds=bounds,
+        x_scale="jac",
+        xtol=1e-5,
+        ftol=1e-4,
+        max_nfev=most,
+        loss=loss,
+        f_scale=_ROBUST,
+    )
+    return np.asarray(found.x)
+
+
+def _at_bound(parameters: Sequence[Parameter], solution: Vector) -> NDArray[np.bool_]:
+    """Return which effect parameters, the last of the coordinates, lie on an end of their range."""
+    low, high = bounds_of(parameters)
+    z = solution[solution.size - low.size :]
+    return np.asarray((z - low < _EDGE) | (high - z < _EDGE))
+
+
+def _alike(one: Sizes, other: Sizes) -> bool:
+    """Tell whether two sizes of the discrepancy weigh data nearly alike."""
+    ratio = [getattr(one, kind) / getattr(other, kind) for kind in KINDS]
+    return all(1.0 / _ALIKE < r < _ALIKE for r in ratio)
 
 
 def linearized(evidence: Evidence, at: Residual, solution: Vector, at_bound: NDArray[np.bool_]) -> Linearized:
@@ -192,6 +223,7 @@ def linearized(evidence: Evidence, at: Residual, solution: Vector, at_bound: NDA
         growth=evidence.covariance.growth,
         prior_value=np.concatenate([-solution[: std.size], np.zeros(n)]),
         prior_precision=np.concatenate([std**-2.0, np.zeros(n)]),
+        trust=np.full(std.size + n, TRUST),
         unseen=np.concatenate([np.full(std.size, _UNSEEN), np.full(n, RANGE_PRECISION)]),
         free=np.concatenate([np.ones(std.size, dtype=bool), ~at_bound]),
     )
@@ -217,8 +249,8 @@ class _Residuals:
         return self._last[1]
 
 
-def _nuisance_bounds(evidence: Evidence) -> tuple[Vector, Vector]:
-    """Return how far nuisances may go: G_f over the range of the reduction, d_f a hundredfold, others by their priors.
+def _bounds(evidence: Evidence, parameters: Sequence[Parameter]) -> tuple[Vector, Vector]:
+    """Return how far coordinates go: G_f over the range of the reduction, d_f a hundredfold, others by their priors.
 
     A first step from a model that lacks an effect can ask for far more, and then the contact turns negative.
     """
@@ -226,4 +258,5 @@ def _nuisance_bounds(evidence: Evidence) -> tuple[Vector, Vector]:
     low, high = -reach, reach.copy()
     low[0], high[0] = np.log(np.array(G_F_RANGE) / evidence.stack.contact.G_f)
     low[1], high[1] = evidence.start[1] - np.log(100.0), evidence.start[1] + np.log(100.0)
-    return low, high
+    ends = bounds_of(parameters)
+    return np.concatenate([low, ends[0]]), np.concatenate([high, ends[1]])

@@ -30,6 +30,8 @@ class Linearized:
         Variance by a discrepancy of unit size, over that of the noise.
     prior_value, prior_precision : (n_coordinate,) float
         Where the prior of each coordinate is centred, from the fit on, and its inverse variance.
+    trust : (n_coordinate,) float
+        Inverse variance of the steps from the fit for which first order does.
     unseen : (n_coordinate,) float
         Precision of the volume that each coordinate has beforehand, which counts in determinants alone.
     free : (n_coordinate,) bool
@@ -42,6 +44,7 @@ class Linearized:
     growth: Vector
     prior_value: Vector
     prior_precision: Vector
+    trust: Vector
     unseen: Vector
     free: NDArray[np.bool_]
 
@@ -101,8 +104,9 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
     constant = np.asarray(constant) + float(np.sum(own.prior_precision * own.prior_value**2))
     free = own.free
     step = np.zeros(slope.shape)
-    step[:, free] = -np.linalg.solve(precision[:, free][:, :, free], slope[:, free, None])[..., 0]
-    misfit = constant + np.einsum("ij,ij->i", slope, step)
+    held = precision + np.diag(own.trust)
+    step[:, free] = -np.linalg.solve(held[:, free][:, :, free], slope[:, free, None])[..., 0]
+    misfit = constant + np.einsum("ij,ij->i", 2.0 * slope + np.einsum("ijk,ik->ij", precision, step), step)
     logdet = np.linalg.slogdet(precision + np.diag(own.unseen))[1]
     log_likelihood = -0.5 * (misfit + logdet) + sum(p[i] for p, i in zip(prior, index.T, strict=True))
     top = float(np.max(log_likelihood))

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from model import Modes, Parameter
 from updating.diagnosis.coordinates import scaled
-from updating.diagnosis.discrepancy import Block, Discrepancy, alike, block_of, mixing_root, shape_block
+from updating.diagnosis.discrepancy import (
+    Block,
+    Discrepancy,
+    MeasuredShape,
+    alike,
+    block_of,
+    mixing_root,
+    shape_block,
+)
 from updating.diagnosis.evidence import SHARED, Evidence, pair, solved
 from updating.diagnosis.mode_space import ModeSpace
 
@@ -71,7 +79,8 @@ class _Compared:
     """One configuration beside the model at some coordinates: differences and derivatives, not whitened.
 
     `frequency` and `damping` are (n_mode,), `shape` (n_mode, n_dof), with Jacobians of one axis more; `u` are the
-    measured shapes and `v` the modelled ones at unit length, (n_dof, n_mode).
+    measured shapes and `v` the modelled ones at unit length, (n_dof, n_mode), and `slope` is the change of these as
+    points move along x and y, (n_dof, 2, n_mode), 1/m.
     """
 
     frequency: tuple[Vector, Vector]
@@ -79,6 +88,7 @@ class _Compared:
     shape: tuple[Vector, Vector]
     u: Vector
     v: Vector
+    slope: Vector
     modes: Modes
     column: NDArray[np.int64]
 
@@ -134,6 +144,16 @@ def residual(
     )
 
 
+def reweighed(found: Residual, evidence: Evidence) -> Residual:
+    """Return a residual over the standard deviations at other sizes of the discrepancy, those of `evidence`."""
+    n = found.rotated.size
+    size = evidence.sizes.of(found.kind[:n])
+    weight = 1.0 / np.sqrt(1.0 + size**2 * evidence.covariance.growth)
+    value, jacobian = found.value.copy(), found.jacobian.copy()
+    value[:n], jacobian[:n] = weight * found.rotated, weight[:, None] * found.rotated_jacobian
+    return replace(found, value=value, jacobian=jacobian)
+
+
 def covariance_of(
     evidence: Evidence,
     nuisance: Vector,
@@ -148,43 +168,44 @@ def covariance_of(
         As in `residual`.
     """
     effect, s, rows = _values(parameters, coordinate), evidence.scatter, evidence.rows
-    std, shapes, roots, lengths = [], {}, {}, []
+    std: dict[str, list[Vector]] = {"frequency": [], "damping": []}
+    shapes, lengths = [], []
+    nodes = np.unique(np.concatenate([observed.node for observed in evidence.observed]))
     for c, tested in enumerate(evidence.tested):
         own = _compared(evidence, c, nuisance, effect)
+        point = np.searchsorted(nodes, evidence.observed[c].node)
         used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
         space = ModeSpace.of(own.modes, evidence.observed[c])
-        std.append(
-            np.hypot(
-                np.hypot(measured.frequency_std[used] / measured.frequency[used], _RESOLVED),
-                s.mesh * shift.mesh[used],
-            )
-        )
-        std.append(np.hypot(measured.damping_std[used] / measured.damping[used], _REPEATED))
+        resolved = np.hypot(measured.frequency_std[used] / measured.frequency[used], _RESOLVED)
+        std["frequency"].append(np.hypot(resolved, s.mesh * shift.mesh[used]))
+        std["damping"].append(np.hypot(measured.damping_std[used] / measured.damping[used], _REPEATED))
         mesh = s.mesh * np.linalg.norm(shift.mesh_shape[:, used], axis=0)
         for i, (r, m) in enumerate(zip(used, own.column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
-            std.append(
-                np.hypot(uncertain, np.hypot(evidence.sensor_scatter[c][r], mesh[i]) / np.sqrt(len(own.u)))
-            )
+            scattered = np.hypot(evidence.sensor_scatter[c][r], mesh[i]) / np.sqrt(len(own.u))
             root, length = mixing_root(int(m), space.frequency, space.shape)
-            shapes[c, i], roots[c, i] = own.u[:, i], root
+            slope = np.zeros((len(own.u), 2, nodes.size))
+            slope[np.arange(len(own.u)), :, point] = evidence.point_place * own.slope[:, :, i]
             lengths.append(length)
-    every, usual = np.concatenate(std), float(np.median(lengths))
-    blocks: list[Block] = []
-    for mode in np.unique(rows.mode):
-        own_rows = rows.mode == mode
-        for kind in ("frequency", "damping"):
-            row = np.flatnonzero(own_rows & (rows.kind == kind))
-            blocks.append(block_of(row, np.diag(every[row] ** 2), alike(row.size)))
-        places = [key for key, row in rows.shape.items() if rows.mode[row[0]] == mode]
-        blocks.append(
-            shape_block(
-                [rows.shape[key] for key in places],
-                [shapes[key] for key in places],
-                [every[rows.shape[key]] for key in places],
-                [roots[key] / usual for key in places],
+            shapes.append(
+                MeasuredShape(
+                    row=rows.shape[c, i],
+                    mode=int(rows.mode[rows.shape[c, i][0]]),
+                    shape=own.u[:, i],
+                    std=np.hypot(uncertain, scattered),
+                    slope=slope.reshape(len(own.u), -1),
+                    root=root,
+                )
             )
-        )
+    usual = float(np.median(lengths))
+    blocks: list[Block] = [shape_block([replace(own, root=own.root / usual) for own in shapes])]
+    for kind in ("frequency", "damping"):
+        spread = np.concatenate(std[kind])
+        of_kind = np.flatnonzero(rows.kind == kind)
+        for mode in np.unique(rows.mode[of_kind]):
+            own_rows = rows.mode[of_kind] == mode
+            noise = np.diag(spread[own_rows] ** 2)
+            blocks.append(block_of(of_kind[own_rows], noise, alike(int(own_rows.sum()))))
     return Discrepancy(blocks=tuple(blocks))
 
 
@@ -211,7 +232,7 @@ def _compared(
         ]
     )
     by_gain = evidence.by_gain(c)
-    gain = np.exp(by_gain @ nuisance[n_sized:n_common])
+    gain, moved = np.exp(by_gain @ nuisance[n_sized : n_common - 1]), nuisance[n_common - 1]
     used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]
     shape, gradient = gain[:, None] * modes.shape, gain[:, None, None] * modes.shape_gradient
     _, column = pair(measured.shape[:, used], measured.frequency[used], replace(modes, shape=shape))
@@ -234,11 +255,13 @@ def _compared(
     frequency_rows[:, n_shared:n_sized] = -shift.slope[used]
     frequency = frequency - shift.mesh[used] - shift.slope[used] @ nuisance[n_shared:n_sized]
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
-    v = v + shift.mesh_shape[:, used]
+    along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length
+    v = v + shift.mesh_shape[:, used] + moved * along[:, 0]
     rows = []
     for i, m in enumerate(column):
         slope = spread(gradient[:, m]) / length[i]
-        slope[:, n_sized:n_common] = by_gain * v[:, i, None]
+        slope[:, n_sized : n_common - 1] = by_gain * v[:, i, None]
+        slope[:, n_common - 1] = along[:, 0, i]
         rows.append(-slope)
     return _Compared(
         frequency=(frequency, frequency_rows),
@@ -246,6 +269,7 @@ def _compared(
         shape=((u - v).T, np.stack(rows)),
         u=u,
         v=v,
+        slope=along,
         modes=modes,
         column=column,
     )

@@ -13,25 +13,30 @@ _FARTHEST = 0.02  # m
 
 
 def clamp_places(stack: Stack) -> tuple[Effect, ...]:
-    """Return for each clamp of a stack what it does to the equations of motion that it sits farther along x.
+    """Return for each clamp of a stack what it does to the equations of motion that it sits farther along x or y.
 
     Its mass is taken from where the file has it and put where it is, to first order of the distance (m).
     """
-    return tuple(_placed(i, clamp) for i, clamp in enumerate(stack.clamps) if clamp.mass > 0.0)
+    return tuple(
+        _placed(i, clamp, axis) for i, clamp in enumerate(stack.clamps) if clamp.mass > 0.0 for axis in (0, 1)
+    )
 
 
-def _placed(i: int, clamp: Clamp) -> Effect:
-    name, what = f"clamp_{i + 1}_x", f"clamp {i + 1} sits farther along x"
+def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
+    name, what = f"clamp_{i + 1}_{'xy'[axis]}", f"clamp {i + 1} sits farther along {'xy'[axis]}"
 
     def terms(assembly: Assembly) -> tuple[Term, ...]:
-        z, reach = clamp.mass * every_lamina(assembly.stack), assembly.stack.length / 2.0
-        ends = [float(np.clip(clamp.x + step, -reach, reach)) for step in (-_STEP, _STEP)]
+        z = clamp.mass * every_lamina(assembly.stack)
+        half = (assembly.stack.length / 2.0, assembly.stack.width / 2.0)
+        ends = [np.array([clamp.x, clamp.y]) for _ in range(2)]
+        for end, step in zip(ends, (-_STEP, _STEP), strict=True):
+            end[axis] = np.clip(end[axis] + step, -half[axis], half[axis])
         linear: list[Kron] = []
         squared: list[Kron] = []
         for field in FIELDS:
             here = mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint)
-            before, after = (mean_over(assembly, field, (x, clamp.y), clamp.footprint) for x in ends)
-            slope = (after - before) / (ends[1] - ends[0])
+            before, after = (mean_over(assembly, field, (x, y), clamp.footprint) for x, y in ends)
+            slope = (after - before) / (ends[1] - ends[0])[axis]
             mixed = (here.T @ slope + slope.T @ here).tocsr()
             linear.append(Kron(row=field, column=field, z=z, planar=mixed))
             squared.append(square(field, slope, z))
@@ -43,13 +48,9 @@ def _placed(i: int, clamp: Clamp) -> Effect:
             ),
         )
 
+    parameter = Parameter(
+        name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"
+    )
     return Effect(
-        name=name,
-        family="inertia",
-        summary=what,
-        description=what,
-        parameters=(
-            Parameter(name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"),
-        ),
-        terms=terms,
+        name=name, family="inertia", summary=what, description=what, parameters=(parameter,), terms=terms
     )

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from model import Parameter, SolveError
 from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import RANGE_PRECISION, Explanation, linearized
+from updating.diagnosis.explanation import RANGE_PRECISION, TRUST, Explanation, linearized
 from updating.diagnosis.marginal import marginal
 from updating.diagnosis.residual import residual
 
@@ -134,6 +134,7 @@ def _log_gain(evidence: Evidence, at: Explanation, own: Screened, column: Vector
         jacobian=np.hstack([before.jacobian, column]),
         prior_value=np.append(before.prior_value, np.zeros(n)),
         prior_precision=np.append(before.prior_precision, np.zeros(n)),
+        trust=np.append(before.trust, np.full(n, TRUST)),
         unseen=np.append(before.unseen, np.full(n, RANGE_PRECISION)),
         free=np.append(before.free, ~held),
     )

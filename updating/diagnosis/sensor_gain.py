@@ -32,7 +32,7 @@ class SensorGain:
 
 def sensor_gains(evidence: Evidence, own: Explanation) -> tuple[SensorGain, ...]:
     """Return the gains of all roving accelerometers but the first, as an explanation was fitted with them."""
-    gain = slice(evidence.n_sized, evidence.n_common)
+    gain = slice(evidence.n_sized, evidence.n_sized + evidence.n_gain)
     variance = np.diag(la.pinvh(own.residual.jacobian.T @ own.residual.jacobian))[gain]
     return tuple(
         SensorGain(sensor=i, excess=float(np.expm1(value)), std=float(np.sqrt(max(spread, 0.0))))
