@@ -43,10 +43,9 @@ def draw_errors(axes: Axes, found: Diagnosis) -> None:
     )
     bars = axes.bar(at, before, 0.62, color=BEFORE)
     (dots,) = axes.plot(at, after, "o", color=AFTER, markersize=8, clip_on=False, zorder=3)
-    names_of_effects = " and ".join(found.set[0])
     text = (
         f"base model, {np.mean(before):.2f} % in the mean",
-        f"with {names_of_effects}, {np.mean(after):.3f} %",
+        f"with the effects found, {np.mean(after):.3f} %",
     )
     axes.set_ylim(0.0, 1.45 * max(before))
     ticks = [f"{own.frequency:.0f}" for own in found.errors]
