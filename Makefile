@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint docs benchmark blind published clean
+.PHONY: demo test lint docs picture benchmark blind published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -22,6 +22,11 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/python -W error docs/api/build.py out/docs
+
+picture: $(READY)
+	$(BIN)/lamella fit data/hidden_effect/b/campaign.toml -o out/b
+	$(BIN)/lamella diagnose data/hidden_effect/b/campaign.toml -o out/b
+	$(BIN)/python docs/pictures/story.py out/b docs/pictures/story.png
 
 benchmark: $(READY)
 	$(BIN)/python -m pip install --quiet --quiet --editable ".[dev,peers]"

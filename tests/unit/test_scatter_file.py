@@ -28,9 +28,6 @@ def test_a_faulty_line_is_named(tmp_path, line, fault):
 def test_the_documents_list_every_number():
     text = (Path(__file__).parents[2] / "docs/formats.md").read_text(encoding="utf-8")
     section = text.partition("(`lamella diagnose --scatter`)")[2].partition("\n## ")[0]
-    listed = re.findall(r"`(\w+)`(?: and `(\w+)`)? ([\d.e-]*\d)(?: and `(\w+)` ([\d.e-]*\d))?", section)
-    found = {}
-    for first, second, number, other, of_other in listed:
-        found |= {name: float(number) for name in (first, second) if name}
-        found |= {other: float(of_other)} if other else {}
+    listed = re.findall(r"^\| `(\w+)` \| (\S+) \|", section, flags=re.MULTILINE)
+    found = {name: None if default == "estimated" else float(default) for name, default in listed}
     assert found == {field.name: field.default for field in fields(DiagnosisScatter)}

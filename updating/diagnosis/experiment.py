@@ -253,7 +253,8 @@ def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Ex
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
     alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    alone = replace(alone, identity=alone.used)
+    usual = np.median(evidence.sensor_scatter[0][evidence.used[0]])  # the same sensors at the same points
+    alone = replace(alone, identity=alone.used, sensor_scatter=(np.full(seen.size, usual),))
     shift = base_shift(alone, 0, theta["G_f"])
     expected = replace(
         expected,

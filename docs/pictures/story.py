@@ -1,0 +1,87 @@
+"""Draw the picture of the README from results: python docs/pictures/story.py RESULTS_FOLDER PICTURE.
+
+The folder holds a campaign that was fitted and diagnosed; `make picture` makes both.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from updating.diagnosis.diagnosis import Diagnosis
+from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
+from updating.report.results import read_results
+
+BEFORE, AFTER, REST = "#b9bec6", "#1f5f8b", "#dde1e7"
+CONFIGURATION, MODE = 0, 3  # the shape that is shown, both from 0
+
+
+def draw_shape(axes: Axes, pair: ShapePair, moved: np.ndarray, color: str) -> None:
+    """Draw the points of a stack where a mode moves them, over the points at rest."""
+    size = 1.2 * SWELL * float(np.ptp(pair.coordinate, axis=0).max())
+    for points, shade, width in ((pair.coordinate, REST, 1.0), (pair.coordinate + size * moved, color, 1.6)):
+        ends = np.insert(points[pair.line], 2, np.nan, axis=1).reshape(-1, 3)  # one path with gaps
+        axes.plot(*(1e3 * ends.T), color=shade, linewidth=width)
+        axes.plot(*(1e3 * points.T), ".", color=shade, markersize=4.0 * width)
+    axes.set_aspect("equal")
+    axes.set_proj_type("ortho")
+    axes.view_init(elev=24.0, azim=-62.0)
+    axes.set_axis_off()
+
+
+def draw_errors(axes: Axes, found: Diagnosis) -> None:
+    """Draw the frequency error of each mode without effects and with those of the first explanation."""
+    at = np.arange(len(found.errors), dtype=float)
+    names = list(dict.fromkeys(own.configuration for own in found.errors))
+    at += [names.index(own.configuration) for own in found.errors]
+    before, after = (
+        [100.0 * abs(getattr(own, name)) for own in found.errors] for name in ("base", "explained")
+    )
+    bars = axes.bar(at, before, 0.62, color=BEFORE)
+    (dots,) = axes.plot(at, after, "o", color=AFTER, markersize=8, clip_on=False, zorder=3)
+    text = (
+        f"base model, {np.mean(before):.2f} % in the mean",
+        f"with the effects found, {np.mean(after):.3f} %",
+    )
+    axes.set_ylim(0.0, 1.45 * max(before))
+    ticks = [f"{own.frequency:.0f}" for own in found.errors]
+    axes.set_xticks(at, ticks, fontsize=10)
+    axes.tick_params(axis="y", labelsize=10)
+    for name in names:
+        middle = np.mean([x for x, own in zip(at, found.errors, strict=True) if own.configuration == name])
+        what = f"modes at torque {name} [Hz]"
+        axes.text(middle, -0.17, what, transform=axes.get_xaxis_transform(), ha="center", fontsize=11)
+    axes.set_ylabel("frequency error of the model [%]", fontsize=11)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend((bars, dots), text, loc="upper left", frameon=False, fontsize=11)
+
+
+def story(folder: Path) -> Figure:
+    """Return the picture: a measured shape, the modelled one, and the error that falls."""
+    results = read_results(folder)
+    tested, found = results.tested[CONFIGURATION], results.diagnosis
+    if found is None or not found.set or tested.fit is None:
+        message = (
+            f"{folder}: the picture needs a campaign that was fitted and a diagnosis that names an effect"
+        )
+        raise SystemExit(message)
+    pair = shape_pairs(tested.measured, tested.fit)[MODE]
+    figure = Figure(figsize=(10.0, 4.2))
+    for top, title, moved, color in (
+        (0.53, f"measured, {pair.measured_frequency:.1f} Hz", pair.measured.real, "#6b7280"),
+        (0.03, f"modelled, {pair.model_frequency:.1f} Hz, MAC {pair.mac:.4f}", pair.model, AFTER),
+    ):
+        figure.text(0.395, top + 0.40, title, fontsize=11, ha="right")
+        axes = figure.add_axes((0.0, top - 0.32, 0.42, 1.0), projection="3d")  # drawn in its middle only
+        axes.patch.set_visible(False)
+        draw_shape(axes, pair, moved, color)
+    draw_errors(figure.add_axes((0.49, 0.20, 0.50, 0.76)), found)
+    return figure
+
+
+if __name__ == "__main__":
+    story(Path(sys.argv[1])).savefig(sys.argv[2], dpi=160)

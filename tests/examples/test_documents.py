@@ -1,0 +1,119 @@
+"""What the documents name exists: links, files, modules and commands."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from updating.commands.command_line import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / ".github/CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+LENGTH = {"README.md": 150, "limits.md": 90}
+WIDTH = 120
+FOLDERS = r"(?:\.ci|\.github|data|docs|ema|model|tests|updating)"
+
+
+def text_of(page):
+    return page.read_text(encoding="utf-8")
+
+
+def slug(heading):
+    """Return the anchor that a heading of Markdown gets."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def exists(name):
+    """Tell whether a dotted name is a module or something in one."""
+    parts = name.split(".")
+    for n in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:n]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[n:]:
+            if not hasattr(found, part):
+                return False
+            found = getattr(found, part)
+        return True
+    return False
+
+
+def broken_links(page, text):
+    for target, anchor in re.findall(r"\]\((?!https?:)([^)#\s]*)#?([^)\s]*)\)", text):
+        other = page if not target else page.parent / target
+        if not other.exists():
+            yield target
+        elif anchor and anchor not in {slug(h) for h in re.findall(r"(?m)^#+ (.*)$", text_of(other))}:
+            yield f"{target}#{anchor}"
+
+
+def commands(text):
+    """Names of commands at the beginning of a line of code or of what stands in backticks."""
+    return set(re.findall(r"(?:^    |`)lamella ([a-z][\w-]*)", text, flags=re.MULTILINE))
+
+
+@pytest.mark.parametrize("name", LENGTH)
+def test_a_page_that_is_to_be_short_is(name):
+    (page,) = [page for page in PAGES if page.name == name]
+    assert len(text_of(page).splitlines()) <= LENGTH[name]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_lines_are_short(page):
+    long = [line for line in text_of(page).splitlines() if len(line) > WIDTH and not line.startswith("|")]
+    assert not long
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    assert not list(broken_links(page, text_of(page)))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_modules_and_their_members_exist(page):
+    named = set(re.findall(r"`((?:ema|model|updating)(?:\.\w+)+)", text_of(page)))
+    assert not {name for name in named if not exists(name)}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_exist(page):
+    named = set(re.findall(rf"`({FOLDERS}/[\w./-]*)`", text_of(page)))
+    assert not {name for name in named if not (ROOT / name).exists()}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_exist(page):
+    known = {(c.name or c.callback.__name__) for c in app.registered_commands}
+    assert commands(text_of(page)) <= known
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+def test_a_page_says_first_what_it_is_for(page):
+    title, empty, first = text_of(page).splitlines()[:3]
+    assert title.startswith("# ")
+    assert not empty
+    assert first.startswith("This page ")
+
+
+def test_constants_in_the_table_of_thresholds_exist():
+    table = text_of(ROOT / "docs/theory.md").partition("## Thresholds")[2]
+    rows = re.findall(r"(?m)^\| `([\w.]+)` \| (.*?) \|", table)
+    assert len(rows) > 5
+    missing = {
+        f"{m}.{c}" for m, names in rows for c in re.findall(r"`(\w+)`", names) if not exists(f"{m}.{c}")
+    }
+    assert not missing
+
+
+def test_what_does_not_exist_is_seen():
+    page = ROOT / "docs/limits.md"
+    assert list(broken_links(page, "[a](no.md) [b](theory.md#none) [c](theory.md#thresholds)")) == [
+        "no.md",
+        "theory.md#none",
+    ]
+    assert not exists("ema.lscf")
+    assert not exists("updating.diagnosis.verdict.GAIN_SINGLE")
+    assert exists("ema.identification.lscf")
+    assert commands("`lamella play SPEC`\n    lamella fit\nnot lamella this") == {"play", "fit"}
