@@ -127,11 +127,8 @@ def assemble_evidence(
     )
     started = _started(assembled)
     G_f = started.theta(started.start, 0)["G_f"]
-    place, sensor_scatter = _sensor_scatter(started, G_f)
     started = replace(
-        started,
-        point_place=place,
-        sensor_scatter=sensor_scatter,
+        scattered(started),
         sizes=started.scatter.sizes,
         identity=identities(started.tested),
         shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))),
@@ -169,6 +166,12 @@ def identities(tested: Sequence[Tested]) -> tuple[NDArray[np.int64], ...]:
             known.append((c, int(i)))
         found.append(number)
     return tuple(found)
+
+
+def scattered(evidence: Assembled) -> Assembled:
+    """Return the evidence with the errors of the points' places and of the sensors that its shapes show."""
+    place, scatter = _sensor_scatter(evidence, evidence.theta(evidence.start, 0)["G_f"])
+    return replace(evidence, point_place=place, sensor_scatter=scatter)
 
 
 def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[float, tuple[Vector, ...]]:

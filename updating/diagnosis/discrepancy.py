@@ -36,7 +36,8 @@ SPREAD = float(np.log(5.0) / 1.645)
 CORRELATION = 0.9
 """Of the discrepancy of one mode between two configurations."""
 _SMALLEST, _LARGEST, _N_SIZE = 1.0 / 60.0, 20.0, 11  # of the sizes that are tried, over their medians
-_CLOSEST = 2000.0  # k_rs of modes so close that any mixture is possible
+CLOSEST = 2000.0
+"""k_rs of modes so close that any mixture of them is possible."""
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
 _ALONG = 10.0  # standard deviation of a shape along itself, over its length: its scale says nothing
 
@@ -161,7 +162,7 @@ def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, fl
     other = np.arange(frequency.size) != mode
     own, others = frequency[mode], frequency[other]
     away = others**2 - own**2
-    away = np.where(np.abs(away) < own**2 / _CLOSEST, own**2 / _CLOSEST, away)
+    away = np.where(np.abs(away) < own**2 / CLOSEST, own**2 / CLOSEST, away)
     lean = np.hypot(own**2 / away, own * others / away) / np.sqrt(2.0)
     columns = shape[:, other] / np.linalg.norm(shape[:, mode])
     usual = np.minimum(lean, _USUAL) * np.linalg.norm(columns, axis=0)

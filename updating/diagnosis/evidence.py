@@ -29,6 +29,9 @@ SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 """Nuisances that all configurations share; the deviations of G_f and d_f of each follow them."""
 POINTS_SHIFT = "points_x"
 """Nuisance: how far all measured points sit along x from where the files have them, m."""
+DECAY = "window"
+"""Nuisance: the rate, 1/s, by which an exponential window that nobody stated makes everything decay faster."""
+_NO_WINDOW = 1e-3  # standard deviation of that rate where no window is supposed, 1/s
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
@@ -300,6 +303,7 @@ class Evidence:
             *self.dimensions,
             *(f"gain[sensor {i + 2}]" for i in range(self.n_gain)),
             POINTS_SHIFT,
+            DECAY,
             *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
             *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
         )
@@ -312,7 +316,7 @@ class Evidence:
         size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
         places = [s.clamp_place] * len(self.places)
         steel = [s.young, s.density, s.normal_modulus]
-        std = np.array([np.inf, np.inf, *steel, *places, *size, *gain, s.points_shift, *each])
+        std = np.array([np.inf, np.inf, *steel, *places, *size, *gain, s.points_shift, _NO_WINDOW, *each])
         for name in self.released:
             for nuisance, wide in self.hypotheses[name].items():
                 std[self.nuisances.index(nuisance)] = wide
@@ -330,8 +334,8 @@ class Evidence:
 
     @property
     def n_common(self) -> int:
-        """Number of nuisance coordinates before the deviations of the configurations; the last is `POINTS_SHIFT`."""
-        return self.n_sized + self.n_gain + 1
+        """Number of nuisance coordinates before those of single configurations; last `POINTS_SHIFT` and `DECAY`."""
+        return self.n_sized + self.n_gain + 2
 
     def by_gain(self, configuration: int) -> Vector:
         """Return how the logarithms of shape components grow with the gains, (n_dof, n_gain)."""

@@ -7,29 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from updating.diagnosis.evidence import Evidence
+from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, Evidence
 
 MEASUREMENT = "measurement"
 """Family of these hypotheses."""
-STATED_PRESSURE, STATED_SIZE, STATED_PLACE, SENSOR_GAIN = (
-    "stated_pressure",
-    "stated_size",
-    "stated_place",
-    "sensor_gain",
-)
+STATED_PRESSURE, STATED_SIZE, STATED_PLACE = "stated_pressure", "stated_size", "stated_place"
+SENSOR_GAIN, STATED_POINTS, WINDOW = "sensor_gain", "stated_points", "exponential_window"
 LABELS = {
     STATED_PRESSURE: "a pressure or torque stated wrongly",
     STATED_SIZE: "dimensions of the stack stated wrongly",
     STATED_PLACE: "clamps that sit elsewhere than stated",
     SENSOR_GAIN: "the calibration of a roving accelerometer",
+    STATED_POINTS: "measured points that all sit farther along the stack than stated",
+    WINDOW: "the damping of an exponential window",
 }
 """What each is called."""
 _PRESSURE, _SIZE, _GAIN = (
     0.1,
     0.01,
     0.3,
-)  # standard deviations of the logarithms where something was stated wrongly
+)  # standard deviations of logarithms where something was stated wrongly
 _PLACE = 8e-3  # m
+_WINDOW = 3.0  # 1/s, of a window that falls to a hundredth in 1.5 s
 
 
 def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
@@ -43,4 +42,6 @@ def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]
         found[STATED_PLACE] = dict.fromkeys(evidence.places, _PLACE)
     if evidence.n_gain:
         found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": _GAIN for i in range(evidence.n_gain)}
+    found[STATED_POINTS] = {POINTS_SHIFT: _PLACE}
+    found[WINDOW] = {DECAY: _WINDOW}
     return found

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from model import Modes, Parameter
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.discrepancy import (
+    CLOSEST,
     Block,
     Discrepancy,
     MeasuredShape,
@@ -27,6 +28,7 @@ from updating.diagnosis.mode_space import ModeSpace
 Vector = NDArray[np.float64]
 
 _RESOLVED = 3e-5  # of a frequency, that a reduced model leaves
+_LEAST = 1e-3  # of a measured value, below which a modelled one counts as that
 _REPEATED = 1e-3  # of a damping ratio, below which no identification is told from another
 
 
@@ -232,7 +234,8 @@ def _compared(
         ]
     )
     by_gain = evidence.by_gain(c)
-    gain, moved = np.exp(by_gain @ nuisance[n_sized : n_common - 1]), nuisance[n_common - 1]
+    gain = np.exp(by_gain @ nuisance[n_sized : n_common - 2])
+    moved, decay = nuisance[n_common - 2 : n_common]
     used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]
     shape, gradient = gain[:, None] * modes.shape, gain[:, None, None] * modes.shape_gradient
     _, column = pair(measured.shape[:, used], measured.frequency[used], replace(modes, shape=shape))
@@ -248,24 +251,30 @@ def _compared(
         return full
 
     def logarithms(kind: str, modelled: Vector, slope: Vector) -> tuple[Vector, Vector]:
-        safe = np.maximum(modelled[column], 1e-12)
-        return np.log(getattr(measured, kind)[used] / safe), -spread(slope[column]) / safe[:, None]
+        value = getattr(measured, kind)[used]
+        safe = np.maximum(modelled[column], _LEAST * value)  # damping of a step too far may be negative
+        return np.log(value / safe), -spread(slope[column]) / safe[:, None]
 
     frequency, frequency_rows = logarithms("frequency", modes.pole_frequency, modes.frequency_gradient)
     frequency_rows[:, n_shared:n_sized] = -shift.slope[used]
     frequency = frequency - shift.mesh[used] - shift.slope[used] @ nuisance[n_shared:n_sized]
+    by_decay = 0.5 / (np.pi * modes.frequency)
+    damped = modes.damping + decay * by_decay
+    damping, damping_rows = logarithms("damping", damped, modes.damping_gradient)
+    least = np.maximum(damped[column], _LEAST * measured.damping[used])
+    damping_rows[:, n_common - 1] = -by_decay[column] / least
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
     along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length
     v = v + shift.mesh_shape[:, used] + moved * along[:, 0]
     rows = []
     for i, m in enumerate(column):
-        slope = spread(gradient[:, m]) / length[i]
-        slope[:, n_sized : n_common - 1] = by_gain * v[:, i, None]
-        slope[:, n_common - 1] = along[:, 0, i]
+        slope = spread(_without_twins(gradient[:, m], shape, modes.frequency, int(m))) / length[i]
+        slope[:, n_sized : n_common - 2] = by_gain * v[:, i, None]
+        slope[:, n_common - 2] = along[:, 0, i]
         rows.append(-slope)
     return _Compared(
         frequency=(frequency, frequency_rows),
-        damping=logarithms("damping", modes.damping, modes.damping_gradient),
+        damping=(damping, damping_rows),
         shape=((u - v).T, np.stack(rows)),
         u=u,
         v=v,
@@ -273,6 +282,19 @@ def _compared(
         modes=modes,
         column=column,
     )
+
+
+def _without_twins(gradient: Vector, shape: Vector, frequency: Vector, m: int) -> Vector:
+    """Return the derivatives (n_dof, n_parameter) of a shape without its turning into modes at the same frequency.
+
+    Any change turns these into each other, at no rate that holds for a step: their subspace alone is compared.
+    """
+    twin = np.abs((frequency / frequency[m]) ** 2 - 1.0) < 1.0 / CLOSEST
+    twin[m] = False
+    if not np.any(twin):
+        return gradient
+    q = np.linalg.qr(shape[:, twin])[0]
+    return np.asarray(gradient - q @ (q.T @ gradient))
 
 
 def unit_shapes(measured: NDArray[np.complex128] | Vector, modelled: Vector) -> tuple[Vector, Vector, Vector]:

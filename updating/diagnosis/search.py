@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from model import SolveError, enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
-from updating.diagnosis.assembly import Assembled
+from updating.diagnosis.assembly import Assembled, scattered
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation, explain, likeliest
+from updating.diagnosis.mixed_up import MOST, MixedUp, put_right
 from updating.diagnosis.residual import covariance_of
 from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
 from updating.diagnosis.screening import Screened, pair_steps, screen
@@ -83,12 +84,15 @@ class Search:
         All others, those of one effect first and by posterior odds within each number.
     screened : tuple of Screened
         All effects of the catalogue beside the base model.
+    mixed_up : tuple of MixedUp
+        Points that were mixed up in the measurement, and were put right before anything else.
     """
 
     evidence: Assembled
     base: Explanation
     fitted: tuple[Explanation, ...]
     screened: tuple[Screened, ...]
+    mixed_up: tuple[MixedUp, ...]
 
     @property
     def singles(self) -> tuple[Explanation, ...]:
@@ -144,6 +148,7 @@ def search(evidence: Assembled, executor: Executor | None = None) -> Search:
     for _ in range(2):
         evidence = _weighed(evidence, base)
         base = explain(evidence, nuisance=base.nuisance)
+    evidence, base, mixed_up = _in_order(evidence, base)
     screened = screen(evidence, base)
     chosen = sorted(screened, key=lambda s: -s.log_gain)[:N_SINGLE]
     _LOG.info("fit %d effects, each alone", len(chosen))
@@ -158,7 +163,21 @@ def search(evidence: Assembled, executor: Executor | None = None) -> Search:
     evidence = _weighed(_richer(evidence, [best, *singles]), best)
     base, *singles = _again(evidence, [base, *_best_of_each(singles)], executor)
     fitted = _with_further(evidence, base, singles, screened, executor)
-    return Search(evidence=evidence, base=base, fitted=_ordered(evidence, base, fitted), screened=screened)
+    ordered = _ordered(evidence, base, fitted)
+    return Search(evidence=evidence, base=base, fitted=ordered, screened=screened, mixed_up=mixed_up)
+
+
+def _in_order(evidence: Assembled, base: Explanation) -> tuple[Assembled, Explanation, tuple[MixedUp, ...]]:
+    """Put points right that were mixed up, and fit the base model again."""
+    found: list[MixedUp] = []
+    while len(found) < MOST:
+        evidence, mixed_up = put_right(evidence, base.residual)
+        if mixed_up is None:
+            break
+        found.append(mixed_up)
+        evidence = _weighed(scattered(evidence), base)
+        base = explain(evidence, nuisance=base.nuisance)
+    return evidence, base, tuple(found)
 
 
 def _with_further(
