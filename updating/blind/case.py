@@ -15,6 +15,7 @@ from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
 from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.assembly import assemble_evidence as gather
+from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.evidence import Evidence
@@ -23,7 +24,7 @@ from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Explanation, explain
 from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.residual import residual
-from updating.diagnosis.search import VISIBLE, Search, search
+from updating.diagnosis.search import Search, search
 from updating.diagnosis.verdict import decide
 from updating.virtual.measurement import ModalNoise, play_modes
 from updating.virtual.vibration_test import VirtualTest

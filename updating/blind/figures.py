@@ -11,11 +11,11 @@ from scipy.special import ndtr, ndtri
 from model import catalogue
 from updating.blind.case import DETECTABLE, WRONG_FORM, Case
 from updating.diagnosis.coordinates import coordinate_of
-from updating.diagnosis.verdict import SEPARATE
 
 _NOTABLE = (
     0.5  # fall by the true effects of what is held out, in standard deviations, that is more than noise
 )
+_APART = 3.0  # standard deviations, from which the best other effect is no alias
 _WORSE = 1.05  # ratio of errors
 _FAR = 5.0  # standard deviations of the data
 _ALARM = float(-ndtri(0.05))
@@ -81,7 +81,7 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
         return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
 
     judged = [c for c in cases if c.kind != "withheld" and usual(c)]
-    plain = [c for c in seen if c.rival >= SEPARATE]
+    plain = [c for c in seen if c.rival >= _APART]
     fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
     return (
         share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
+from updating.diagnosis.calibration import P_ADEQUATE
 from updating.diagnosis.discrepancy import KINDS, MEDIAN, SPREAD, Kind
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation
-
-P_ADEQUATE = 0.05
-"""Probability of a discrepancy as large, below which a model is not adequate."""
 
 
 def p_value(evidence: Evidence, own: Explanation, kind: Kind) -> float:

@@ -168,12 +168,15 @@ class Rows:
         "frequency", "damping" or "shape".
     mode : (n,) int
         The mode of the stack, as `Evidence.identity` numbers it.
+    configuration : (n,) int
+        The configuration.
     shape : mapping of (int, int) to (n_dof,) int
         Rows of a shape, by configuration and place among the modes that are used.
     """
 
     kind: NDArray[np.str_]
     mode: NDArray[np.int64]
+    configuration: NDArray[np.int64]
     shape: Mapping[tuple[int, int], NDArray[np.intp]]
 
 
@@ -264,15 +267,22 @@ class Evidence:
         """What each row of data is about."""
         kind: list[str] = []
         mode: list[int] = []
+        configuration: list[int] = []
         shape = {}
         for c, (own, used, identity) in enumerate(zip(self.tested, self.used, self.identity, strict=True)):
             n_dof = own.modes.shape.shape[0]
             kind += ["frequency"] * used.size + ["damping"] * used.size + ["shape"] * (used.size * n_dof)
             mode += [*identity[used], *identity[used], *np.repeat(identity[used], n_dof)]
+            configuration += [c] * (len(kind) - len(configuration))
             for i in range(used.size):
                 first = len(kind) - (used.size - i) * n_dof
                 shape[c, i] = np.arange(first, first + n_dof)
-        return Rows(kind=np.array(kind), mode=np.array(mode, dtype=np.int64), shape=shape)
+        return Rows(
+            kind=np.array(kind),
+            mode=np.array(mode, dtype=np.int64),
+            configuration=np.array(configuration, dtype=np.int64),
+            shape=shape,
+        )
 
     @property
     def modes(self) -> tuple[tuple[int, int], ...]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+from updating.diagnosis.calibration import EXCLUDED
 from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.screening import Screened, screen
 from updating.diagnosis.search import Search
 from updating.diagnosis.verdict import Decision
-
-SURE = 5.0
-"""Distance beyond which an effect of usual strength is excluded: more than 3, for it is to first order."""
 
 
 def ruled_out(found: Search, decision: Decision) -> tuple[str, ...]:
@@ -28,4 +26,4 @@ def _is_excluded(own: Screened) -> bool:
     (p,), (estimate,) = own.parameter, own.start
     nominal = coordinate_of(p, p.nominal)
     sides = (nominal, -nominal) if p.lower < p.neutral < p.upper else (nominal,)
-    return all(abs(side - estimate) * float((own.column**2).sum()) ** 0.5 > SURE for side in sides)
+    return all(abs(side - estimate) * float((own.column**2).sum()) ** 0.5 > EXCLUDED for side in sides)

@@ -14,14 +14,13 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.diagnosis.calibration import MIXED_UP
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.residual import Residual, unit_shape
 
 Vector = NDArray[np.float64]
 AnyEvidence = TypeVar("AnyEvidence", bound=Evidence)
 
-SURE = 10.0
-"""Logarithm of the odds, all that is tried being counted, from which points are taken to be mixed up."""
 MOST = 4
 """Such errors that are put right in one measurement."""
 
@@ -63,7 +62,7 @@ def put_right(evidence: AnyEvidence, found: Residual) -> tuple[AnyEvidence, Mixe
         return evidence, None
     gain, where, dofs = max(tried, key=lambda own: own[0])
     log_odds = 0.5 * gain - float(np.log(sum(_number(evidence, c) for c in _groups(evidence))))
-    if log_odds < SURE:
+    if log_odds < MIXED_UP:
         return evidence, None
     node = tuple(int(evidence.observed[where[0]].node[i]) for i in dofs)
     mixed_up = MixedUp(

@@ -14,6 +14,7 @@ import numpy as np
 from model import Effect, Parameter
 from model.elements.equations import Monomial, Target
 from model.reduction.reduced_equations import ReducedTerm
+from updating.diagnosis.calibration import POINT_SHOWS
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation
@@ -21,8 +22,6 @@ from updating.diagnosis.screening import screen
 
 Kind = Literal["mass", "spring"]
 
-SURE = 5.0
-"""Logarithm of the odds, the number of points counted, from which a place is told."""
 _MOST: dict[Kind, tuple[Target, str, float]] = {"mass": ("M", "kg", 1.0), "spring": ("K", "N/m", 1e7)}
 """Of each kind the matrix that it adds to, its unit, and the most that is tried, less or more."""
 
@@ -80,7 +79,7 @@ def point_change(evidence: Evidence, at: Explanation) -> PointChange | None:
     screened = screen(replace(evidence, equations=richer, effects={**fitted, **effects}), at)
     best = max(screened, key=lambda own: own.log_gain)
     log_odds = best.log_gain - float(np.log(len(effects)))
-    if log_odds < SURE:
+    if log_odds < POINT_SHOWS:
         return None
     return PointChange(
         beside=at.effects,

@@ -44,8 +44,6 @@ class Residual:
         Its derivatives by the coordinates: nuisances, then effect parameters over their range.
     kind : (n,) str
         "frequency", "damping", "shape" or "prior".
-    mode : (n,) int
-        The mode of the stack that a row is of, the same in all configurations; -1 of priors.
     rotated, rotated_jacobian : (n_data,) and (n_data, n_coordinate) float
         Before they were divided, without the priors.
     log_frequency, log_damping : (n_frequency,) float
@@ -57,7 +55,6 @@ class Residual:
     value: Vector
     jacobian: Vector
     kind: NDArray[np.str_]
-    mode: NDArray[np.int64]
     rotated: Vector
     rotated_jacobian: Vector
     log_frequency: Vector
@@ -137,7 +134,6 @@ def residual(
         value=np.concatenate([weight * rotated, -nuisance[held] / evidence.prior_std[held]]),
         jacobian=np.vstack([weight[:, None] * rotated_rows, prior_rows]),
         kind=np.append(kind, np.full(held.size, "prior")),
-        mode=np.append(evidence.rows.mode, np.full(held.size, -1)),
         rotated=rotated,
         rotated_jacobian=rotated_rows,
         log_frequency=np.concatenate([own.frequency[0] for own in compared]),

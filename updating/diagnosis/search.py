@@ -16,6 +16,7 @@ from model import SolveError, enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.assembly import Assembled, scattered
+from updating.diagnosis.calibration import STEP, VISIBLE
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation, explain, likeliest
@@ -38,10 +39,6 @@ N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
 N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
 """Evaluations of all fits of a global search, how many are then followed, and their evaluations."""
-VISIBLE = 3.0
-"""Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
-STEP = 2.0
-"""Rise of the logarithm of the posterior odds that a further effect must bring for the search to go on."""
 _ASTRAY = 0.04  # frequency error of the best single effect, beyond which steps from the base model mislead
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
 _STEPS = 12  # evaluations of a fit

@@ -8,19 +8,13 @@ from typing import Literal
 import numpy as np
 
 from updating.diagnosis.adequacy import is_adequate
+from updating.diagnosis.calibration import SEPARATE, SHOWS
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
 from updating.diagnosis.search import Search
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
-
-SHOWS = 3.0
-"""Logarithm of the posterior odds against the base model from which an effect is believed."""
-SEPARATE = 3.0
-"""Difference of such logarithms below which two explanations are an ambiguity: 20 to 1."""
-COMPLETE = 0.5
-"""Share of the frequency error that may be left where a single explanation is named as the one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

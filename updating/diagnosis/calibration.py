@@ -1,0 +1,28 @@
+"""Every threshold of a verdict, in one place.
+
+They are odds and shares, not sizes: what a frequency or a shape may be off by is estimated from the data. They were set
+on tests simulated with the first second model (`tests/independent/solid.py`), and what they are worth is measured on
+the other one, which took no part (`make blind`, `data/blind`).
+"""
+
+from __future__ import annotations
+
+SHOWS = 3.0
+"""Logarithm of the posterior odds against the base model from which an effect is believed: 20 to 1."""
+SEPARATE = 3.0
+"""Difference of such logarithms below which two explanations are an ambiguity."""
+STEP = 3.0
+"""Rise of the logarithm of the posterior odds that a further effect must bring."""
+P_ADEQUATE = 0.05
+"""Probability of a discrepancy as large, below which a model is not adequate."""
+VISIBLE = 3.0
+"""Change of the data, in standard deviations, that an effect must be able to bring to be seen."""
+POINT_SHOWS = 5.0
+"""Logarithm of the odds, the number of points counted, from which a change at one point is named."""
+EXCLUDED = 5.0
+"""Distance, in standard deviations, from which an effect of usual strength is excluded: more than 3, for it is to
+first order."""
+MIXED_UP = 10.0
+"""Logarithm of the odds, all that is tried counted, from which points of a measurement are taken to be mixed up."""
+STRAINED = 3.0
+"""Standard deviations of what is known of it, from which a nuisance is said to be far off."""
