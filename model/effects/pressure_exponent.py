@@ -38,6 +38,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="pressure_exponent",
+    label="contact that stiffens less than in proportion to pressure",
     family="contact law",
     summary="G grows as p^n",
     description=__doc__,

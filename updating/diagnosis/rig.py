@@ -45,6 +45,7 @@ def _placed(i: int, clamp: Clamp) -> Effect:
 
     return Effect(
         name=name,
+        label=what,
         family="inertia",
         summary=what,
         description=what,
