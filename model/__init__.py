@@ -1,6 +1,6 @@
 """Laminated stack to natural frequencies, damping, shapes and FRFs."""
 
-from model.effects.catalogue import catalogue, find_effects, read_effect
+from model.effects.catalogue import catalogue, find_effects, printed_effects, read_effect
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
 from model.modes.enrichment import enriched, with_attachment_modes
 from model.modes.modes import Modes, complex_modes, solve_modes
@@ -54,6 +54,7 @@ __all__ = [
     "frf_direct",
     "mode_surface",
     "observe",
+    "printed_effects",
     "read_effect",
     "read_stack",
     "reduce",

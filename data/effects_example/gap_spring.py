@@ -24,6 +24,7 @@ WEDGE = Parameter(
     name="wedge_modulus", unit="Pa", nominal=5e7, lower=0.0, upper=2e8, source="wood to shim steel"
 )  # fmt: skip
 EFFECT = Effect(
-    name="gap_spring", family="treatments", summary="A wedge holds the laminas at one end",
-    description=__doc__, parameters=(WEDGE,), terms=terms,
+    name="gap_spring", label="wedge in a gap", family="treatments",
+    summary="A wedge holds the laminas at one end", description=__doc__,
+    parameters=(WEDGE,), terms=terms,
 )  # fmt: skip

@@ -189,32 +189,26 @@ class Campaign:
 def read_campaign(path: str | Path) -> Campaign:
     """Read and check a campaign file (TOML).
 
-    File names in it are relative to its folder and may hold wildcards.
-
-    ::
+    File names in it are relative to its folder and may hold wildcards::
 
         [campaign]
         name = "Stack 4, two torques"          # title
-
         [structure]
         stack = "stack.toml"                   # the model's stack file; may be left out
-
         [points]
         file = "points.csv"                    # columns node,x,y,z; or a universal file with points
         unit = "mm"                            # needed for CSV; for a universal file it overrides set 164
         lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
-
         [measurement]
         format = "uff"                         # or "csv"; left out, the suffix decides
         unit = "(m/s2)/N"                      # needed for CSV; overrides what universal files say
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
-        [measurement.time]                     # only where the files are time histories of one force and its
-        estimator = "H1"                       # responses; see `ema.campaign.estimate.Averaging`. All files of a run
-        window = "boxcar"                      # are averaged
+        [measurement.time]                     # only where files are time histories of one force and its responses,
+        estimator = "H1"                       # all files of a run averaged; see `ema.campaign.estimate.Averaging`
+        window = "boxcar"
         force_unit = "N"                       # units of text files, in place of 'unit' above
         response_unit = "m/s2"
-
         [[configuration]]
         name = "M1"
         stack = 4                              # which stack; this and the next four may be left out
@@ -223,20 +217,15 @@ def read_campaign(path: str | Path) -> Campaign:
         height_mm = 64.8
         force_N = 2                            # level of the force; may be left out
         files = ["M1/*.uff"]                   # each file is one run, in natural order of the names
-        output = ["1+z", "2+z"]                # DOFs of the FRFs in reading order, if the files hold none:
-        input = ["45+z"]                       # point number, sign, axis; a single one holds for all.
-                                               # off-axis: {node = 4, direction = [0, 0.7, 0.7]}
+        output = ["1+z", "2+z"]                # DOFs of the FRFs in reading order, if the files hold none: point,
+        input = ["45+z"]                       # sign, axis, one for all; or {node = 4, direction = [0, 0.7, 0.7]}
         [[configuration.force_level]]          # the same state at another force, at all points or some:
         force_N = 10                           # compared with 'files' for linearity, not identified
         files = ["M1/10N/*.uff"]               # output and input as above where they are left out
-
         [[configuration]]                      # where one run is several files, name the runs instead
         name = "M2"
         [[configuration.run]]
-        files = ["M2/left.csv", "M2/right.csv"]
-        output = ["1+z", "2+z"]
-        input = ["45+z"]
-
+        files = ["M2/left.csv", "M2/right.csv"]  # output and input as above
         [[correction]]                         # of single functions; applies where all that is given fits
         files = "M1/run03.uff"
         function = 2                           # position of the FRF in its file, from 1
@@ -245,7 +234,6 @@ def read_campaign(path: str | Path) -> Campaign:
         new_output = "12-z"                    # another DOF; new_input likewise
         exclude = false                        # or leave the function out
         reason = "sensor was mounted upside down"
-
         [identification]                       # both may be left out
         band_Hz = [30, 1100]
         order = 60                             # highest model order
@@ -253,12 +241,15 @@ def read_campaign(path: str | Path) -> Campaign:
     Raises
     ------
     CampaignError
-        The file asks for something that does not exist or is not possible; the message names file, key
-        and what is allowed.
+        The file asks for what does not exist or is not possible; the message names file, key and what is allowed.
     MeasurementError
         The file of the points cannot be read.
     """
-    path = Path(path)
+    return _campaign(Path(path))
+
+
+def _campaign(path: Path) -> Campaign:
+    """Return the campaign of a file, checked also for what its form alone does not show."""
     content = read_form(path, CampaignFile, CampaignError)
     folder = path.resolve().parent
     geometry, notes = _geometry(path, folder, content.points)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,8 +125,6 @@ def estimate_frf(
     MeasurementError
         Shapes do not fit, a block is longer than the records, or the force is zero.
     """
-    from scipy import signal  # here: it takes long to import, and most tests come as FRFs
-
     force, response = np.asarray(force, float), np.asarray(response, float)
     if force.ndim != 2 or response.ndim != 3 or response.shape[1:] != force.shape:
         message = (
@@ -140,24 +138,10 @@ def estimate_frf(
         message = f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
         raise MeasurementError(message)
     n_overlap = int(averaging.overlap * n_block)
-    time = np.arange(n_block) / rate
-    window = signal.get_window(averaging.window, n_block)
     decay_rate = -np.log(averaging.response_end) * rate / n_block
-    window = window * np.exp(-decay_rate * time)
-
     if averaging.force_s is not None:
         force = np.where(np.arange(n_sample) / rate <= averaging.force_s, force, 0.0)
-    spectrum = {
-        "fs": rate,
-        "window": window,
-        "nperseg": n_block,
-        "noverlap": n_overlap,
-        "detrend": "constant" if averaging.window == "hann" else False,
-    }
-    frequency, g_ff = signal.csd(force, force, **spectrum)
-    g_fx = signal.csd(force[None], response, **spectrum)[1].mean(axis=1)
-    g_xx = signal.csd(response, response, **spectrum)[1].real.mean(axis=1)
-    g_ff = g_ff.real.mean(axis=0)
+    frequency, g_ff, g_fx, g_xx = _spectra(force, response, rate, averaging, (n_block, n_overlap, decay_rate))
     if not np.all(g_ff[1:-1] > 0):
         message = "the force is zero or not a number; no FRF can be estimated"
         raise MeasurementError(message)
@@ -174,6 +158,34 @@ def estimate_frf(
         n_average=n_average,
         decay_rate=float(decay_rate),
     )
+
+
+def _spectra(
+    force: NDArray[np.float64],
+    response: NDArray[np.float64],
+    rate: float,
+    averaging: Averaging,
+    block: tuple[int, int, float],
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Return the lines and the averaged spectra of force, of force and response, and of response.
+
+    `block` has samples of a block, those it shares with the next one, and the exponential window's decay rate.
+    """
+    from scipy import signal  # here: it takes long to import, and most tests come as FRFs
+
+    n_block, n_overlap, decay_rate = block
+    window = signal.get_window(averaging.window, n_block)
+    settings = {
+        "fs": rate,
+        "window": window * np.exp(-decay_rate * (np.arange(n_block) / rate)),
+        "nperseg": n_block,
+        "noverlap": n_overlap,
+        "detrend": "constant" if averaging.window == "hann" else False,
+    }
+    frequency, g_ff = signal.csd(force, force, **settings)
+    g_fx = signal.csd(force[None], response, **settings)[1].mean(axis=1)
+    g_xx = signal.csd(response, response, **settings)[1].real.mean(axis=1)
+    return frequency, g_ff.real.mean(axis=0), g_fx, g_xx
 
 
 def clipped_share(record: NDArray[np.float64]) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.campaign.estimate import Averaging, clipped_share, double_hit, estimate_frf
+from ema.campaign.estimate import Averaging, FRFEstimate, clipped_share, double_hit, estimate_frf
 from ema.io.measured_function import MeasuredFunction
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
@@ -58,6 +58,17 @@ def frfs_from_records(
             f"{contents[0][0]}: the exponential window adds {estimate.decay_rate:.4g} 1/s to the decay rate of "
             "every mode; subtract it from damping ratio times angular frequency"
         )
+    return _functions(records, estimate, clipped, averaging, notes)
+
+
+def _functions(
+    records: list[list[MeasuredFunction]],
+    estimate: FRFEstimate,
+    clipped: NDArray[np.float64],
+    averaging: Averaging,
+    notes: list[str],
+) -> list[_Found]:
+    """Return each response's FRF in SI units with its coherence; `clipped` are shares (n_record, n_channel)."""
     factor, unit = _unit(averaging)
     found: list[_Found] = []
     for k, response in enumerate(records[0][1:]):

@@ -119,6 +119,17 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
         row = layout.header_rows + 2 + int(np.argmin(np.diff(axis) > 0))
         message = f"{path}: row {row}, column {layout.axis_column}: the frequency or time does not ascend"
         raise MeasurementError(message)
+    return _functions(path, layout, columns, table, np.asarray(axis), unit)
+
+
+def _functions(
+    path: Path,
+    layout: TableLayout,
+    columns: tuple[tuple[int, ...], ...],
+    table: dict[int, NDArray[Any]],
+    axis: NDArray[np.float64],
+    unit: Unit | None,
+) -> tuple[MeasuredFunction, ...]:
     functions = []
     for group in columns:
         source = f"{path}: column {', '.join(map(str, group))}"

@@ -26,6 +26,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="accelerometer_fixed",
+    label="mass of a fixed accelerometer",
     family="inertia",
     summary="Mass of an accelerometer that stays in place",
     description=__doc__,

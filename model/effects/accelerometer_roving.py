@@ -28,6 +28,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="accelerometer_roving",
+    label="mass of the roving accelerometers",
     family="inertia",
     summary="Mass of the accelerometers that rove over the points",
     description=__doc__,

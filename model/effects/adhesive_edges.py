@@ -30,6 +30,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="adhesive_edges",
+    label="glue along the long edges",
     family="treatments",
     summary="Glue between the laminas along the long edges",
     description=__doc__,

@@ -27,6 +27,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="air_damping",
+    label="air and mass-proportional damping",
     family="damping",
     summary="Air and mass-proportional damping",
     description=__doc__,

@@ -7,7 +7,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -97,6 +97,20 @@ def find_effects(names: Iterable[str], known: dict[str, Effect] | None = None) -
             message = f"no effect {name!r}; {hint}"
             raise EffectError(message)
     return tuple(known[name] for name in names)
+
+
+def printed_effects(names: Iterable[str], known: Mapping[str, Effect] | None = None) -> tuple[str, ...]:
+    """Return effects as a person reads them, "label (key)"; the key alone of those that are not known.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Keys, such as a result has that was made with effects of the user's own files.
+    known : mapping of str to Effect, optional
+        Effects by name; the catalogue by default.
+    """
+    known = catalogue() if known is None else known
+    return tuple(known[name].printed if name in known else name for name in names)
 
 
 def _effect_of(module: ModuleType, where: str) -> Effect:

@@ -61,6 +61,7 @@ def _bar(assembly: Assembly, x: float, length: float) -> sp.csr_matrix:
 
 EFFECT = Effect(
     name="clamp_bars",
+    label="bending stiffness of the clamp bars",
     family="boundary",
     summary="Bending stiffness of the bars across the faces",
     description=__doc__,

@@ -38,6 +38,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="clamp_frame",
+    label="shear stiffness of the clamp frame",
     family="boundary",
     summary="The frame of bars and rods resists shear",
     description=__doc__,

@@ -48,6 +48,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="clamp_inertia",
+    label="clamp rotary inertia",
     family="inertia",
     summary="Clamp rotary inertia about the long axis",
     description=__doc__,

@@ -33,6 +33,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="clamp_mass",
+    label="clamp mass",
     family="inertia",
     summary="More mass under each clamp",
     description=__doc__,

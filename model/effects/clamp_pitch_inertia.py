@@ -30,6 +30,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="clamp_pitch_inertia",
+    label="clamp pitch inertia",
     family="inertia",
     summary="Clamp rotary inertia about the transverse axis",
     description=__doc__,

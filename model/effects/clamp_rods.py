@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="clamp_rods",
+    label="axial stiffness of the clamp rods",
     family="boundary",
     summary="Rods tie top and bottom face at the clamps",
     description=__doc__,

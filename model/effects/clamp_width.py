@@ -38,6 +38,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="clamp_width",
+    label="pressure concentration under the clamps",
     family="pressure field",
     summary="Pressure under the clamps",
     description=__doc__,

@@ -9,12 +9,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import re
 from collections.abc import Iterator
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from model.effects.catalogue import catalogue
 from model.elements.equations import OMEGA, Assembly, Target, Term
 from model.elements.mesh import FIELDS
 from model.elements.rigid import rigid_body_modes
@@ -60,17 +62,21 @@ _GRADIENT_ERROR = 1e-4  # of the range's effect on the frequency; differences ke
 _TINY = 1e-6  # of the largest damping ratio: motion without contact has hardly any
 _N_MODE = 12
 
+_LABEL = re.compile(r"[^\WA-Z_][^\n]*[^\s.]")  # begins in lower case, one line, no full stop
+_LONGEST_LABEL = 60
+
 _TARGETS: tuple[Target, ...] = ("M", "C", "K")
 
 
 def effect_faults(effect: Effect) -> tuple[str, ...]:
     """Check an effect and return what is wrong with it, one sentence each; empty if nothing is.
 
-    Checked are: a description with its four sections; terms that the equations can take; matrices that are symmetric;
-    at the neutral value exactly the base model; a difference at the bounds; positive mass and no negative stiffness or
-    damping, in total, at all combinations of bounds and nominal values; no force on rigid-body motion unless the
-    effect is grounded, and one if it is; dependence on frequency as stated; derivatives of factors, and gradients of
-    the modes' frequencies and damping ratios, equal to finite differences.
+    Checked are: a label that no other effect of the catalogue has, and a description with its four sections; terms
+    that the equations can take; matrices that are symmetric; at the neutral value exactly the base model; a
+    difference at the bounds; positive mass and no negative stiffness or damping, in total, at all combinations of
+    bounds and nominal values; no force on rigid-body motion unless the effect is grounded, and one if it is;
+    dependence on frequency as stated; derivatives of factors, and gradients of the modes' frequencies and damping
+    ratios, equal to finite differences.
     """
     found = list(_text_faults(effect))
     try:
@@ -111,6 +117,17 @@ def _reference(base: Assembly, pressure: float) -> tuple[NDArray[np.float64], di
 
 
 def _text_faults(effect: Effect) -> Iterator[str]:
+    label = effect.label
+    if not _LABEL.fullmatch(label) or len(label) > _LONGEST_LABEL or label == effect.name:
+        yield (
+            f"its label must be a noun phrase in lower case of at most {_LONGEST_LABEL} characters, such as 'clamp "
+            f"rotary inertia', got {label!r}"
+        )
+    alike = [
+        other.name for other in catalogue().values() if other.label == label and other.name != effect.name
+    ]
+    if alike:
+        yield f"its label {label!r} is that of {alike[0]} too; say what sets it apart"
     if not effect.summary.strip() or "\n" in effect.summary:
         yield "its summary must be one line"
     for section in SECTIONS:

@@ -35,6 +35,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="contact_direction",
+    label="direction-dependent contact stiffness",
     family="contact law",
     summary="Tangential contact stiffness differs between x and y",
     description=__doc__,

@@ -27,6 +27,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="contact_loss",
+    label="hysteretic contact loss",
     family="damping",
     summary="Hysteretic contact loss",
     description=__doc__,

@@ -25,6 +25,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="contact_offset",
+    label="contact stiffness without pressure",
     family="contact law",
     summary="Shear stiffness without pressure",
     description=__doc__,

@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="edge_pressure",
+    label="pressure concentration along the long edges",
     family="pressure field",
     summary="Edge pressure",
     description=__doc__,

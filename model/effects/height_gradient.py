@@ -49,6 +49,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="height_gradient",
+    label="pressure gradient over the height",
     family="pressure field",
     summary="Pressure differs between top and bottom",
     description=__doc__,

@@ -31,6 +31,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="lost_contact_corner",
+    label="lost contact in a corner",
     family="pressure field",
     summary="Lost contact in a corner",
     description=__doc__,

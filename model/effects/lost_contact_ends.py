@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="lost_contact_ends",
+    label="lost contact at the ends",
     family="pressure field",
     summary="Lost contact at the ends",
     description=__doc__,

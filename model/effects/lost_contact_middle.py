@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="lost_contact_middle",
+    label="lost contact in the middle",
     family="pressure field",
     summary="Lost contact in the middle",
     description=__doc__,

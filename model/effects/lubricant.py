@@ -26,6 +26,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="lubricant",
+    label="viscous film between the laminas",
     family="treatments",
     summary="A viscous film between the laminas",
     description=__doc__,

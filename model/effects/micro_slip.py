@@ -46,6 +46,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="micro_slip",
+    label="micro-slip of the interfaces",
     family="amplitude",
     summary="Part of each interface slips at the force of the test",
     description=__doc__,

@@ -32,6 +32,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="normal_exponent",
+    label="normal contact that stiffens with pressure",
     family="contact law",
     summary="Normal contact stiffness grows with pressure",
     description=__doc__,

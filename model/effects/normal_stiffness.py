@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="normal_stiffness",
+    label="normal contact stiffness",
     family="contact law",
     summary="Normal contact is stiffer or softer than the curve says",
     description=__doc__,

@@ -38,6 +38,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="pressure_exponent",
+    label="power law of contact stiffness over pressure",
     family="contact law",
     summary="G grows as p^n",
     description=__doc__,

@@ -42,6 +42,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="soft_interlayers",
+    label="soft interlayers",
     family="treatments",
     summary="Two interfaces carry less shear",
     description=__doc__,

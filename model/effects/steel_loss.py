@@ -27,6 +27,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="steel_loss",
+    label="material loss of the steel",
     family="damping",
     summary="Steel loss",
     description=__doc__,

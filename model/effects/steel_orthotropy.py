@@ -39,6 +39,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="steel_orthotropy",
+    label="orthotropy of the rolled steel",
     family="steel",
     summary="The sheets are stiffer across the rolling direction",
     description=__doc__,

@@ -26,6 +26,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="stinger_mass",
+    label="moving mass at the shaker",
     family="inertia",
     summary="Mass of force cell and stinger at the driving point",
     description=__doc__,

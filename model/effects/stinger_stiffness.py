@@ -41,6 +41,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="stinger_stiffness",
+    label="bending stiffness of the stinger",
     family="boundary",
     summary="Bending stiffness of the stinger at the driving point",
     description=__doc__,

@@ -39,6 +39,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="support_compliance",
+    label="compliance of a held edge",
     family="boundary",
     summary="A held edge gives way",
     description=__doc__,

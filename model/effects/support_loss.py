@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="support_loss",
+    label="damping at the suspension",
     family="damping",
     summary="Dashpots at the suspension",
     description=__doc__,

@@ -37,6 +37,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="suspension",
+    label="stiffness of the suspension",
     family="boundary",
     summary="Stiffness of cords or feet under the stack",
     description=__doc__,

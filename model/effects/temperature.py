@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="temperature",
+    label="temperature of the steel",
     family="steel",
     summary="Warm steel is softer",
     description=__doc__,

@@ -44,6 +44,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="viscoelastic_contact",
+    label="contact that stiffens with frequency",
     family="damping",
     summary="Contact stiffens with frequency",
     description=__doc__,

@@ -29,6 +29,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="waviness",
+    label="waviness of the sheets",
     family="pressure field",
     summary="Waviness",
     description=__doc__,

@@ -45,6 +45,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="weld_pressure",
+    label="residual pressure of welds",
     family="pressure field",
     summary="Residual pressure of welds",
     description=__doc__,

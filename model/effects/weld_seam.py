@@ -42,6 +42,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 EFFECT = Effect(
     name="weld_seam",
+    label="weld seams on the long sides",
     family="treatments",
     summary="Beads tie the laminas at the middle of both sides",
     description=__doc__,

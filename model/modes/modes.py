@@ -1,4 +1,13 @@
-"""Natural frequencies, damping ratios and shapes of a stack, with their derivatives by every parameter."""
+"""Natural frequencies, damping ratios and shapes of a stack, with their derivatives by every parameter.
+
+Damping ratios are modal, phi' C phi / (2 omega): the diagonal of the damping matrix in the coordinates of the undamped
+modes. C is beta K_contact while K also holds the laminas, so damping is not proportional and the off-diagonal is
+neglected. That suffices because it acts in second order of the damping: against the complex eigenproblem of the same
+system (`complex_modes`), the first ten elastic modes of the paper's stack 6 (calibration C1, d_f = 4.6e-11 s/Pa,
+damping up to 6 %) differ by at most 5e-5 in frequency and 2.4e-4 in damping ratio, both relative.
+`Modes.pole_frequency` adds the second order for damping that is heavier: with ratios of 14 % it is within 5e-5 of the
+complex eigenproblem, whose frequencies then differ from the undamped ones by 2.5e-3.
+"""
 
 from __future__ import annotations
 
@@ -123,14 +132,7 @@ def solve_modes(
 ) -> Modes:
     """Solve for the lowest modes at given contact parameters.
 
-    Damping ratios are modal, phi' C phi / (2 omega): the diagonal of the damping matrix in the coordinates of
-    the undamped modes. C is beta K_contact while K also holds the laminas, so damping is not proportional and
-    the off-diagonal is neglected. That suffices because it acts in second order of the damping: against the
-    complex eigenproblem of the same system (`complex_modes`), the first ten elastic modes of the paper's stack
-    6 (calibration C1, d_f = 4.6e-11 s/Pa, damping up to 6 %) differ by at most 5e-5 in frequency and 2.4e-4 in
-    damping ratio, both relative. `Modes.pole_frequency` adds the second
-    order for damping that is heavier: with ratios of 14 % it is within 5e-5 of the complex eigenproblem, whose
-    frequencies then differ from the undamped ones by 2.5e-3.
+    Damping ratios are modal, phi' C phi / (2 omega); the module says why that suffices.
 
     Parameters
     ----------
@@ -167,7 +169,14 @@ def solve_modes(
     rigid = Derivatives.steady(eigenvalues[:n_rigid], vectors[:, :n_rigid], len(names))
     elastic = _elastic_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
     found = Derivatives.joined([rigid, elastic])
-    omega = np.sqrt(np.where(np.arange(n_mode) < n_rigid, 0.0, found.eigenvalue))
+    return _modes(found, observed, names, n_rigid, outside_ranges(system, theta))
+
+
+def _modes(
+    found: Derivatives, observed: Observed, names: tuple[str, ...], n_rigid: int, outside: tuple[str, ...]
+) -> Modes:
+    """Return eigenvalues, modal damping and vectors, with their derivatives, as modes at the observed DOFs."""
+    omega = np.sqrt(np.where(np.arange(found.eigenvalue.size) < n_rigid, 0.0, found.eigenvalue))
     safe = np.where(omega > 0.0, omega, np.inf)
     d_omega = found.d_eigenvalue / (2.0 * safe[:, None])
     damping = found.modal_damping / (2.0 * safe)
@@ -186,7 +195,7 @@ def solve_modes(
         - damping[:, None] * d_omega / safe[:, None],
         shape_gradient=np.einsum("di,irp->drp", rows, found.d_coordinate, optimize=True),
         coordinate=found.coordinate,
-        outside=outside_ranges(system, theta),
+        outside=outside,
     )
 
 

@@ -105,47 +105,74 @@ def refine(
     """
     theta = full_parameters(system, G_f, d_f, parameters)
     values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
-    full = system.laminas
-    stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
     smooth = shifted_factor(system.assembly, theta)
-    correct = _preconditioner(system, theta, smooth)
-
-    rigid = _from_phi(system, system.basis @ vectors[:, :n_rigid])
-    rigid_mass = full.apply(mass, rigid)
+    correct = _without_motion(system, theta, _preconditioner(system, theta, smooth), vectors[:, :n_rigid])
     x = _from_phi(system, _over_plan(system, theta, smooth, vectors, n_rigid, n_mode))
     n = x.shape[1]
     start = np.sqrt(values[n_rigid:n_mode])
-    fewest = 0
-    if outside_ranges(system, theta):  # the functions of z may lack modes altogether
-        fresh = correct(full.apply(mass, np.random.default_rng(0).standard_normal((full.size, SPARE))))
-        fresh -= rigid @ (rigid_mass.T @ fresh)
-        x, fewest = np.hstack([x, fresh]), _MIN_STEPS
-    nothing = x[:, :0]
-    step: tuple[Vector, Vector, Vector] = (nothing, nothing, nothing)
-    found, x, kx, mx, _ = _rayleigh_ritz([(x, full.apply(stiffness, x), full.apply(mass, x)), step])
-    history = [np.sqrt(found[:n])]
-    error = np.full(n, np.inf)
-    while len(history) <= min(max_steps, fewest) or (
-        len(history) <= max_steps and not np.all(error <= tolerance)
-    ):
-        t = correct(kx - mx * found)
-        t -= rigid @ (rigid_mass.T @ t)
-        t -= x @ (mx.T @ t)
-        t /= np.linalg.norm(t, axis=0)
-        space = [(x, kx, mx), (t, full.apply(stiffness, t), full.apply(mass, t)), step]
-        found, x, kx, mx, step = _rayleigh_ritz(space)
-        history.append(np.sqrt(found[:n]))
-        error = _left(history)
+    fewest, outside = 0, outside_ranges(system, theta)
+    if outside:  # the through-thickness basis may lack modes altogether
+        full = system.laminas
+        fresh = full.apply(
+            full.krons("M", theta), np.random.default_rng(0).standard_normal((full.size, SPARE))
+        )
+        x, fewest = np.hstack([x, correct(fresh)]), _MIN_STEPS
+    history, error = _iterated(system, theta, x, correct, (n, fewest, max_steps, tolerance))
     frequency = history[-1] / (2.0 * np.pi)
     drop = (start - history[-1]) / history[-1]
     return Refined(
         frequency=np.concatenate([np.zeros(n_rigid), frequency]),
         error=np.concatenate([np.zeros(n_rigid), error]),
         reduction_error=np.concatenate([np.zeros(n_rigid), drop + error]),
-        outside=outside_ranges(system, theta),
+        outside=outside,
         n_step=len(history) - 1,
         converged=bool(np.all(error <= tolerance)),
     )
+
+
+def _iterated(
+    system: ReducedSystem,
+    theta: Mapping[str, float],
+    x: Vector,
+    correct: Callable[[Vector], Vector],
+    limits: tuple[int, int, int, float],
+) -> tuple[list[Vector], Vector]:
+    """Return the angular frequencies after each step of subspace iteration from x, and the error left in them.
+
+    `limits` has the modes wanted, the fewest and the most steps, and the relative error at which it ends.
+    """
+    n, fewest, most, tolerance = limits
+    full = system.laminas
+    stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
+    nothing = x[:, :0]
+    step: tuple[Vector, Vector, Vector] = (nothing, nothing, nothing)
+    found, x, kx, mx, _ = _rayleigh_ritz([(x, full.apply(stiffness, x), full.apply(mass, x)), step])
+    history = [np.sqrt(found[:n])]
+    error = np.full(n, np.inf)
+    while len(history) <= min(most, fewest) or (len(history) <= most and not np.all(error <= tolerance)):
+        t = correct(kx - mx * found)
+        t -= x @ (mx.T @ t)
+        t /= np.linalg.norm(t, axis=0)
+        space = [(x, kx, mx), (t, full.apply(stiffness, t), full.apply(mass, t)), step]
+        found, x, kx, mx, step = _rayleigh_ritz(space)
+        history.append(np.sqrt(found[:n]))
+        error = _left(history)
+    return history, error
+
+
+def _without_motion(
+    system: ReducedSystem, theta: Mapping[str, float], correct: Callable[[Vector], Vector], rigid: Vector
+) -> Callable[[Vector], Vector]:
+    """Return a preconditioner whose results have no part in rigid-body motion, in reduced coordinates (n, n_rigid)."""
+    motion = _from_phi(system, system.basis @ rigid)
+    mass_motion = system.laminas.apply(system.laminas.krons("M", theta), motion)
+
+    def corrected(residual: Vector) -> Vector:
+        t = correct(residual)
+        t -= motion @ (mass_motion.T @ t)
+        return t
+
+    return corrected
 
 
 def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Vector:

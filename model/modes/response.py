@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Literal, get_args
 
 import numpy as np
+import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
@@ -68,14 +69,25 @@ def frf(
     _require_sound(quantity, frequency)
     theta = full_parameters(system, G_f, d_f, parameters)
     rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
-    assembly = system.assembly
     if OMEGA in theta:
         theta = {**theta, OMEGA: 2.0 * np.pi * float(np.median(frequency))}
+    reduced, basis = _with_attachments(system, theta, rows_in)
+    following = _following_terms(system, theta, basis)
+    omega = 2.0 * np.pi * frequency
+    value = _superposed(reduced, following, theta, omega, (rows_in @ basis).T, rows_out @ basis)
+    return value * (1j * omega) ** get_args(Quantity).index(quantity)
+
+
+def _with_attachments(
+    system: ReducedSystem, theta: Mapping[str, float], load: sp.csr_matrix
+) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the matrices in the reduced basis extended by the attachment vectors of loads, and that basis."""
+    assembly = system.assembly
     krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
 
     factor = shifted_factor(system.assembly, theta)
     attachment, _ = orthonormalize(
-        factor.solve(rows_in.T.toarray()),
+        factor.solve(load.T.toarray()),
         lambda x: assembly.apply(krons["M"], x),
         [(system.basis, assembly.apply(krons["M"], system.basis))],
     )
@@ -84,10 +96,7 @@ def frf(
         target: _bordered(system.matrix(target, theta), basis.T @ assembly.apply(parts, attachment))
         for target, parts in krons.items()
     }
-    following = _following_terms(system, theta, basis)
-    omega = 2.0 * np.pi * frequency
-    value = _superposed(reduced, following, theta, omega, (rows_in @ basis).T, rows_out @ basis)
-    return value * (1j * omega) ** get_args(Quantity).index(quantity)
+    return reduced, basis
 
 
 def _require_sound(quantity: str, frequency: NDArray[np.float64]) -> None:

@@ -31,6 +31,7 @@ from model.solvers.eigen import Block, Product, orthonormalize
 from model.solvers.low_rank import Factor
 from model.solvers.stack_solver import Solver, solver_over_plan
 from model.stack.arrays import readonly
+from model.stack.effect import Effect
 from model.stack.errors import SolveError
 from model.stack.stack import Stack
 
@@ -110,6 +111,10 @@ class ReducedSystem(ReducedEquations):
         ).tocsr()
 
 
+Kinds = Sequence[tuple[Sequence[Effect], Mapping[str, float]]]
+"""Effects and the parameters at which the basis takes their answers."""
+
+
 def no_terms(assembly: Assembly) -> tuple[Term, ...]:  # noqa: ARG001
     """Return no further terms."""
     return ()
@@ -163,43 +168,84 @@ def reduce(
         **({} if ranges is None else ranges),
     }
     _check_ranges(box, laminas.theta)
-    count = 4 * len(box) if n_snapshot is None else n_snapshot
-    samples = [{**laminas.theta, **sample} for sample in _samples(box, laminas.theta, count)]
     middle = {**laminas.theta, "G_f": float(np.sqrt(np.prod(box["G_f"])))}
     sampled = [effect for effect in stack.effects if any(p.name in box for p in effect.parameters)]
-    if sampled and count > 1:  # their typical strength is worth a sample of its own
-        samples[-1] = {**middle, **{p.name: p.nominal for effect in sampled for p in effect.parameters}}
-    outer = samples[: len(box) + 1]
+    samples = _samples_with(sampled, box, laminas.theta, middle, n_snapshot)
+    kinds = (
+        (stack.effects, middle),
+        (sampled, samples[-1]),
+    )  # of effects; these have modes of their own there
+    return _from_snapshots(laminas, box, samples, kinds, n_mode, z_tolerance)
+
+
+def _from_snapshots(
+    laminas: Assembly,
+    box: Mapping[str, tuple[float, float]],
+    samples: Sequence[Mapping[str, float]],
+    kinds: Kinds,
+    n_mode: int,
+    z_tolerance: float,
+) -> ReducedSystem:
+    """Reduce the equations of all laminas over z and then to the span of snapshots at the samples."""
+    stack, outer = laminas.stack, samples[: len(box) + 1]
     with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
-    over_z = z_basis(stack, laminas, outer + with_effects, n_mode, z_tolerance)
+    over_z = z_basis(stack, laminas, [*outer, *with_effects], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
+    starts = [snapshot[:, N_RIGID:] for snapshot in over_z.snapshots[: len(outer)]]
+    rigid = rigid_body_modes(assembly, stack, over_z.phi)
+    basis = _snapshot_basis(assembly, samples, starts, rigid, kinds, n_mode)
+    return ReducedSystem(
+        stack=stack,
+        phi=over_z.phi,
+        assembly=assembly,
+        basis=basis,
+        terms=reduced_terms(assembly, basis),
+        theta=assembly.theta,
+        ranges=box,
+        laminas=laminas,
+    )
+
+
+def _samples_with(
+    sampled: Sequence[Effect],
+    box: Mapping[str, tuple[float, float]],
+    theta: Mapping[str, float],
+    middle: Mapping[str, float],
+    n_snapshot: int | None,
+) -> list[dict[str, float]]:
+    """Return the parameters of the snapshots; the last has the typical strength of effects whose ranges are sampled."""
+    count = 4 * len(box) if n_snapshot is None else n_snapshot
+    samples = [{**theta, **sample} for sample in _samples(box, theta, count)]
+    if sampled and count > 1:
+        samples[-1] = {**middle, **{p.name: p.nominal for effect in sampled for p in effect.parameters}}
+    return samples
+
+
+def _snapshot_basis(
+    assembly: Assembly,
+    samples: Sequence[Mapping[str, float]],
+    starts: Sequence[NDArray[np.float64]],
+    rigid: NDArray[np.float64],
+    kinds: Kinds,
+    n_mode: int,
+) -> NDArray[np.float64]:
+    """Return the basis of the modes at all samples and of effects' answers, each kind where it is given.
+
+    The directions of the modes are weighed where the first kind is given.
+    """
     solver = solver_over_plan(acting(assembly, samples))
     mass = assembly.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
         return assembly.apply(mass, x)
 
-    rigid = rigid_body_modes(assembly, stack, over_z.phi)
-    starts = [snapshot[:, N_RIGID:] for snapshot in over_z.snapshots[: len(outer)]]
     modes = _snapshot_modes(assembly, solver, samples, starts, rigid, product, n_mode)
-    space = _extended(orthonormalize(rigid, product), leading(modes, assembly, middle), product)
-    for effects, at in (
-        (stack.effects, middle),
-        (sampled, samples[-1]),
-    ):  # these have modes of their own there
+    space = _extended(orthonormalize(rigid, product), leading(modes, assembly, kinds[0][1]), product)
+    for effects, at in kinds:
         answers = effect_answers(assembly, effects, solver, at, space[0], n_mode)
         if answers.shape[1]:
             space = _extended(space, answers, product)
-    return ReducedSystem(
-        stack=stack,
-        phi=over_z.phi,
-        assembly=assembly,
-        basis=space[0],
-        terms=reduced_terms(assembly, space[0]),
-        theta=assembly.theta,
-        ranges=box,
-        laminas=laminas,
-    )
+    return space[0]
 
 
 def _snapshot_modes(

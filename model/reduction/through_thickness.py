@@ -184,9 +184,7 @@ def z_basis(
     tolerance : float
         Largest relative error of a frequency over the shapes.
     """
-    z = np.linspace(-1.0, 1.0, stack.n_lamina)
-    polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, stack.n_lamina) - 1)
-    smooth: Phi = dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
+    smooth = _polynomials(stack.n_lamina)
     reduced = laminas.project_z(smooth)
     found = _smooth_modes(reduced, stack, thetas, smooth, n_mode)
     shifts = [shear_shift(stack, theta) for theta in thetas]
@@ -221,6 +219,13 @@ def z_basis(
 
     phi = _enough(functions, energy, worst_error, tolerance)
     return ZBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
+
+
+def _polynomials(n_lamina: int) -> Phi:
+    """Return orthonormal polynomials over the height."""
+    z = np.linspace(-1.0, 1.0, n_lamina)
+    polynomials = np.polynomial.legendre.legvander(z, min(_POLYNOMIALS, n_lamina) - 1)
+    return dict.fromkeys(FIELDS, la.qr(polynomials, mode="economic")[0])
 
 
 def _enough(

@@ -102,35 +102,61 @@ def lowest_modes(
     before = np.zeros(0)
     for step in range(1, _MAX_STEPS + 1):
         image = solve(blocks[-1][1])
-        coupling = np.vstack([mass_basis.T @ image for _, mass_basis in blocks])
-        size = coupling.shape[0]
-        grown = np.zeros((size, size))
-        grown[: projected.shape[0], : projected.shape[0]] = projected
-        grown[:, projected.shape[0] :] = coupling
-        grown[projected.shape[0] :] = coupling.T
-        projected = (grown + grown.T) / 2.0
-        if not np.isfinite(projected).all():
-            message = "the model's numbers overflow; check the size of its stiffnesses, of contact above all"
-            raise SolveError(message)
+        projected = _grown(projected, np.vstack([mass_basis.T @ image for _, mass_basis in blocks]))
         inverse, vectors = la.eigh(projected)
         now = 1.0 / inverse[::-1][:n_mode]
         steady = now.size == n_mode == before.size and np.all(np.abs(now - before) <= tolerance * now)
-        done = steady and step >= min_steps
-        if not done:
-            blocks.append(orthonormalize(image, mass, [*known, *blocks]))
-            if blocks[-1][0].shape[1] == 0 and now.size < n_mode:
-                message = f"the model has no more than {now.size} modes; ask for fewer, or refine its mesh"
-                raise SolveError(message)
-            done = blocks[-1][0].shape[1] == 0 and now.size == n_mode  # the space is invariant
-        if done:
-            lowest = vectors[:, ::-1][:, : start.shape[1]]
-            ends = np.cumsum([basis.shape[1] for basis, _ in blocks])
-            parts = np.split(lowest, ends[:-1])
-            x = sum(basis @ part for (basis, _), part in zip(blocks, parts, strict=True))
-            return now - shift, np.asarray(x)
+        if (steady and step >= min_steps) or _exhausted(blocks, image, mass, known, n_mode - now.size):
+            return now - shift, _combined(blocks, vectors[:, ::-1][:, : start.shape[1]])
         before = now
     message = f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps"
     raise SolveError(message)
+
+
+def _exhausted(
+    blocks: list[Block], image: Vectors, mass: Product, known: Sequence[Block], missing: int
+) -> bool:
+    """Add what an image has beyond the blocks to them, and tell whether that is nothing: the space is invariant.
+
+    Raises
+    ------
+    SolveError
+        It is, and modes are still missing.
+    """
+    n = sum(basis.shape[1] for basis, _ in blocks)
+    blocks.append(orthonormalize(image, mass, [*known, *blocks]))
+    if blocks[-1][0].shape[1]:
+        return False
+    if missing > 0:
+        message = f"the model has no more than {n} modes; ask for fewer, or refine its mesh"
+        raise SolveError(message)
+    return True
+
+
+def _grown(projected: Vectors, coupling: Vectors) -> Vectors:
+    """Return a projected matrix with the rows and columns of one more block.
+
+    Raises
+    ------
+    SolveError
+        The numbers overflow.
+    """
+    known, size = projected.shape[0], coupling.shape[0]
+    grown = np.zeros((size, size))
+    grown[:known, :known] = projected
+    grown[:, known:] = coupling
+    grown[known:] = coupling.T
+    grown = (grown + grown.T) / 2.0
+    if not np.isfinite(grown).all():
+        message = "the model's numbers overflow; check the size of its stiffnesses, of contact above all"
+        raise SolveError(message)
+    return grown
+
+
+def _combined(blocks: Sequence[Block], weight: Vectors) -> Vectors:
+    """Return the sum of the blocks' vectors, each times its rows of `weight`."""
+    parts = np.split(weight, np.cumsum([basis.shape[1] for basis, _ in blocks])[:-1])
+    return np.asarray(sum(basis @ part for (basis, _), part in zip(blocks, parts, strict=True)))
 
 
 def inverse_iterated(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:

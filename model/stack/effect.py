@@ -99,7 +99,9 @@ class Effect:
     Attributes
     ----------
     name : str
-        One word.
+        One word: its key in files and on the command line.
+    label : str
+        What a person calls it: a short noun phrase in lower case, such as "clamp rotary inertia".
     family : str
         One of `Family`.
     summary : str
@@ -120,6 +122,7 @@ class Effect:
     """
 
     name: str
+    label: str
     family: Family
     summary: str
     description: str
@@ -138,6 +141,11 @@ class Effect:
         if not self.parameters:
             message = f"effect {self.name}: needs at least one parameter"
             raise EffectError(message)
+
+    @property
+    def printed(self) -> str:
+        """The effect as a person reads it, the key beside the label."""
+        return f"{self.label} ({self.name})"
 
     def combinations(self, values: Callable[[Parameter], Iterable[float]]) -> Iterator[dict[str, float]]:
         """Return all combinations of some values of each parameter."""

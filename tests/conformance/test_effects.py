@@ -57,6 +57,7 @@ def effect(factor=None, target="K", krons=None, **changes):
 
     values = {
         "name": "trial",
+        "label": "trial contact",
         "family": "contact law",
         "summary": "A trial",
         "description": "Trial.\n\nEnters: a\nRange: b\nDoes: c\nMistaken for: d",
@@ -147,6 +148,10 @@ def test_the_trial_effects_have_no_faults():
         ({"description": "Enters: a\nRange: b\nDoes: c"}, "Mistaken for:"),
         ({"description": "Enters: a\nRange: b\nDoes:\nMistaken for: d"}, "Does:"),
         ({"summary": ""}, "summary"),
+        ({"label": ""}, "noun phrase in lower case"),
+        ({"label": "Lost contact"}, "such as 'clamp rotary inertia', got 'Lost contact'"),
+        ({"label": "lost contact."}, "noun phrase"),
+        ({"label": "clamp mass"}, "is that of clamp_mass too"),
         ({"parameters": ranging(name="pressure")}, "name of a parameter of the base model"),
         ({"terms": lambda assembly: ()}, "adds no term"),
         ({"terms": lambda assembly: assembly.terms[:1]}, "two terms have the name"),
@@ -157,6 +162,14 @@ def test_a_broken_effect_is_seen(broken, expected):
 
     faults = effect_faults(effect(**broken))
     assert any(re.search(expected, fault) for fault in faults), faults
+
+
+def test_labels_tell_effects_apart():
+    assert len({effect.label for effect in EFFECTS.values()}) == len(EFFECTS)
+    assert model.printed_effects(["clamp_inertia", "unknown"]) == (
+        "clamp rotary inertia (clamp_inertia)",
+        "unknown",
+    )
 
 
 def test_stated_units_and_sources_are_demanded():

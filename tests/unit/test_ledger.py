@@ -102,4 +102,4 @@ def test_what_one_torque_cannot_determine_predicts_no_other(torques):
 def test_the_table_has_a_line_for_each(entries):
     table = ledger_table(entries)
     assert table.row_count == len(entries)
-    assert list(table.columns[0].cells)[1] == "base\n+ clamp_inertia"
+    assert list(table.columns[0].cells)[1] == "base\n+ clamp rotary inertia (clamp_inertia)"

@@ -44,28 +44,105 @@ class Figure:
 
 def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
     """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
-    effects = catalogue()
-    families = {name: effect.family for name, effect in effects.items()}
-    null = [c for c in cases if c.kind == "null"]
     single = [c for c in cases if c.kind == "single"]
     seen = [c for c in single if c.distance >= DETECTABLE]
-    unseen = [c for c in single if c.distance < DETECTABLE]
-    pairs = [c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]  # both show
-    formed = [c for c in cases if c.kind == WRONG_FORM and c.distance >= DETECTABLE]
-    withheld = [c for c in cases if c.kind == "withheld"]
-    far = [c for c in withheld if c.distance >= _FAR]
+    return (
+        *_of_nulls([c for c in cases if c.kind == "null"]),
+        *_of_singles(single, seen),
+        *_of_pairs(
+            [c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]
+        ),  # both show
+        *_of_withheld([c for c in cases if c.kind == "withheld"]),
+        *_of_wrong_laws([c for c in cases if c.kind == WRONG_FORM and c.distance >= DETECTABLE]),
+        *_of_what_is_excluded(cases, [c for c in single if c.distance < DETECTABLE]),
+        *_of_predictions(seen),
+    )
 
-    def within(c: Case) -> bool:
-        return any(set(c.truth) <= set(candidate) for candidate in c.candidates)
+
+def _within(case: Case) -> bool:
+    return any(set(case.truth) <= set(candidate) for candidate in case.candidates)
+
+
+def _top(case: Case) -> bool:
+    return bool(case.candidates) and case.candidates[0] == case.truth
+
+
+def _unlike(case: Case) -> bool:
+    return case.verdict == "unlike anything"
+
+
+def _share(name: str, target: str, hits: Sequence[bool]) -> Figure:
+    return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
+
+
+def _of_nulls(null: Sequence[Case]) -> tuple[Figure, ...]:
+    return (
+        _share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
+        _share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in null]),
+    )
+
+
+def _of_singles(single: Sequence[Case], seen: Sequence[Case]) -> tuple[Figure, ...]:
+    plain = [c for c in seen if c.rival >= SEPARATE]
+    effects = catalogue()
+    return (
+        _share("named or in the set, detectable singles", "95 %", [_within(c) for c in seen]),
+        _share("top choice right, detectable singles", "90 %", [_top(c) for c in seen]),
+        _share("  of these not aliased", "reported", [_top(c) for c in plain]),
+        Figure(
+            name="  an effect at random instead",
+            target="baseline",
+            hits=round(len(seen) / len(effects)),
+            total=len(seen),
+        ),
+        _share("  largest sensitivity instead", "baseline", [c.most_visible == c.truth for c in seen]),
+        _share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in seen]),
+        _share("top choice right, all singles", "reported", [_top(c) for c in single]),
+    )
+
+
+def _of_pairs(pairs: Sequence[Case]) -> tuple[Figure, ...]:
+    return (
+        _share("both of a pair right, where both show", "80 %", [_top(c) for c in pairs]),
+        _share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
+    )
+
+
+def _of_withheld(withheld: Sequence[Case]) -> tuple[Figure, ...]:
+    far = [c for c in withheld if c.distance >= _FAR]
+    return (
+        _share("unlike anything, withheld beyond 5 sigma", "90 %", [_unlike(c) for c in far]),
+        _share("  of these as far from all else", "reported", [_unlike(c) for c in far if c.rival >= _FAR]),
+        _share("unlike anything, all withheld", "65 %", [_unlike(c) for c in withheld]),
+        Figure(
+            name="  a test that knew what is withheld would say so, at most",
+            target="baseline",
+            hits=round(sum(float(ndtr(c.rival - _ALARM)) for c in withheld)),
+            total=len(withheld),
+        ),
+        _share("another's name given, all withheld", "reported", [bool(c.candidates) for c in withheld]),
+        _share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in withheld]),
+    )
+
+
+def _of_wrong_laws(formed: Sequence[Case]) -> tuple[Figure, ...]:
+    families = {name: effect.family for name, effect in catalogue().items()}
 
     def akin(c: Case) -> bool:
         return {families.get(n) for n in c.candidates[0]} == {families.get(n) for n in c.truth}
 
-    def unlike(c: Case) -> bool:
-        return c.verdict == "unlike anything"
+    return (
+        _share(
+            "wrong form: the effect or its family named",
+            "reported",
+            [bool(c.candidates) and akin(c) for c in formed],
+        ),
+        _share("wrong form: unlike anything", "reported", [_unlike(c) for c in formed]),
+    )
 
-    def top(c: Case) -> bool:
-        return bool(c.candidates) and c.candidates[0] == c.truth
+
+def _of_what_is_excluded(cases: Sequence[Case], unseen: Sequence[Case]) -> tuple[Figure, ...]:
+    effects = catalogue()
 
     def usual(c: Case) -> list[str]:
         """Return the planted effects that `ruled_out` judges, if they are as strong as usual or more."""
@@ -77,68 +154,41 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
             and abs(coordinate_of(p, c.values[p.name])) >= abs(coordinate_of(p, p.nominal))
         ]
 
-    def share(name: str, target: str, hits: Sequence[bool]) -> Figure:
-        return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
-
     judged = [c for c in cases if c.kind != "withheld" and usual(c)]
+<<<<<<< HEAD
     plain = [c for c in seen if c.rival >= _APART]
     fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
+=======
+>>>>>>> house
     return (
-        share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
-        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in null]),
-        share("named or in the set, detectable singles", "95 %", [within(c) for c in seen]),
-        share("top choice right, detectable singles", "90 %", [top(c) for c in seen]),
-        share("  of these not aliased", "reported", [top(c) for c in plain]),
-        Figure(
-            name="  an effect at random instead",
-            target="baseline",
-            hits=round(len(seen) / len(effects)),
-            total=len(seen),
-        ),
-        share("  largest sensitivity instead", "baseline", [c.most_visible == c.truth for c in seen]),
-        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in seen]),
-        share("top choice right, all singles", "reported", [top(c) for c in single]),
-        share("both of a pair right, where both show", "80 %", [top(c) for c in pairs]),
-        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
-        share("unlike anything, withheld beyond 5 sigma", "90 %", [unlike(c) for c in far]),
-        share("  of these as far from all else", "reported", [unlike(c) for c in far if c.rival >= _FAR]),
-        share("unlike anything, all withheld", "65 %", [unlike(c) for c in withheld]),
-        Figure(
-            name="  a test that knew what is withheld would say so, at most",
-            target="baseline",
-            hits=round(sum(float(ndtr(c.rival - _ALARM)) for c in withheld)),
-            total=len(withheld),
-        ),
-        share("another's name given, all withheld", "reported", [bool(c.candidates) for c in withheld]),
-        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in withheld]),
-        share(
-            "wrong form: the effect or its family named",
-            "reported",
-            [bool(c.candidates) and akin(c) for c in formed],
-        ),
-        share("wrong form: unlike anything", "reported", [unlike(c) for c in formed]),
-        share(
+        _share(
             "undetectable singles not wrongly named",
             "95 %",
-            [c.verdict in ("nothing missing", "unlike anything") or within(c) for c in unseen],
+            [c.verdict in ("nothing missing", "unlike anything") or _within(c) for c in unseen],
         ),
-        share(
+        _share(
             "a planted effect, as strong as usual, ruled out",
             "reported",
             [bool(set(usual(c)) & set(c.ruled_out)) for c in judged],
         ),
-        share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
-        share(
+    )
+
+
+def _of_predictions(seen: Sequence[Case]) -> tuple[Figure, ...]:
+    fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
+    return (
+        _share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
+        _share(
             "held-out error worse after naming",
             "<= 5 %",
             [c.held_out[1] > c.held_out[0] * _WORSE for c in seen],
         ),
-        share(
+        _share(
             "  of its frequencies alone",
             "reported",
             [c.held_out_frequency[1] > c.held_out_frequency[0] * _WORSE for c in seen],
         ),
-        share("held-out error falls by 70 % of the oracle's", "half of them", [f >= 0.7 for f in fall]),
+        _share("held-out error falls by 70 % of the oracle's", "half of them", [f >= 0.7 for f in fall]),
     )
 
 

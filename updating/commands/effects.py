@@ -105,12 +105,12 @@ def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
     for family in get_args(Family):
         members = [effect for effect in known.values() if effect.family == family]
         table = Table(title=family, title_justify="left", width=_WIDTH)
-        table.add_column("effect", width=20)
+        table.add_column("effect", width=28)
         table.add_column("what it is", ratio=1)
         table.add_column("parameter, range and unit", ratio=1)
         for effect in members:
             table.add_row(
-                effect.name, effect.summary, "\n".join(f"{p.name} {_range(p)}" for p in effect.parameters)
+                effect.printed, effect.summary, "\n".join(f"{p.name} {_range(p)}" for p in effect.parameters)
             )
         if members:
             tables.append(table)
@@ -126,7 +126,7 @@ def effect_text(effect: Effect) -> str:
         else:
             paragraphs.append(line.strip())
     filled = (textwrap.fill(text, _WIDTH, subsequent_indent="    ") for text in paragraphs)
-    return f"{effect.name} ({effect.family})\n\n" + "\n".join(filled) + "\n"
+    return f"{effect.printed}, {effect.family}\n\n" + "\n".join(filled) + "\n"
 
 
 def parameter_table(effect: Effect) -> Table:

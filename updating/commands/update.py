@@ -63,7 +63,7 @@ def update(
     """
     updated = run_update(specification, output, OUT, effect_file or (), cluster)
     OUT.print(parameter_table(updated.fit))
-    OUT.print(ledger_table(updated.ledger))
+    OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file or ())))
     OUT.print(f"Results in [bold]{output}[/bold]")
 
 

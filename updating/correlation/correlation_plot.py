@@ -18,6 +18,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _VIEWS = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
+_SCALAR_BAR = {
+    "color": "black",
+    "n_labels": 3,
+    "fmt": "%.2g",
+    "height": 0.13,
+    "width": 0.5,
+    "position_x": 0.25,
+    "position_y": 0.03,
+    "title_font_size": 15,
+    "label_font_size": 13,
+}
 _LEAST_SCALE = 2.0  # of the mean: the end of a flat map's colour scale, so that it looks flat
 
 
@@ -119,18 +130,7 @@ def region_plotter(
             show_edges=True,
             edge_color="#8a8f98",
             show_scalar_bar=column == 0,
-            scalar_bar_args={
-                "title": f"{label}\n",  # the empty line keeps it off the numbers
-                "color": "black",
-                "n_labels": 3,
-                "fmt": "%.2g",
-                "height": 0.13,
-                "width": 0.5,
-                "position_x": 0.25,
-                "position_y": 0.03,
-                "title_font_size": 15,
-                "label_font_size": 13,
-            },
+            scalar_bar_args={"title": f"{label}\n", **_SCALAR_BAR},  # the empty line keeps it off the numbers
         )
         for clamp in stack.clamps:
             ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])

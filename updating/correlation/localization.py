@@ -205,15 +205,7 @@ def map_error(
         raise UpdatingError(message)
     theta = full_parameters(system, G_f, system.theta["d_f"], parameters)
     basis, rows = _span(system, observation, theta)
-    matrices = _matrices(system, basis, theta)
-    found = []
-    for r in modes:
-        omega = 2.0 * np.pi * float(measured.frequency[r])
-        if _OMEGA in theta:
-            matrices = _matrices(system, basis, {**theta, _OMEGA: omega})
-        shape = real_shape(measured.shape[:, [r]])[:, 0]
-        std = np.hypot(measured.shape_std[:, r], SCATTER * np.sqrt(np.mean(shape**2)))
-        found.append(_solve(matrices, omega, rows / std[:, None], shape / std))
+    found = _optima(system, theta, basis, rows, measured, modes)
     u, e = basis @ np.column_stack([f.u for f in found]), basis @ np.column_stack([f.e for f in found])
     explained, change = _common_changes(found)
     return ErrorMap(
@@ -227,6 +219,27 @@ def map_error(
         explained=explained,
         change=change,
     )
+
+
+def _optima(
+    system: ReducedSystem,
+    theta: Mapping[str, float],
+    basis: Vector,
+    rows: Vector,
+    measured: ModalModel,
+    modes: NDArray[np.int64],
+) -> list[_Fields]:
+    """Return the optimum of each measured mode in the span of the basis, in which `rows` are the measured DOFs."""
+    matrices = _matrices(system, basis, theta)
+    found = []
+    for r in modes:
+        omega = 2.0 * np.pi * float(measured.frequency[r])
+        if _OMEGA in theta:
+            matrices = _matrices(system, basis, {**theta, _OMEGA: omega})
+        shape = real_shape(measured.shape[:, [r]])[:, 0]
+        std = np.hypot(measured.shape_std[:, r], SCATTER * np.sqrt(np.mean(shape**2)))
+        found.append(_solve(matrices, omega, rows / std[:, None], shape / std))
+    return found
 
 
 Matrices = dict[str, Vector]

@@ -138,6 +138,28 @@ def pair(measured: ModeSet, model: ModeSet, *, threshold: float = 0.8) -> Pairin
     order = np.argsort(row)
     row, column = row[order], column[order]
 
+    return _by_subspace(measured, model, _Scores(value, bonus, threshold), row, column, groups)
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """MAC of all pairs, what may decide beside it, and the MAC that makes a pair."""
+
+    mac: NDArray[np.float64]
+    bonus: NDArray[np.float64]
+    threshold: float
+
+
+def _by_subspace(
+    measured: ModeSet,
+    model: ModeSet,
+    scores: _Scores,
+    row: NDArray[np.int64],
+    column: NDArray[np.int64],
+    groups: Groups,
+) -> Pairing:
+    """Return the pairs that stand alone or, where close modes are mixed, as parts of a common subspace."""
+    value, threshold = scores.mac, scores.threshold
     linked = _linked(
         cluster_of(groups[0], value.shape[0])[row], cluster_of(groups[1], value.shape[1])[column]
     )
@@ -147,7 +169,7 @@ def pair(measured: ModeSet, model: ModeSet, *, threshold: float = 0.8) -> Pairin
         inside = np.flatnonzero(linked == number)
         weak = inside[value[row[inside], column[inside]] < threshold]
         if weak.size:
-            among = (value + bonus)[np.ix_(row[weak], column[weak])]
+            among = (value + scores.bonus)[np.ix_(row[weak], column[weak])]
             column[weak] = column[weak][linear_sum_assignment(among, maximize=True)[1]]
             whole[inside] = True
             common[inside] = _common_subspace(

@@ -38,6 +38,7 @@ def _known_mass(name: str, place: tuple[float, float], what: str) -> Effect:
 
     return Effect(
         name=name,
+        label=what,
         family="inertia",
         summary=what,
         description=what,
@@ -80,6 +81,7 @@ def _moved_clamps() -> Effect:
     what = "the outer clamps moved towards the middle"
     return Effect(
         name="test_clamps_moved",
+        label=what,
         family="inertia",
         summary=what,
         description=what,

@@ -96,6 +96,7 @@ def _anywhere(name: str, unit: str, most: float) -> Effect:
     parameter = Parameter(name=name, unit=unit, nominal=most, lower=-most, upper=most, source=text)
     return Effect(
         name=name,
+        label="change at one point",
         family="inertia",
         summary=text,
         description=text,

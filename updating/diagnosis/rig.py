@@ -52,5 +52,11 @@ def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
         name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"
     )
     return Effect(
-        name=name, family="inertia", summary=what, description=what, parameters=(parameter,), terms=terms
+        name=name,
+        label=what,
+        family="inertia",
+        summary=what,
+        description=what,
+        parameters=(parameter,),
+        terms=terms,
     )

@@ -16,6 +16,7 @@ Vector = NDArray[np.float64]
 
 _AT_BOUND = 1e-4  # of the range
 _MOST = 100  # evaluations
+_TOLERANCES = {"xtol": 1e-8, "ftol": 1e-10}
 _LAST, _NOTHING = 20, 1e-6  # evaluations in which the sum of squares must fall by this ratio
 _SINGULAR = 1e-13  # of the largest curvature: less is rounding
 
@@ -93,9 +94,8 @@ def descend(
         jac=jacobian,
         bounds=(problem.low[moving], problem.high[moving]),
         x_scale="jac",
-        xtol=1e-8,
-        ftol=1e-10,
         max_nfev=_MOST,
+        **_TOLERANCES,
     )
     return Descent(
         first=first,

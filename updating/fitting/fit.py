@@ -142,24 +142,7 @@ def fit(
     system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=N_SNAPSHOT)
     observed = observe(system, registration.observation)
     used = _modes_that_pair(system, observed, measured, threshold, G_f_bounds)
-    shape = measured.shape[:, used]
-
-    def frequencies(value: float) -> Prediction:
-        modes = _elastic(system, observed, value, 0.0)
-        column = _assign(shape, modes)
-        return modes.frequency[column], modes.frequency_gradient[column, modes.parameter.index("G_f")]
-
-    G_f = estimate_stiffness(
-        frequencies, measured.frequency[used], measured.frequency_std[used], bounds=G_f_bounds
-    )
-    reference = _elastic(system, observed, G_f.value, 1e-10)
-    column = _assign(shape, reference)
-    d_f = estimate_damping(
-        reference.damping[column] / 1e-10,
-        measured.damping[used],
-        measured.damping_std[used],
-        bounds=d_f_bounds,
-    )
+    G_f, d_f = _estimates(system, observed, measured, used, (G_f_bounds, d_f_bounds))
     modes = _elastic(system, observed, G_f.value, d_f.value)
     pairing = pair(measured, modes, threshold=threshold)
     return Fit(
@@ -172,6 +155,30 @@ def fit(
         distance=registration.distance,
         error=frequency_error(measured.frequency[pairing.measured], modes.frequency[pairing.model]),
     )
+
+
+def _estimates(
+    system: ReducedSystem,
+    observed: Observed,
+    measured: ModalModel,
+    used: NDArray[np.int64],
+    bounds: tuple[tuple[float, float], tuple[float, float]],
+) -> tuple[Estimate, Estimate]:
+    """Return G_f from the frequencies of the modes used, and d_f from their damping ratios."""
+    shape = measured.shape[:, used]
+
+    def frequencies(value: float) -> Prediction:
+        modes = _elastic(system, observed, value, 0.0)
+        column = _assign(shape, modes)
+        return modes.frequency[column], modes.frequency_gradient[column, modes.parameter.index("G_f")]
+
+    G_f = estimate_stiffness(
+        frequencies, measured.frequency[used], measured.frequency_std[used], bounds=bounds[0]
+    )
+    reference = _elastic(system, observed, G_f.value, 1e-10)
+    slope = reference.damping[_assign(shape, reference)] / 1e-10
+    d_f = estimate_damping(slope, measured.damping[used], measured.damping_std[used], bounds=bounds[1])
+    return G_f, d_f
 
 
 def estimate_stiffness(
@@ -214,14 +221,8 @@ def estimate_stiffness(
         return (predict(value)[1] * value)[:, None]
 
     low, high = np.log(bounds)
-    solution = least_squares(
-        residual,
-        [np.clip(np.log(start), low, high)],
-        jac=jacobian,
-        bounds=([low], [high]),
-        xtol=1e-10,
-        ftol=1e-12,
-    )
+    first, ends = [np.clip(np.log(start), low, high)], ([low], [high])
+    solution = least_squares(residual, first, jac=jacobian, bounds=ends, xtol=1e-10, ftol=1e-12)
     value = float(np.exp(solution.x[0]))
     frequency, gradient = predict(value)
     return Estimate(

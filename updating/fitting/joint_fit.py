@@ -274,6 +274,13 @@ def joint_fit(
     require_known("intervals", [intervals], get_args(Method))
     problem = Problem(prepared, settings or FitSettings())
     found = _descents(problem, n_start, first, executor)
+    return _joint_fit(problem, found, intervals, seed, executor)
+
+
+def _joint_fit(
+    problem: Problem, found: Sequence[Descent], intervals: Method, seed: int, executor: Executor | None
+) -> JointFit:
+    """Return what the best descent found, with standard deviations and intervals, and the record of all."""
     x = found[0].last
     residual, _ = problem.evaluate(x)
     spread, inflation = covariance(problem, x)

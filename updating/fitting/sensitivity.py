@@ -84,6 +84,30 @@ def whitened_residual(
         `FREQUENCY`, `DAMPING` or `SHAPE`.
     """
     chosen = np.flatnonzero(used)
+    value, slope, index, variance, block = _unweighted(target, chosen, modes, column, scatter, with_damping)
+    factor = la.cholesky(target.covariance[np.ix_(index, index)] + np.diag(variance), lower=True)
+    residual = [la.solve_triangular(factor, np.array(value), lower=True)]
+    jacobian = [
+        la.solve_triangular(factor, np.reshape(slope, (len(value), len(modes.parameter))), lower=True)
+    ]
+    if target.shape.shape[0]:
+        for r in chosen:
+            difference, derivative = _shape_residual(target, int(r), modes, int(column[r]), scatter)
+            residual.append(difference)
+            jacobian.append(derivative)
+            block += [SHAPE] * difference.size
+    return np.concatenate(residual), np.vstack(jacobian), np.array(block)
+
+
+def _unweighted(
+    target: Target,
+    chosen: NDArray[np.intp],
+    modes: Modes,
+    column: NDArray[np.int64],
+    scatter: Scatter,
+    with_damping: bool,
+) -> tuple[list[float], list[Array], list[int], list[float], list[int]]:
+    """Return differences before weighting, their derivatives, rows of the covariance, added variances and blocks."""
     n_parameter = len(modes.parameter)
     value, slope, index, variance, block = [], [], [], [], []
     for r in chosen:
@@ -99,16 +123,7 @@ def whitened_residual(
             index.append(2 * r + 1)
             variance.append((scatter.damping * target.damping[r]) ** 2)
             block.append(DAMPING)
-    factor = la.cholesky(target.covariance[np.ix_(index, index)] + np.diag(variance), lower=True)
-    residual = [la.solve_triangular(factor, np.array(value), lower=True)]
-    jacobian = [la.solve_triangular(factor, np.reshape(slope, (len(value), n_parameter)), lower=True)]
-    if target.shape.shape[0]:
-        for r in chosen:
-            difference, derivative = _shape_residual(target, int(r), modes, int(column[r]), scatter)
-            residual.append(difference)
-            jacobian.append(derivative)
-            block += [SHAPE] * difference.size
-    return np.concatenate(residual), np.vstack(jacobian), np.array(block)
+    return value, slope, index, variance, block
 
 
 def _shape_residual(target: Target, r: int, modes: Modes, c: int, scatter: Scatter) -> tuple[Array, Array]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from model import printed_effects
 from updating.published.campaign import Calibrated, Published
 
 if TYPE_CHECKING:
@@ -109,7 +111,7 @@ def fall_figure(found: Sequence[Calibrated]) -> Figure:
         with_effects = [100 * np.abs(c.relative_error).mean() for c in one.shared.fit.configuration]
         left_out = [100 * np.abs(c.relative_error).mean() for c in one.shared.left_out]
         axes.bar(x - 0.27, [100 * row.error for row in one.row], 0.27, label="base model", color="0.7")
-        axes.bar(x, with_effects, 0.27, label=" + ".join(one.shared.effects))
+        axes.bar(x, with_effects, 0.27, label=" + ".join(printed_effects(one.shared.effects)))
         axes.bar(x + 0.27, left_out, 0.27, label="the same, parameters from the other stacks")
         title = (
             f"{one.calibration}: {100 * one.error:.1f} % → {100 * one.shared.error:.1f} %, "
@@ -128,14 +130,13 @@ def pattern_figure(found: Sequence[Calibrated]) -> Figure:
     for column, one in zip(panels.T, found, strict=True):
         base = np.array([100 * (row.frequency / row.measured - 1.0) for row in one.row])
         after = np.array([100 * c.relative_error for c in one.shared.fit.configuration])
-        for axes, error, name in zip(
-            column, (base, after), ("base", " + ".join(one.shared.effects)), strict=True
-        ):
+        with_effects = " + ".join(printed_effects(one.shared.effects))
+        for axes, error, name in zip(column, (base, after), ("base", with_effects), strict=True):
             axes.axhline(0.0, color="0.8")
             axes.plot(error.T, color="0.6", linewidth=0.8)
             axes.plot(error.mean(axis=0), "o-", color="#b3341f", linewidth=2)
             axes.set_xticks(range(error.shape[1]), ["T1", "B1", "B2", "T2"][: error.shape[1]])
-            axes.set_title(f"{one.calibration}, {name}", fontsize=9)
+            axes.set_title(textwrap.fill(f"{one.calibration}, {name}", 36), fontsize=9)
     for axes in panels[:, 0]:
         axes.set_ylabel("frequency error [%]")
     return figure

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
+from model import printed_effects
 from updating.published.campaign import Calibrated
 from updating.published.screening import Screening
 
@@ -18,7 +19,7 @@ TARGET = {"C0": 0.057, "C1": 0.040, "C2": 0.057, "C3": 0.040}
 
 def summary_table(found: Sequence[Calibrated]) -> Table:
     """Print errors, shared parameters and the pressure law under each calibration."""
-    effects = " + ".join(found[0].shared.effects)
+    effects = " + ".join(printed_effects(found[0].shared.effects))
     table = Table(
         title=f"18 stacks, mean error of eq. (2) in %; shared by all: {effects}",
         title_justify="left",
@@ -91,7 +92,7 @@ def screening_table(found: Sequence[Screening], n_row: int = 12) -> Table:
     for effects in sorted(every, key=least)[:n_row]:
         cells = [tried.get(effects) for tried in by_effects.values()]
         table.add_row(
-            " + ".join(effects),
+            " + ".join(printed_effects(effects)),
             *(
                 "-" if c is None or not np.isfinite(c.error) else f"{100 * c.error:.2f}" + "!" * c.at_bound
                 for c in cells
@@ -113,9 +114,9 @@ def survivors(found: Sequence[Screening]) -> str:
     names = ", ".join(one.calibration for one in found)
     always, sometimes = set.intersection(*reach), set.union(*reach)
     text = f"At or below the prototype's error inside their ranges, alone: under {names}: "
-    text += ", ".join(sorted(always)) or "none"
+    text += ", ".join(printed_effects(sorted(always))) or "none"
     if sometimes - always:
-        text += "; under some of them: " + ", ".join(sorted(sometimes - always))
+        text += "; under some of them: " + ", ".join(printed_effects(sorted(sometimes - always)))
     untried = sum(bool(t.note) for one in found for t in one.tried)
     return text + "." + (f" Without a result: {untried}, see screening.csv." if untried else "")
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from model import printed_effects
 from updating.fitting.modal_table import ModalTable
 from updating.published.screening import Screening, Tried
 
@@ -75,4 +76,4 @@ def _sentences(one: Screening, n_free: int) -> str:
 
 
 def _name(tried: Tried) -> str:
-    return " with ".join(tried.effects)
+    return " with ".join(printed_effects(tried.effects))

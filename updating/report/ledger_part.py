@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from model import printed_effects
 from updating.fitting.joint_fit import FittedParameter
 from updating.fitting.ledger import Entry
 from updating.report.part import Picture, Section, Table, as_csv, svg
@@ -82,7 +84,10 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
         form="svg",
         data=as_csv(
             ("model", *(f"{kind} error, {name} [1]" for kind in kinds for name in _NAMES)),
-            ((model_name(e), *(x for kind in kinds for x in _errors(e, kind))) for e in entries),
+            (
+                (" + ".join(("base", *e.effects)), *(x for kind in kinds for x in _errors(e, kind)))
+                for e in entries
+            ),
         ),
         alt="Errors by model",
         caption=f"Mean {' and '.join(kinds)} error of each model, on the data that it was fitted to and on data held "
@@ -95,7 +100,12 @@ def ledger_figure(entries: Sequence[Entry]) -> Figure:
     from matplotlib.figure import Figure
 
     kinds = _kinds(entries)
-    figure = Figure(figsize=(8.5, 1.1 + 0.62 * len(entries)), layout="constrained")
+    names = [
+        "\n+ ".join(textwrap.fill(part, 36) for part in ("base", *printed_effects(e.effects)))
+        for e in entries
+    ]
+    each = max(0.62, 0.1 + 0.16 * max(name.count("\n") + 1 for name in names))
+    figure = Figure(figsize=(8.5, 1.1 + each * len(entries)), layout="constrained")
     panels: list[Axes] = list(figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0])
     y = np.arange(len(entries))
     for axes, kind in zip(panels, kinds, strict=True):
@@ -108,7 +118,7 @@ def ledger_figure(entries: Sequence[Entry]) -> Figure:
         axes.margins(x=0.16)
         axes.set_xlabel(f"mean {kind} error [%]")
         axes.spines[["top", "right"]].set_visible(False)
-    panels[0].set_yticks(y, ["\n+ ".join(("base", *e.effects)) for e in entries])
+    panels[0].set_yticks(y, names)
     panels[0].invert_yaxis()
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False, fontsize=9
@@ -117,8 +127,8 @@ def ledger_figure(entries: Sequence[Entry]) -> Figure:
 
 
 def model_name(entry: Entry) -> str:
-    """Return the effects of a line of the ledger as one name."""
-    return " + ".join(("base", *entry.effects))
+    """Return the effects of a line of the ledger as one name, each with its label."""
+    return " + ".join(("base", *printed_effects(entry.effects)))
 
 
 def _kinds(entries: Sequence[Entry]) -> tuple[str, ...]:
@@ -143,8 +153,9 @@ def _sentence(entries: Sequence[Entry]) -> str:
     base, best = entries[0], min(entries[1:], key=lambda e: e.mode_error, default=entries[0])
     if best is base:
         return f"The base model's frequencies are off by {100 * base.error:.2f} % on average."
+    names = " and ".join(printed_effects(best.effects))
     return (
-        f"With {' and '.join(best.effects)} the mean frequency error goes from {100 * base.error:.2f} % to "
+        f"With {names} the mean frequency error goes from {100 * base.error:.2f} % to "
         f"{100 * best.error:.2f} % on the data fitted, and from {100 * base.mode_error:.2f} % to "
         f"{100 * best.mode_error:.2f} % on modes held out."
     )

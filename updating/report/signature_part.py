@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 from updating.diagnosis.diagnosis import Diagnosis, ModeError
@@ -32,12 +33,13 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
     for number, group in enumerate(groups, start=1):
         errors = [diagnosis.errors[k] for k in group]
         signatures = {e: [change[k] for k in group] for e, change in _ordered(diagnosis).items()}
+        drawn = {textwrap.fill(_printed(diagnosis, e), 34): change for e, change in signatures.items()}
         figure = signature_pattern_figure(
             [e.configuration for e in errors],
             [f"{e.frequency:.0f} Hz" for e in errors],
             [-e.base for e in errors],
             [e.std / e.frequency for e in errors],
-            signatures,
+            drawn,
         )
         pictures.append(
             Picture(
@@ -62,7 +64,9 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
 def signature_table(diagnosis: Diagnosis) -> Table:
     """List for every mode used what is lacking, what each effect brings, and what the first candidate leaves."""
     signatures = dict(list(_ordered(diagnosis).items())[:MOST])
-    left = "" if not diagnosis.set else f"left by {' + '.join(diagnosis.set[0])} [%]"
+    first = " + ".join(_printed(diagnosis, name) for effects in diagnosis.set[:1] for name in effects)
+    left = f"left by {first} [%]" if first else ""
+    brought = [f"{_printed(diagnosis, name)} [%]" for name in signatures]
     rows = tuple(
         (
             e.configuration,
@@ -76,13 +80,18 @@ def signature_table(diagnosis: Diagnosis) -> Table:
     )
     table = Table(
         title="What each effect brings, mode by mode",
-        header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *(f"{name} [%]" for name in signatures)),
+        header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *brought),
         rows=rows,
         note="± is one standard deviation. Each effect is fitted alone, with contact and nuisances anew. Further "
         "effects are in the CSV of the figure.",
         folded=True,
     )  # fmt: skip
     return table.without_empty_columns()
+
+
+def _printed(diagnosis: Diagnosis, name: str) -> str:
+    """Return an effect or hypothesis as a person reads it, the key beside the label."""
+    return f"{diagnosis.labels[name]} ({name})" if name in diagnosis.labels else name
 
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:

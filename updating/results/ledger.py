@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from model import Effect, printed_effects
 from updating.fitting.joint_fit import FittedParameter
 from updating.fitting.ledger import Entry, Ledger
 from updating.results.store import write_bytes, write_result
@@ -31,8 +32,16 @@ def write_ledger(
     write_bytes(output / "ledger.csv", text.getvalue().encode())
 
 
-def ledger_table(entries: Sequence[Entry]) -> Table:
-    """Print what each effect does to the error, on data used and held out."""
+def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = None) -> Table:
+    """Print what each effect does to the error, on data used and held out.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        The lines.
+    known : mapping of str to Effect, optional
+        Effects by name; the catalogue by default.
+    """
     damping = any(np.isfinite(e.damping_error) for e in entries)
     unknown = any(np.isnan(e.configuration_error) and np.isfinite(e.error) for e in entries)
     table = Table(
@@ -53,7 +62,7 @@ def ledger_table(entries: Sequence[Entry]) -> Table:
             (e.configuration_error, e.configuration_damping_error),
         )
         table.add_row(
-            "\n+ ".join(("base", *e.effects)),
+            "\n+ ".join(("base", *printed_effects(e.effects, known))),
             *(" | ".join(_percent(v) for v in pair[: 1 + damping]) for pair in pairs),
             "\n".join([*(_estimate(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
         )
