@@ -12,6 +12,7 @@ from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, 
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.plot.picking import pick_poles
 from ema.quality.channels import check, usable
+from ema.quality.explained import ExplainedPower
 from ema.quality.linearity import check_force_levels, check_linearity
 from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, EmaError, IdentificationError, MeasurementError
@@ -29,6 +30,7 @@ __all__ = [
     "Dof",
     "Dofs",
     "EmaError",
+    "ExplainedPower",
     "FRFEstimate",
     "Failure",
     "Geometry",

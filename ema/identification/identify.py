@@ -1,7 +1,8 @@
 """From measured functions to a modal model, without any frequency guess.
 
 The way: poles of all model orders (`lscf`), clusters over the orders (`stabilization`), poles that are no
-modes taken away (`significance`), all modes refined together (`refinement`), shapes (`shapes`).
+modes taken away (`significance`), all modes refined together (`maximum_likelihood`), peaks that are left tried as
+modes (`residual_search`), shapes (`shapes`). All of it is done in the quantity whose noise is even (`noise_colour`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ema.campaign.measurement import Measurement, read_force_levels, read_measur
 from ema.identification.functions import Functions, inside
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit
+from ema.identification.noise_colour import whitest
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std
 from ema.identification.selection import fit_chosen, select_modes
@@ -25,11 +27,11 @@ from ema.identification.significance import variance_inflation
 from ema.identification.stabilization import highest_order, stabilization
 from ema.modal.mac import frac
 from ema.quality.channels import check, usable
-from ema.quality.explained import check_explained
+from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.linearity import check_force_levels
 from ema.quality.verdict import Verdict
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
-from ema.types.frf import FRF
+from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel, UnexplainedPeak
 from ema.types.threads import single_threaded
@@ -50,11 +52,14 @@ class Identification:
         What the checks found before the identification, and how much of the power the modes explain.
     modal_model : ModalModel
         The modes.
+    explained : ExplainedPower
+        Share of the measured power that they explain.
     """
 
     measurement: Measurement
     verdicts: tuple[Verdict, ...]
     modal_model: ModalModel
+    explained: ExplainedPower
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,8 +146,9 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
         kept.frf, kept.geometry, name=name, band=options.band, order=options.order, pole=pole
     )
     kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
-    verdicts += check_explained(kept.frf, modal_model)
-    return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model)
+    explained = explained_power(_by_reciprocity(kept.frf), modal_model)
+    verdicts += check_explained(explained, modal_model)
+    return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)
 
 
 @single_threaded
@@ -185,44 +191,54 @@ def identify_frf(
     frf = _by_reciprocity(frf)
     _check(frf, name)
     lower, upper = band if band is not None else (frf.frequency[frf.frequency > 0.0][0], frf.frequency[-1])
+    band = float(lower), float(upper)
     lines = frf.band(max(lower, np.finfo(float).tiny), upper)
-    n_line = lines.frequency.size
     if order is None:
-        order = highest_order(n_line)
-    if n_line < max(MIN_LINES, 2 * order):
+        order = highest_order(lines.frequency.size)
+    if lines.frequency.size < max(MIN_LINES, 2 * order):
         message = (
-            f"{name}: {n_line} lines in {lower:g}-{upper:g} Hz of {frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz "
-            f"are too few for order {order}: widen the band"
+            f"{name}: {lines.frequency.size} lines in {lower:g}-{upper:g} Hz of "
+            f"{frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz are too few for order {order}: widen the band"
         )
         raise IdentificationError(message)
-    data = Functions(
-        frequency=lines.frequency,
-        value=lines.value.reshape(-1, lines.frequency.size),
-        run=np.repeat(lines.run, lines.input.node.size),
-        quantity=lines.quantity,
-        weight=_weight(lines),
-    )
+    white = lines.convert(whitest(lines))
     if pole is None:
-        candidates = stabilization(lines, order=order).chosen
-        fit, runs, left = select_modes(data, candidates, (lower, upper))
+        candidates = stabilization(white, order=order).chosen
+        fit, runs, left = select_modes(_functions(white), candidates, band)
     else:
         candidates = pole
-        if not inside(pole, (lower, upper)).all():
-            outside = np.abs(pole[~inside(pole, (lower, upper))]) / (2.0 * np.pi)
-            message = (
-                f"{name}: chosen poles at {', '.join(f'{f:.6g}' for f in outside)} Hz are not within "
-                f"{lower:g}-{upper:g} Hz by a half bandwidth: widen the band or take them away"
-            )
-            raise IdentificationError(message)
-        fit, runs, left = fit_chosen(data, candidates, (lower, upper))
-    if not inside(fit.pole, (lower, upper)).any():
+        _require_inside(pole, band, name)
+        fit, runs, left = fit_chosen(_functions(white), candidates, band)
+    if not inside(fit.pole, band).any():
         message = (
             f"{name}: none of {candidates.size} stable poles in {lower:g}-{upper:g} Hz stands out of "
             "the noise as a mode: check the data, or give another band"
         )
         raise IdentificationError(message)
-    model = _model(fit, runs, lines, geometry, name, (float(lower), float(upper)))
+    model = _model(fit, runs, white, lines.quantity, geometry, name, band)
     return replace(model, unexplained=_unexplained(left, lines.input.node.size))
+
+
+def _functions(frf: FRF) -> Functions:
+    """Lay the functions out as rows."""
+    return Functions(
+        frequency=frf.frequency,
+        value=frf.value.reshape(-1, frf.frequency.size),
+        run=np.repeat(frf.run, frf.input.node.size),
+        quantity=frf.quantity,
+        weight=_weight(frf),
+    )
+
+
+def _require_inside(pole: NDArray[np.complex128], band: tuple[float, float], name: str) -> None:
+    """Refuse poles chosen by hand that the band does not hold."""
+    if not inside(pole, band).all():
+        outside = np.abs(pole[~inside(pole, band)]) / (2.0 * np.pi)
+        message = (
+            f"{name}: chosen poles at {', '.join(f'{f:.6g}' for f in outside)} Hz are not within "
+            f"{band[0]:g}-{band[1]:g} Hz by a half bandwidth: widen the band or take them away"
+        )
+        raise IdentificationError(message)
 
 
 def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
@@ -293,8 +309,15 @@ def _check(frf: FRF, name: str) -> None:
 
 
 def _model(
-    fit: Fit, runs: RunPoles, frf: FRF, geometry: Geometry, name: str, band: tuple[float, float]
+    fit: Fit,
+    runs: RunPoles,
+    frf: FRF,
+    quantity: Quantity,
+    geometry: Geometry,
+    name: str,
+    band: tuple[float, float],
 ) -> ModalModel:
+    """Collect the results of a fit of `frf`; noise and errors are those of the measured quantity."""
     n_output, n_input, _ = frf.value.shape
     n_mode = int(np.count_nonzero(inside(fit.pole, band)))  # those outside come last
     inflation = np.repeat(np.sqrt(variance_inflation(frf.frequency, fit)), 2)
@@ -309,8 +332,10 @@ def _model(
     shapes = shapes_from_residues(
         pole, constant.reshape(n_output, n_input, n_mode), variance, frf.output, frf.input
     )
-    residual = fit.residual.reshape(frf.value.shape)
-    power = np.sum(np.abs(frf.value) ** 2, axis=-1)
+    fitted = replace(frf, value=frf.value - fit.residual.reshape(frf.value.shape)).convert(quantity).value
+    measured = frf.convert(quantity).value
+    square = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
+    change = np.sqrt(square / np.sum(np.abs(fit.residual) ** 2, axis=-1).reshape(square.shape))
     return ModalModel(
         name=name,
         frequency=np.abs(pole) / (2.0 * np.pi),
@@ -332,12 +357,12 @@ def _model(
         input=frf.input,
         band=band,
         geometry=geometry,
-        quantity=frf.quantity,
+        quantity=quantity,
         covariance=covariance[: 2 * n_mode, : 2 * n_mode],
         residue_std=np.sqrt(variance),
-        noise=fit.noise.reshape(n_output, n_input),
-        correlation=frac(frf.value, frf.value - residual),
-        error=np.sqrt(np.sum(np.abs(residual) ** 2, axis=-1) / power),
+        noise=fit.noise.reshape(n_output, n_input) * change,
+        correlation=frac(measured, fitted),
+        error=np.sqrt(square / np.sum(np.abs(measured) ** 2, axis=-1)),
         run=runs.run,
         run_pole=runs.pole[:, :n_mode],
         run_frequency_std=runs.frequency_std[:, :n_mode],

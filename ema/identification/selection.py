@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ema.identification.functions import Functions, inside
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.residual_search import Left, take_in_peaks, unexplained_peaks
+from ema.identification.residual_search import Left, take_in_peaks
 from ema.identification.run_poles import RunPoles, run_poles
 from ema.identification.significance import (
     is_confined,
@@ -19,6 +19,7 @@ from ema.identification.significance import (
     significance_threshold,
 )
 from ema.identification.stabilization import MAX_DAMPING
+from ema.identification.unexplained import unexplained_peaks
 
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""

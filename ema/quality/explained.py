@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.quality.verdict import Verdict
+from ema.types.arrays import readonly
 from ema.types.frf import FRF
+from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel, synthesize
 
 WARN, FAIL = 0.9, 0.7
@@ -16,22 +19,42 @@ WARN, FAIL = 0.9, 0.7
 _LISTED = 6
 
 
-def explained_power(frf: FRF, modal_model: ModalModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExplainedPower:
     """Share of the measured power that the modes explain.
 
-    Parameters
-    ----------
-    frf : FRF
-        What was identified, at the outputs and inputs of the model.
-    modal_model : ModalModel
+    It is one less the power of measured less synthesised functions over that of the measured ones.
 
-    Returns
-    -------
+    Attributes
+    ----------
+    channel : tuple of str
+        The outputs of the modal model, as a campaign file writes them.
     edge : (n_mode + 1,) float
         Ends of the bands, Hz: half way between neighbouring modes.
-    share : (n_output, n_mode) float
-        One less the power of measured less synthesised functions over that of the measured ones, in each band.
+    share : (n_channel, n_mode) float
+        Share in each band, the mean over the inputs; NaN where a band holds no line.
+    whole : (n_channel,) float
+        Share in the whole band.
     """
+
+    channel: tuple[str, ...]
+    edge: NDArray[np.float64]
+    share: NDArray[np.float64]
+    whole: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n_channel, n_band = len(self.channel), np.size(self.edge) - 1
+        for name, shape in (("edge", (None,)), ("share", (n_channel, n_band)), ("whole", (n_channel,))):
+            object.__setattr__(self, name, readonly("ExplainedPower", name, getattr(self, name), shape))
+
+    @property
+    def mean(self) -> float:
+        """Share in the whole band in the mean over the channels."""
+        return float(np.mean(self.whole))
+
+
+def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
+    """Compare what was identified, at the outputs and inputs of the model, with what the model stands for."""
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
     rest = np.abs(lines.value - synthesize(modal_model, lines.frequency, lines.quantity)) ** 2
     power = np.abs(lines.value) ** 2
@@ -41,56 +64,57 @@ def explained_power(frf: FRF, modal_model: ModalModel) -> tuple[NDArray[np.float
     share = np.full((frf.output.node.size, edge.size - 1), np.nan)
     for k in np.unique(place):
         own = place == k
-        share[:, k] = 1.0 - rest[..., own].sum(axis=(1, 2)) / power[..., own].sum(axis=(1, 2))
-    return edge, share
+        share[:, k] = 1.0 - np.mean(rest[..., own].sum(axis=2) / power[..., own].sum(axis=2), axis=1)
+    output = Dofs(node=modal_model.node, direction=modal_model.direction)
+    return ExplainedPower(
+        channel=tuple(output.name(c) for c in range(output.node.size)),
+        edge=edge,
+        share=share,
+        whole=1.0 - np.mean(modal_model.error**2, axis=1),
+    )
 
 
-def check_explained(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
+def check_explained(explained: ExplainedPower, modal_model: ModalModel) -> tuple[Verdict, ...]:
     """Say how much of the measured power the modes explain, and which peaks they leave.
 
     Parameters
     ----------
-    frf : FRF
-        What was identified; verdicts name its outputs.
+    explained : ExplainedPower
     modal_model : ModalModel
 
     Returns
     -------
     tuple of Verdict
         One for the set: a warning below 0.9 and a failure of the identification below 0.7 in the mean over the
-        channels; then one warning for each peak that no mode was found for.
+        channels; then one warning for each peak that no mode was found for. They name outputs of the model.
     """
-    return (*_whole(frf, modal_model), *_peaks(frf, modal_model))
+    return (_whole(explained), *_peaks(explained.channel, modal_model))
 
 
-def _whole(frf: FRF, modal_model: ModalModel) -> Iterator[Verdict]:
-    per_channel = 1.0 - np.mean(modal_model.error**2, axis=1)
-    mean = float(per_channel.mean())
-    edge, share = explained_power(frf, modal_model)
+def _whole(explained: ExplainedPower) -> Verdict:
+    mean = explained.mean
     text = f"the modes explain {mean:.3f} of the measured power in the mean over the channels"
-    poor = np.flatnonzero(per_channel < WARN)
+    poor = np.flatnonzero(explained.whole < WARN)
     if poor.size:
-        text += f"; {_listed([f'{frf.output.name(int(c))} {per_channel[c]:.2f}' for c in poor])}"
+        text += f"; {_listed([f'{explained.channel[c]} {explained.whole[c]:.2f}' for c in poor])}"
     if mean >= WARN:
-        yield Verdict(check="explained", level="pass", channel=(), band=None, message=text)
-        return
-    per_band = np.nanmean(share, axis=0)
+        return Verdict(check="explained", level="pass", channel=(), band=None, message=text)
+    per_band = np.nanmean(explained.share, axis=0)
+    edge = explained.edge
     weak = [k for k in np.argsort(per_band) if per_band[k] < WARN]
     bands = [f"{edge[k]:.5g}-{edge[k + 1]:.5g} Hz {per_band[k]:.2f}" for k in weak]
     text += f"; least in {_listed(bands)}" if bands else ""
-    level = "warn" if mean >= FAIL else "fail"
-    yield Verdict(
-        check="explained",
-        level=level,  # type: ignore[arg-type]  # one of the two
-        channel=tuple(int(c) for c in poor) if level == "warn" else (),
-        band=None,
-        message=f"{text}: modes are missing, runs differ, or the structure is not linear",
-    )
+    text += ": modes are missing, runs differ, or the structure is not linear"
+    if mean >= FAIL:
+        channels = tuple(int(c) for c in poor)
+        return Verdict(check="explained", level="warn", channel=channels, band=None, message=text)
+    text = f"the identification has failed: {text}; do not use these modes"
+    return Verdict(check="explained", level="fail", channel=(), band=None, message=text)
 
 
-def _peaks(frf: FRF, modal_model: ModalModel) -> Iterator[Verdict]:
+def _peaks(channel: tuple[str, ...], modal_model: ModalModel) -> Iterator[Verdict]:
     for peak in modal_model.unexplained:
-        names = _listed([frf.output.name(c) for c in peak.channel])
+        names = _listed([channel[c] for c in peak.channel])
         text = (
             f"the functions show a peak at {peak.frequency:.5g} Hz that no mode was found for, "
             f"{100 * peak.share:.0f} % of its power unexplained{f' (in {names})' if names else ''}: {peak.reason}"

@@ -84,7 +84,7 @@ class ModalModel:
     geometry : Geometry
         The measured points.
     quantity : {"receptance", "mobility", "accelerance"}
-        What was measured and fitted.
+        What was measured. What was fitted is that in which the noise is the most even.
     covariance : (2 n_mode, 2 n_mode) float
         Covariance of Re and Im of each pole in turn, (rad/s)**2.
     residue_std : (n_output, n_input, n_mode) float

@@ -20,7 +20,10 @@ def found(probability, frequency):
         Verdict(check="sign", level="warn", channel=(3,), band=None, message="12+z looks turned"),
     )
     return SimpleNamespace(
-        verdicts=verdicts, measurement=SimpleNamespace(notes=("12+z measured twice",)), modal_model=model
+        verdicts=verdicts,
+        measurement=SimpleNamespace(notes=("12+z measured twice",)),
+        modal_model=model,
+        explained=None,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from ema import Comparison, Configuration, ModalModel, compare, read_campaign, stabilization
+from ema import Comparison, Configuration, ExplainedPower, ModalModel, compare, read_campaign, stabilization
 from ema.identification.poles_file import write_poles
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
@@ -33,6 +33,8 @@ from updating.results.store import read_frf, write_bytes, write_result
 from updating.workers.workers import in_parallel
 
 EXAMPLE = "lamella ema data/demo_stack/campaign.toml -o out/demo"
+_LONGEST_NAME = 24  # characters on one line
+_MODE_COLUMN = 16  # characters of "12345.6  12.34" with its frame
 
 
 def ema(
@@ -52,10 +54,11 @@ def ema(
     """
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster)
     for found in results:
-        OUT.print(modes_table(found.modal_model))
+        OUT.print(modes_table(found.modal_model, found.quality.explained))
         print_findings(found)
     if comparison is not None and len(results) > 1:
-        OUT.print(comparison_table(comparison))
+        for table in comparison_tables(comparison, OUT.width):
+            OUT.print(table)
     if results:
         OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
     require_none(failed, len(results) + len(failed))
@@ -120,37 +123,57 @@ def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
         write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
 
 
-def modes_table(measured: ModalModel) -> Table:
-    """List identified frequencies and damping ratios with their standard deviations."""
+def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
+    """List identified frequencies and damping ratios with their standard deviations, and the power explained around."""
     table = Table(
         title=f"{measured.name}: {measured.frequency.size} modes in {_band(measured)}", title_justify="left"
     )
-    for name in ("mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"):
+    for name in ("mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]", "explained [%]", "least, channel"):
         table.add_column(name, justify="right")
     columns = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
-    for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True), start=1):
-        table.add_row(str(r), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}")
+    for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True)):
+        around, least = _explained(explained.share[:, r], explained.channel)
+        table.add_row(
+            str(r + 1), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}", around, least
+        )
+    whole, least = _explained(explained.whole, explained.channel)
+    table.add_row("all", "", "", "", "", whole, least)
     return table
+
+
+def _explained(share: NDArray[np.float64], channel: tuple[str, ...]) -> tuple[str, str]:
+    """Mean share over the channels, %, and the least one with its channel; dashes where a band holds no line."""
+    if np.isnan(share).any():
+        return "-", "-"
+    least = int(np.argmin(share))
+    return f"{100 * share.mean():.1f}", f"{100 * share[least]:.0f}, {channel[least]}"
 
 
 def _band(measured: ModalModel) -> str:
     return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
 
 
-def comparison_table(comparison: Comparison) -> Table:
-    """List every mode, followed by its shape, over the configurations: frequency and damping."""
-    table = Table(
-        title="The same modes in all configurations: frequency [Hz], damping [%]", title_justify="left"
-    )
-    table.add_column("")
-    for f in np.nanmean(comparison.frequency, axis=0):
+def comparison_tables(comparison: Comparison, width: int) -> Iterator[Table]:
+    """List every mode, followed by its shape, over the configurations: frequency and damping.
+
+    Modes that do not fit beside each other into `width` characters come in further tables: a column that is cut says
+    nothing.
+    """
+    names = min(max(len(name) for name in comparison.name), _LONGEST_NAME)
+    fit = max(1, (width - names - 4) // _MODE_COLUMN)
+    for first in range(0, comparison.frequency.shape[1], fit):
+        yield _comparison_table(comparison, slice(first, first + fit), names)
+
+
+def _comparison_table(comparison: Comparison, modes: slice, names: int) -> Table:
+    frequency, damping = comparison.frequency[:, modes], comparison.damping[:, modes]
+    title = "The same modes in all configurations: frequency [Hz], damping [%]"
+    table = Table(title=title if modes.start == 0 else None, title_justify="left")
+    table.add_column("", min_width=names, overflow="fold")
+    for f in np.nanmean(frequency, axis=0):
         table.add_column(f"{f:.0f} Hz", justify="right", no_wrap=True)
-    for name, frequency, damping in zip(
-        comparison.name, comparison.frequency, comparison.damping, strict=True
-    ):
-        cells = (
-            "-" if np.isnan(f) else f"{f:.1f}  {100 * x:.2f}" for f, x in zip(frequency, damping, strict=True)
-        )
+    for name, *own in zip(comparison.name, frequency, damping, strict=True):
+        cells = ("-" if np.isnan(f) else f"{f:.1f}  {100 * x:.2f}" for f, x in zip(*own, strict=True))
         table.add_row(name, *cells)
     return table
 

@@ -1,4 +1,4 @@
-"""What was found about a measurement before it was identified, as it is stored beside its modes."""
+"""What was found about a measurement and how well its modes explain it, as it is stored beside them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ema import Identification, ModalModel, Verdict
+from ema import ExplainedPower, Identification, ModalModel, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,10 +19,13 @@ class Quality:
         Every check, passed ones too.
     notes : tuple of str
         What was odd in the files and how it was resolved, and which roving runs disagree with the others.
+    explained : ExplainedPower
+        Share of the measured power that the modes explain, per channel and band.
     """
 
     verdicts: tuple[Verdict, ...]
     notes: tuple[str, ...]
+    explained: ExplainedPower
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -34,7 +37,9 @@ class Quality:
 def quality(found: Identification) -> Quality:
     """Collect what reading, checks and the comparison of roving runs found."""
     return Quality(
-        verdicts=found.verdicts, notes=(*found.measurement.notes, *_disagreeing_runs(found.modal_model))
+        verdicts=found.verdicts,
+        notes=(*found.measurement.notes, *_disagreeing_runs(found.modal_model)),
+        explained=found.explained,
     )
 
 
