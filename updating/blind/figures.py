@@ -83,7 +83,7 @@ def _of_nulls(null: Sequence[Case]) -> tuple[Figure, ...]:
 
 
 def _of_singles(single: Sequence[Case], seen: Sequence[Case]) -> tuple[Figure, ...]:
-    plain = [c for c in seen if c.rival >= SEPARATE]
+    plain = [c for c in seen if c.rival >= _APART]
     effects = catalogue()
     return (
         _share("named or in the set, detectable singles", "95 %", [_within(c) for c in seen]),
@@ -155,11 +155,6 @@ def _of_what_is_excluded(cases: Sequence[Case], unseen: Sequence[Case]) -> tuple
         ]
 
     judged = [c for c in cases if c.kind != "withheld" and usual(c)]
-<<<<<<< HEAD
-    plain = [c for c in seen if c.rival >= _APART]
-    fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
-=======
->>>>>>> house
     return (
         _share(
             "undetectable singles not wrongly named",
