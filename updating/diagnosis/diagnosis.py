@@ -20,6 +20,7 @@ from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
+from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
@@ -30,7 +31,7 @@ from updating.diagnosis.held_out import left_out
 from updating.diagnosis.hypotheses import LABELS
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.ranking import Ranked, explained, rank
-from updating.diagnosis.search import VISIBLE, Search, search
+from updating.diagnosis.search import Search, search
 from updating.diagnosis.sensor_gain import SensorGain, sensor_gains
 from updating.diagnosis.text import sentences
 from updating.diagnosis.verdict import Verdict, decide
