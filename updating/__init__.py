@@ -12,7 +12,8 @@ from updating.correlation.point_correlation import PointCorrelation, correlate_p
 from updating.correlation.registration import Registration, register
 from updating.correlation.subspace import subspace_mac
 from updating.correlation.tracking import Track, track
-from updating.diagnosis.diagnosis import Diagnosis, diagnose
+from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fitting.fit import Estimate, Fit, fit

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.answer import Diagnosis
 from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
 from updating.report.results import read_results
 

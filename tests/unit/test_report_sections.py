@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model import read_stack
-from updating.diagnosis.diagnosis import Diagnosis, ModeError
+from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.signature_plot import signature_pattern_figure
 from updating.fitting.fit import Estimate
 from updating.fitting.joint_fit import FittedParameter

@@ -14,7 +14,7 @@ from model import catalogue, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
 from updating.commands.terminal import OUT, progress
-from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
 from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.scan import MESSAGES

@@ -7,7 +7,7 @@ from rich.table import Table
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
 from updating.commands.terminal import OUT
-from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.answer import Diagnosis
 
 EXAMPLE = "lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
 

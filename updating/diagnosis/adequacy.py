@@ -21,6 +21,6 @@ def p_value(evidence: Evidence, own: Explanation, kind: Kind) -> float:
     return float(ndtr(-np.log(getattr(own.mean, kind) / MEDIAN[kind]) / SPREAD))
 
 
-def is_adequate(evidence: Evidence, own: Explanation) -> bool:
-    """Tell whether the discrepancies of an explanation are plausible in every kind of data."""
-    return all(p_value(evidence, own, kind) >= P_ADEQUATE for kind in KINDS)
+def too_large(evidence: Evidence, own: Explanation) -> tuple[Kind, ...]:
+    """Return the kinds of data in which an explanation leaves more than a right model does."""
+    return tuple(kind for kind in KINDS if p_value(evidence, own, kind) < P_ADEQUATE)

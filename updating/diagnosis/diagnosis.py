@@ -10,150 +10,34 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
+from updating.diagnosis.adequacy import too_large
+from updating.diagnosis.answer import Diagnosis, ModeError, Strained
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
-from updating.diagnosis.calibration import VISIBLE
+from updating.diagnosis.calibration import STRAINED, VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
-from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
 from updating.diagnosis.exclusion import ruled_out
-from updating.diagnosis.experiment import NextTest, aids, rank_tests
+from updating.diagnosis.experiment import aids, rank_tests
 from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.held_out import left_out
 from updating.diagnosis.hypotheses import LABELS
-from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.ranking import Ranked, explained, rank
+from updating.diagnosis.ranking import rank
 from updating.diagnosis.search import Search, search
-from updating.diagnosis.sensor_gain import SensorGain, sensor_gains
+from updating.diagnosis.sensor_gain import sensor_gains
 from updating.diagnosis.text import sentences
-from updating.diagnosis.verdict import Verdict, decide
+from updating.diagnosis.verdict import decide
 from updating.errors import FitError
 
-Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
 
 _SHOWN = 8  # single effects whose changes are told mode by mode
 _COMPARED = 4  # explanations between which further tests are to tell
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModeError:
-    """A measured mode and how far the model's frequency is from it.
-
-    Attributes
-    ----------
-    configuration : str
-        Of the campaign.
-    mode : int
-        Its number there, from 1.
-    frequency, std : float
-        Measured, with its standard deviation, Hz.
-    base, explained : float
-        Relative error of the model's frequency without effects and with the first candidate; NaN without one.
-    """
-
-    configuration: str
-    mode: int
-    frequency: float
-    std: float
-    base: float
-    explained: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """The model with one effect more.
-
-    Attributes
-    ----------
-    effects : tuple of str
-        Those that it has; none at first.
-    explained : float
-        Share of the base model's misfit that it explains.
-    frequency_error, left_out_error : float
-        Mean relative error of frequencies, of the modes that were fitted and of each mode predicted from all others.
-    discrepancy : Sizes
-        What it leaves beside the noise of the measurement.
-    """
-
-    effects: tuple[str, ...]
-    explained: float
-    frequency_error: float
-    left_out_error: float
-    discrepancy: Sizes
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Diagnosis:
-    """The answer.
-
-    Attributes
-    ----------
-    verdict : str
-        "nothing missing", "identified", "one of", "partly explained" or "unlike anything".
-    set : tuple of tuple of str
-        The explanations that the data cannot tell apart; one where identified, none where nothing is missing.
-    labels : mapping of str to str
-        What a person calls each effect of the ranking.
-    explained : float
-        Share of the misfit that the first of the set explains.
-    steps : tuple of Step
-        From the base model to the first of the set, one effect at a time.
-    discrepancy, discrepancy_spread : Sizes
-        What the first of the set, or the base model, leaves beside the noise; standard deviations of the logarithms.
-    point_change : PointChange, optional
-        What is left looks like this.
-    ranking : tuple of Ranked
-        All that were fitted in full, the best first; the base model has no effects.
-    errors : tuple of ModeError
-        The modes that were used.
-    n_used : mapping of str to (int, int)
-        How many modes of each configuration the answer rests on, and how many were identified.
-    signatures : mapping of str to (n,) float
-        Relative change of the frequencies of `errors` by the best single effects, each fitted alone.
-    ruled_out : tuple of str
-        Effects whose usual strength these data exclude beside every explanation that is left.
-    not_visible : tuple of str
-        Effects that these data would not show even at the end of their plausible range.
-    lacking : tuple of str
-        Measured modes that the model lacks amid those that it has.
-    impossible : mapping of str to str
-        Effects that this stack cannot have, and why.
-    sensor_gains : tuple of SensorGain
-        Of roving accelerometers beside the first, with the first explanation that is left, or the base model.
-    next_tests : tuple of NextTest
-        Further tests by how well they would tell the candidates apart.
-    sentences : tuple of str
-        The answer in plain words.
-    """
-
-    verdict: Verdict
-    set: tuple[tuple[str, ...], ...]
-    labels: Mapping[str, str]
-    explained: float
-    steps: tuple[Step, ...]
-    discrepancy: Sizes
-    discrepancy_spread: Sizes
-    point_change: PointChange | None
-    ranking: tuple[Ranked, ...]
-    errors: tuple[ModeError, ...]
-    n_used: Mapping[str, tuple[int, int]]
-    signatures: Mapping[str, tuple[float, ...]]
-    ruled_out: tuple[str, ...]
-    not_visible: tuple[str, ...]
-    lacking: tuple[str, ...]
-    impossible: Mapping[str, str]
-    sensor_gains: tuple[SensorGain, ...]
-    next_tests: tuple[NextTest, ...]
-    sentences: tuple[str, ...]
 
 
 @single_threaded
@@ -165,6 +49,7 @@ def diagnose(
     scatter: DiagnosisScatter | None = None,
     executor: Executor | None = None,
     reduced: Callable[..., CandidateModel] = candidate_model,
+    asked: Sequence[Sequence[str]] = (),
 ) -> Diagnosis:
     """Say which effect of a catalogue the model of a stack lacks.
 
@@ -182,6 +67,8 @@ def diagnose(
         What takes a part of the work, such as `workers`; by default this process does it all.
     reduced : callable
         `candidate_model`, or `kept_model`, which keeps the model for the next diagnosis of the same stack.
+    asked : sequence of sequence of str
+        Effects, or effects together, that are fitted and ranked in any case.
 
     Raises
     ------
@@ -196,59 +83,65 @@ def diagnose(
     for _, _, modes in tested:
         require_points(modes)
     candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)
-    return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor)
+    return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor, asked)
 
 
-def conclude(evidence: Assembled, executor: Executor | None = None) -> Diagnosis:
-    """Say which effect is missing from evidence that has been assembled."""
-    found = search(evidence, executor)
+def conclude(
+    evidence: Assembled, executor: Executor | None = None, asked: Sequence[Sequence[str]] = ()
+) -> Diagnosis:
+    """Say which effect is missing from evidence that has been assembled; see `diagnose`."""
+    found = search(evidence, executor, asked)
     _LOG.info("weigh %d explanations", len(found.explanations))
     decision = decide(found)
     base, left = found.base, decision.left
     first = left[0] if left else base
-    ranking = rank(found)
+    ranking = rank(found, (*decision.steps, *left))
+    of = {own.effects: own for own in ranking}
     named = {name for x in left for name in x.effects}
-    answer: dict[str, Any] = {
-        "steps": tuple(_step(found, x) for x in decision.steps),
-        "labels": _labels(found),
-        "discrepancy": first.mean,
-        "discrepancy_spread": first.spread,
-        "ranking": ranking,
-        "n_used": {
-            t.name: (int(used.size), int(t.modes.frequency.size))
-            for t, used in zip(found.evidence.tested, found.evidence.used, strict=True)
-        },
-        "ruled_out": ruled_out(found, decision),
-        "not_visible": tuple(
-            sorted(s.effect for s in found.screened if s.detectability < VISIBLE and s.effect not in named)
-        ),
-        "lacking": tuple(_labelled(found.evidence.tested[c], r) for c, r in found.evidence.lacking),
-        "sensor_gains": sensor_gains(found.evidence, first),
-        "next_tests": rank_tests(found.evidence, left[:_COMPARED]),
-    }
-    return Diagnosis(
+    evidence = found.evidence
+    answer = Diagnosis(
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
-        explained=explained(base, first),
+        labels=_labels(found),
+        measurement=tuple(evidence.hypotheses),
+        explained=of[first.effects].explained,
+        steps=tuple(of[x.effects] for x in decision.steps),
+        discrepancy=first.mean,
+        discrepancy_spread=first.spread,
+        too_large=too_large(evidence, first),
+        mixed_up=found.mixed_up,
+        strained=_strained(evidence.supposing(first.effects), first),
         point_change=decision.point,
-        errors=_errors(found.evidence, base, left),
+        ranking=ranking,
+        errors=_errors(evidence, base, left),
+        n_used={
+            t.name: (int(used.size), int(t.modes.frequency.size))
+            for t, used in zip(evidence.tested, evidence.used, strict=True)
+        },
         signatures={
             x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
             for x in found.singles[:_SHOWN]
         },
+        ruled_out=ruled_out(found, decision),
+        not_visible=tuple(
+            sorted(s.effect for s in found.screened if s.detectability < VISIBLE and s.effect not in named)
+        ),
+        lacking=tuple(_labelled(evidence.tested[c], r) for c, r in evidence.lacking),
         impossible=evidence.impossible,
-        sentences=sentences(found, decision, answer),
-        **answer,
+        sensor_gains=sensor_gains(evidence, first),
+        next_tests=rank_tests(evidence, left[:_COMPARED]),
+        sentences=(),
     )
+    return replace(answer, sentences=sentences(answer))
 
 
-def _step(found: Search, own: Explanation) -> Step:
-    return Step(
-        effects=own.effects,
-        explained=explained(found.base, own),
-        frequency_error=own.residual.frequency_error,
-        left_out_error=left_out(found.evidence, own.residual).frequency,
-        discrepancy=own.mean,
+def _strained(evidence: Evidence, own: Explanation) -> tuple[Strained, ...]:
+    """Return the nuisances that an explanation needs far from what is known of them; gains are told apart."""
+    far = np.abs(own.nuisance) > STRAINED * evidence.prior_std
+    return tuple(
+        Strained(name=name, value=float(own.nuisance[i]), std=float(evidence.prior_std[i]))
+        for i, name in enumerate(evidence.nuisances)
+        if far[i] and not name.startswith("gain")
     )
 
 
@@ -277,10 +170,6 @@ def _errors(evidence: Evidence, base: Explanation, left: Sequence[Explanation]) 
 def _labels(found: Search) -> dict[str, str]:
     """Return what a person calls the effects and hypotheses."""
     return {
-        **{name: _label(effect) for name, effect in found.evidence.effects.items()},
+        **{name: effect.label for name, effect in found.evidence.effects.items()},
         **{name: LABELS[name] for name in found.evidence.hypotheses},
     }
-
-
-def _label(effect: Effect) -> str:
-    return getattr(effect, "label", "") or effect.summary[:1].lower() + effect.summary[1:]

@@ -318,6 +318,10 @@ class Evidence:
             *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
         )
 
+    def unit(self, nuisance: str) -> str:
+        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
+        return "m" if nuisance in (*self.places, POINTS_SHIFT) else "1/s" if nuisance == DECAY else "1"
+
     @property
     def prior_std(self) -> Vector:
         """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f."""

@@ -52,8 +52,8 @@ class Explanation:
         Standard deviations of `coordinate`.
     at_bound : (n_parameter,) bool
         Which lie on an end of the plausible range.
-    nuisance : (n_nuisance,) float
-        Nuisance coordinates.
+    nuisance, nuisance_std : (n_nuisance,) float
+        Nuisance coordinates and their standard deviations.
     coordinate : (n_parameter,) float
         Effect parameters in units of their ranges.
     misfit : float
@@ -74,6 +74,7 @@ class Explanation:
     std: Vector
     at_bound: NDArray[np.bool_]
     nuisance: Vector
+    nuisance_std: Vector
     coordinate: Vector
     misfit: float
     log_evidence: float
@@ -153,7 +154,8 @@ def _explanation(
     n_own, parameters = len(evidence.nuisances), evidence.parameters(effects)
     low, high = bounds_of(parameters)
     z = solution[n_own:]
-    std = np.sqrt(np.maximum(np.diag(found.covariance)[n_own:], 0.0))
+    every = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    std = every[n_own:]
 
     def ends(step: Vector) -> Vector:
         clipped = np.clip(z + step, low, high)
@@ -168,6 +170,7 @@ def _explanation(
         std=std,
         at_bound=_at_bound(parameters, solution),
         nuisance=solution[:n_own],
+        nuisance_std=every[:n_own],
         coordinate=z,
         misfit=float(best.value @ best.value),
         log_evidence=found.log_evidence,

@@ -2,83 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.discrepancy import Sizes
-from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.held_out import left_out
+from updating.diagnosis.answer import ParameterEstimate, Ranked
+from updating.diagnosis.explanation import Z95, Explanation
+from updating.diagnosis.held_out import LeftOut, left_out
 from updating.diagnosis.search import Search
 
-
-@dataclass(frozen=True, kw_only=True)
-class ParameterEstimate:
-    """A parameter with its 95 % interval, in `unit`."""
-
-    name: str
-    unit: str
-    value: float
-    lower: float
-    upper: float
-    at_bound: bool
+_JUDGED = 16  # explanations whose errors on what is left out are computed
+_NONE = LeftOut(frequency=float("nan"), damping=float("nan"), misfit=float("nan"))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ranked:
-    """One explanation in the ranking.
-
-    Attributes
-    ----------
-    effects : tuple of str
-        Which.
-    explained : float
-        Share of the misfit that it explains: of the squared logarithms of measured over modelled frequencies and
-        damping ratios and of what shapes differ by, each over the discrepancy that the best explanation leaves.
-    log_odds : float
-        Logarithm of the posterior odds against the base model.
-    probability : float
-        Posterior probability among all that were fitted.
-    parameter : tuple of ParameterEstimate
-        Its parameters.
-    frequency_error : float
-        Mean relative frequency error, eq. (2), over the modes used.
-    left_out_error : float
-        The same where each mode is predicted from all others, to first order; NaN where none can be.
-    discrepancy : Sizes
-        What it leaves beside the noise: of a frequency, of a damping ratio, of a shape's length.
-    """
-
-    effects: tuple[str, ...]
-    explained: float
-    log_odds: float
-    probability: float
-    parameter: tuple[ParameterEstimate, ...]
-    frequency_error: float
-    left_out_error: float
-    discrepancy: Sizes
-
-
-def rank(found: Search) -> tuple[Ranked, ...]:
-    """Rank explanations by posterior probability."""
-    every = found.explanations
+def rank(found: Search, named: Sequence[Explanation] = ()) -> tuple[Ranked, ...]:
+    """Rank explanations by posterior probability; what is left out is judged for the first and for those named."""
+    every = sorted(found.explanations, key=lambda x: -found.odds(x))
     odds = np.array([found.odds(x) for x in every])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    ranked = [
-        Ranked(
-            effects=x.effects,
-            explained=explained(found.base, x),
-            log_odds=float(own),
-            probability=float(chance),
-            parameter=_estimates(x),
-            frequency_error=x.residual.frequency_error,
-            left_out_error=left_out(found.evidence, x.residual).frequency,
-            discrepancy=x.mean,
-        )
-        for x, own, chance in zip(every, odds, probability, strict=True)
-    ]
-    return tuple(sorted(ranked, key=lambda x: -x.probability))
+    judged = {*every[:_JUDGED], found.base, *found.asked, *named}
+    return tuple(
+        ranked(found, x, float(chance), judged=x in judged)
+        for x, chance in zip(every, probability, strict=True)
+    )
+
+
+def ranked(found: Search, own: Explanation, probability: float, *, judged: bool) -> Ranked:
+    """Return what is said of one explanation; its errors on what is left out only where it is judged."""
+    mode, configuration = (
+        left_out(found.evidence, own.residual, by) if judged else _NONE for by in ("mode", "configuration")
+    )
+    return Ranked(
+        effects=own.effects,
+        explained=explained(found.base, own),
+        log_odds=found.odds(own),
+        probability=probability,
+        parameter=(*_estimates(own), *_misstated(found, own)),
+        frequency_error=own.residual.frequency_error,
+        damping_error=own.residual.damping_error,
+        left_out_error=mode.frequency,
+        left_out_damping_error=mode.damping,
+        left_out_configuration_error=configuration.frequency,
+        left_out_configuration_damping_error=configuration.damping,
+        discrepancy=own.mean,
+    )
 
 
 def explained(base: Explanation, own: Explanation) -> float:
@@ -98,3 +66,20 @@ def _estimates(own: Explanation) -> tuple[ParameterEstimate, ...]:
         )
         for i, p in enumerate(own.parameter)
     )
+
+
+def _misstated(found: Search, own: Explanation) -> tuple[ParameterEstimate, ...]:
+    """Return what hypotheses about the measurement say: factors on what was stated, or places in m."""
+    evidence, estimates = found.evidence, []
+    for name in own.effects:
+        for nuisance in evidence.hypotheses.get(name, ()):
+            i = evidence.nuisances.index(nuisance)
+            unit = evidence.unit(nuisance)
+            ends = own.nuisance[i] + Z95 * own.nuisance_std[i] * np.array([0.0, -1.0, 1.0])
+            value, lower, upper = (ends if unit != "1" else np.exp(ends)).tolist()
+            estimates.append(
+                ParameterEstimate(
+                    name=nuisance, unit=unit, value=value, lower=lower, upper=upper, at_bound=False
+                )
+            )
+    return tuple(estimates)

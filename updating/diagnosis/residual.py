@@ -72,6 +72,11 @@ class Residual:
         """Mean relative error of the model's frequencies over all modes that are used."""
         return float(np.mean(np.abs(np.expm1(-self.log_frequency))))
 
+    @property
+    def damping_error(self) -> float:
+        """Mean relative error of the model's damping ratios over all modes that are used."""
+        return float(np.mean(np.abs(np.expm1(-self.log_damping))))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Compared:

@@ -83,6 +83,8 @@ class Search:
         All effects of the catalogue beside the base model.
     mixed_up : tuple of MixedUp
         Points that were mixed up in the measurement, and were put right before anything else.
+    asked : tuple of Explanation
+        Those of `fitted` that were asked for, whatever the search would have tried.
     """
 
     evidence: Assembled
@@ -90,6 +92,7 @@ class Search:
     fitted: tuple[Explanation, ...]
     screened: tuple[Screened, ...]
     mixed_up: tuple[MixedUp, ...]
+    asked: tuple[Explanation, ...] = ()
 
     @property
     def singles(self) -> tuple[Explanation, ...]:
@@ -123,7 +126,9 @@ def log_odds(evidence: Evidence, own: Explanation, base: Explanation) -> float:
     return own.log_evidence - base.log_evidence + log_prior(evidence, len(own.effects))
 
 
-def search(evidence: Assembled, executor: Executor | None = None) -> Search:
+def search(
+    evidence: Assembled, executor: Executor | None = None, asked: Sequence[Sequence[str]] = ()
+) -> Search:
     """Fit the base model and the effects, alone and together, that could explain what it leaves.
 
     Forward selection by posterior odds: beside the best explanations of n effects, further ones are sought until the
@@ -136,6 +141,8 @@ def search(evidence: Assembled, executor: Executor | None = None) -> Search:
         Measurement and model.
     executor : Executor, optional
         Where fits that do not need each other run; in this process by default.
+    asked : sequence of sequence of str
+        Explanations that are fitted in any case.
     """
     places: tuple[Place, ...] = ()
     if evidence.lacking:  # an effect may bring these modes, and the base model meets the others all too well
@@ -160,8 +167,34 @@ def search(evidence: Assembled, executor: Executor | None = None) -> Search:
     evidence = _weighed(_richer(evidence, [best, *singles]), best)
     base, *singles = _again(evidence, [base, *_best_of_each(singles)], executor)
     fitted = _with_further(evidence, base, singles, screened, executor)
-    ordered = _ordered(evidence, base, fitted)
-    return Search(evidence=evidence, base=base, fitted=ordered, screened=screened, mixed_up=mixed_up)
+    fitted = _with_asked(evidence, base, fitted, screened, asked, executor)
+    return Search(
+        evidence=evidence,
+        base=base,
+        fitted=_ordered(evidence, base, fitted),
+        screened=screened,
+        mixed_up=mixed_up,
+        asked=tuple(x for x in fitted if frozenset(x.effects) in set(map(frozenset, asked))),
+    )
+
+
+def _with_asked(
+    evidence: Assembled,
+    base: Explanation,
+    fitted: Sequence[Explanation],
+    screened: Sequence[Screened],
+    asked: Sequence[Sequence[str]],
+    executor: Executor | None,
+) -> list[Explanation]:
+    """Return what was fitted with what was asked for beside it, each from its effects' own linear steps."""
+    known = {frozenset(x.effects) for x in fitted}
+    begin = {p.name: float(z) for s in screened for p, z in zip(s.parameter, s.start, strict=True)}
+    starts = [
+        Start(names, base.nuisance, np.array([begin[p.name] for p in evidence.parameters(names)]), _STEPS)
+        for names in asked
+        if frozenset(names) not in known
+    ]
+    return _best_of_each([*fitted, *_done(_begun(evidence, starts, executor))])
 
 
 def _in_order(evidence: Assembled, base: Explanation) -> tuple[Assembled, Explanation, tuple[MixedUp, ...]]:

@@ -3,151 +3,69 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.discrepancy import KINDS, MEDIAN, SPREAD, Sizes
-from updating.diagnosis.experiment import NextTest
-from updating.diagnosis.explanation import Explanation
+from updating.diagnosis.answer import Diagnosis, ParameterEstimate, Ranked, Strained
+from updating.diagnosis.calibration import STRAINED
+from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
+from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.ranking import Ranked
-from updating.diagnosis.search import Search
 from updating.diagnosis.sensor_gain import SensorGain
-from updating.diagnosis.verdict import Decision
 
-_NOTABLE = 3.0  # standard deviations
 _FOLDED = 5  # names that are listed before a count stands for the rest
+_LISTED = 3  # explanations that are told in a sentence
 _KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape"}
+_PREFIXED = {"kg": (("g", 1e-3), ("kg", 1.0)), "m": (("mm", 1e-3),)}
+"""Units that are read in others, with the size of these in SI."""
+_PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3))
 
 
-def sentences(found: Search, decision: Decision, answer: Mapping[str, Any]) -> tuple[str, ...]:
-    """Write the verdict, what supports it, what stays open and what to measure next.
-
-    Parameters
-    ----------
-    found, decision
-        What was found and what follows from it.
-    answer : mapping of str to object
-        Fields of the `Diagnosis` that is being made.
-    """
-    names = Names(answer["labels"])
-    ranked = {x.effects: x for x in answer["ranking"]}
-    text = [_verdict(decision, ranked, names), _rests_on(answer["n_used"])]
-    if len(answer["steps"]) > 2:
-        text.append(_way(answer["steps"], names))
-    if decision.verdict == "one of":
+def sentences(found: Diagnosis) -> tuple[str, ...]:
+    """Write the verdict, what supports it, what stays open and what to measure next."""
+    text = [_verdict(found), _rests_on(found), *(_mixed_up(own) for own in found.mixed_up)]
+    if len(found.steps) > 2:
+        text.append(_way(found))
+    if found.verdict == "one of":
         text += [
-            f"If it is {names.of(x.effects)}: {_estimates(ranked[x.effects])}." for x in decision.left[:4]
+            f"If it is {named(found, effects)}: {_values(found.ranked(effects))}."
+            for effects in found.set[:_LISTED]
+            if found.ranked(effects).parameter
         ]
-    if decision.verdict in ("identified", "one of", "partly explained"):
-        text.append(f"Beyond the noise of the measurement, what remains is {_sizes(answer['discrepancy'])}.")
-    if decision.verdict == "partly explained":
-        text.append(_remains(found, decision.left[0], answer["lacking"]))
-    if decision.verdict == "unlike anything":
-        text.append(_where(found, found.base))
-    if decision.point is not None:
-        text.append(_at_a_point(decision.point, names))
-    text += _at_bounds(decision.left, names)
-    text += _misread(answer["sensor_gains"])
-    text += _next(answer["next_tests"])
-    if answer["ruled_out"]:
-        text.append(f"Ruled out at their usual strength: {names.folded(answer['ruled_out'])}.")
-    if answer["not_visible"]:
+    if found.set:
+        text.append(f"Beyond the noise of the measurement, what remains is {_sizes(found.discrepancy)}.")
+    if found.verdict == "partly explained":
+        text.append(_remains(found))
+    if found.verdict == "unlike anything":
+        text.append(_where(found))
+    if found.point_change is not None:
+        text.append(_at_a_point(found, found.point_change))
+    text += [_strained(own) for own in found.strained]
+    text += _at_bounds(found)
+    text += _misread(found.sensor_gains)
+    text += _next(found)
+    if found.ruled_out:
+        text.append(f"Ruled out at their usual strength: {_folded(found.ruled_out)}.")
+    if found.not_visible:
         text.append(
-            f"Too weak to show in these data at any plausible strength: {names.folded(answer['not_visible'])}."
+            f"Too weak to show in these data at any plausible strength: {_folded(found.not_visible)}."
         )
-    return tuple(sentence for sentence in text if sentence)
+    return tuple(text)
 
 
-class Names:
-    """What a person calls effects, with the key of each beside it."""
-
-    def __init__(self, labels: Mapping[str, str]) -> None:
-        self._labels = labels
-
-    def of(self, effects: Sequence[str]) -> str:
-        """Return one or several effects in words."""
-        return " together with ".join(f"{self._labels.get(e, e)} ({e})" for e in effects) or "the base model"
-
-    def folded(self, effects: Sequence[str]) -> str:
-        """Return a list of keys, the first few and how many more."""
-        more = len(effects) - _FOLDED
-        shown = ", ".join(effects[:_FOLDED])
-        return shown if more <= 0 else f"{shown} and {more} more"
+def next_command(found: Diagnosis, campaign: str, folder: str) -> str | None:
+    """Return the command that adds what was found and shows the error fall; None where there is nothing to add."""
+    effects = [name for name in (found.set[0] if found.set else ()) if name not in found.measurement]
+    if not effects:
+        return None
+    return " ".join(["lamella fit", campaign, "-o", folder, *(f"--effect {name}" for name in effects)])
 
 
-def _verdict(decision: Decision, ranked: Mapping[tuple[str, ...], Ranked], names: Names) -> str:
-    """Write the sentence that a customer needs."""
-    base = ranked[()]
-    if decision.verdict == "nothing missing":
-        return (
-            f"Nothing is missing that these data can show: beyond noise the model is right to "
-            f"{_sizes(base.discrepancy)}. Its mean frequency error is {percent(base.frequency_error)}, and no effect "
-            "of the catalogue predicts modes better that it has not seen."
-        )
-    if decision.verdict == "unlike anything":
-        return (
-            f"Unlike anything in the catalogue: the model misses the frequencies by {percent(base.frequency_error)} in "
-            "the mean, and no effect or combination explains that and predicts modes that it has not seen."
-        )
-    own = ranked[decision.left[0].effects]
-    what = names.of(own.effects)
-    share = f"{100.0 * own.explained:.0f} %"
-    change = _change(base, own)
-    if decision.verdict == "identified":
-        return f"Identified: {what}, {_estimates(own)}. It explains {share} of the misfit: {change}."
-    if decision.verdict == "one of":
-        every = "; or ".join(names.of(x.effects) for x in decision.left)
-        return (
-            f"One of these, and the data cannot tell which: {every}. "
-            f"The first explains {share} of the misfit: {change}."
-        )
-    others = decision.left[1:]
-    tail = f" Nearly as likely: {'; '.join(names.of(x.effects) for x in others[:3])}." if others else ""
-    return (
-        f"Partly explained: mostly {what}, {_estimates(own)}. "
-        f"It explains {share} of the misfit, and something remains: {change}.{tail}"
-    )
-
-
-def _change(base: Ranked, own: Ranked) -> str:
-    """Say what the frequency error falls to, also where each mode is predicted from all others."""
-    before, after = percent(base.frequency_error), percent(own.frequency_error)
-    if own.frequency_error >= base.frequency_error:
-        worse, better = (percent(x.discrepancy.damping) for x in (base, own))
-        return f"the mean frequency error stays at {after}, and damping ratios are met to {better} instead of {worse}"
-    text = f"with it the mean frequency error falls from {before} to {after}"
-    if not np.isfinite([base.left_out_error, own.left_out_error]).all():
-        return text
-    before, after = percent(base.left_out_error), percent(own.left_out_error)
-    return f"{text}, and from {before} to {after} for modes that are predicted from all others"
-
-
-def _rests_on(n_used: Mapping[str, tuple[int, int]]) -> str:
-    parts = [f"{used} of {n} modes of {name}" for name, (used, n) in n_used.items()]
-    return f"The answer rests on {', '.join(parts)}."
-
-
-def _way(steps: Sequence[Any], names: Names) -> str:
-    """Say what each of several effects brings."""
-    parts = []
-    for before, after in itertools.pairwise(steps):
-        added = [name for name in after.effects if name not in before.effects]
-        parts.append(
-            f"{names.of(added)} from {percent(before.frequency_error)} to {percent(after.frequency_error)} "
-            f"({percent(before.left_out_error)} to {percent(after.left_out_error)} for modes left out)"
-        )
-    return f"Step by step the frequency error falls with {'; with '.join(parts)}."
-
-
-def _estimates(own: Ranked) -> str:
-    parts = [
-        f"{p.name} = {p.value:.3g}{'' if p.unit == '1' else ' ' + p.unit} (95 %: {p.lower:.3g} to {p.upper:.3g})"
-        for p in own.parameter
-    ]
-    return ", ".join(parts) or "which has no physical parameter"
+def named(found: Diagnosis, effects: Sequence[str]) -> str:
+    """Return one or several effects in words, with the key of each beside it."""
+    return " together with ".join(f"{found.labels.get(e, e)} ({e})" for e in effects) or "the base model"
 
 
 def percent(share: float) -> str:
@@ -157,57 +75,182 @@ def percent(share: float) -> str:
     return f"{100.0 * share:#.2g} %".replace(". %", " %")
 
 
+def quantity(value: float, unit: str) -> str:
+    """Write a value with three digits in a unit that reads well: 5 g, 1.2 mm, 35 MPa."""
+    if unit == "1":
+        return f"{value:.3g}"
+    if unit in _PREFIXED:
+        name, size = next((own for own in _PREFIXED[unit] if abs(value) < 1e3 * own[1]), _PREFIXED[unit][-1])
+        return f"{value / size:.3g} {name}"
+    if unit[0] in "NP":
+        prefix, size = next((own for own in _PREFIXES if abs(value) >= own[1]), ("", 1.0))
+        return f"{value / size:.3g} {prefix}{unit}"
+    return f"{value:.3g} {unit}"
+
+
+def _verdict(found: Diagnosis) -> str:
+    """Write the sentence that a customer needs."""
+    base = found.ranked(())
+    if found.verdict == "nothing missing":
+        return (
+            "Nothing is missing that these data can show. The model meets the frequencies to "
+            f"{percent(base.frequency_error)} in the mean; beyond noise it is right to {_sizes(found.discrepancy)}."
+        )
+    if found.verdict == "unlike anything":
+        return (
+            f"Unlike anything in the catalogue: the model misses the frequencies by {percent(base.frequency_error)} in "
+            "the mean, and no effect that was tried helps to predict modes that it has not seen."
+        )
+    own, share = found.ranked(found.set[0]), f"{100.0 * found.explained:.0f} %"
+    what = named(found, own.effects)
+    if found.verdict == "one of":
+        every = "; or ".join(named(found, effects) for effects in found.set)
+        return (
+            f"One of these, and the data cannot tell which: {every}. {_change(base, own, 'With the first')}"
+        )
+    if found.verdict == "partly explained":
+        others = "; ".join(named(found, effects) for effects in found.set[1 : 1 + _LISTED])
+        near = f" Nearly as likely: {others}." if others else ""
+        return f"Part of the misfit ({share}) is {what}{_said(own)}. {_change(base, own, 'With it')}{near}"
+    where = (
+        "Not the model but the measurement" if set(own.effects) <= set(found.measurement) else "Identified"
+    )
+    return f"{where}: {what}{_said(own)}. It explains {share} of the misfit. {_change(base, own, 'With it')}"
+
+
+def _said(own: Ranked) -> str:
+    values = _values(own)
+    return f": {values}" if values else ""
+
+
+def _values(own: Ranked) -> str:
+    """Write the parameters of an explanation with their intervals."""
+    return ", ".join(f"{_parameter(p)}" for p in own.parameter)
+
+
+def _parameter(p: ParameterEstimate) -> str:
+    ends = f"{quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)}"
+    return f"{p.name} = {quantity(p.value, p.unit)} (95 %: {ends})"
+
+
+def _change(base: Ranked, own: Ranked, start: str) -> str:
+    """Say what the frequency error falls to, also where each mode is predicted from all others."""
+    before, after = percent(base.frequency_error), percent(own.frequency_error)
+    if own.frequency_error >= base.frequency_error:
+        return (
+            f"{start} the mean error of damping ratios falls from {percent(base.damping_error)} to "
+            f"{percent(own.damping_error)}, that of frequencies stays at {after}."
+        )
+    text = f"{start} the mean frequency error falls from {before} to {after}"
+    if not np.isfinite([base.left_out_error, own.left_out_error]).all():
+        return f"{text}."
+    before, after = percent(base.left_out_error), percent(own.left_out_error)
+    return f"{text}; for modes that are predicted from all others, from {before} to {after}."
+
+
+def _rests_on(found: Diagnosis) -> str:
+    parts = [f"{used} of {n} modes of {name}" for name, (used, n) in found.n_used.items()]
+    return f"The answer rests on {', '.join(parts)}."
+
+
+def _mixed_up(own: MixedUp) -> str:
+    """Say which points of the measurement were mixed up."""
+    where = " and ".join(own.configuration)
+    what = (
+        f"the sensor at point {own.node[0]} seems to have been turned over"
+        if own.kind == "turned"
+        else f"points {own.node[0]} and {own.node[1]} seem to have been exchanged"
+    )
+    return f"In {where} {what}: check the campaign file. The answer takes the points as put right."
+
+
+def _way(found: Diagnosis) -> str:
+    """Say what each of several effects brings."""
+    parts = []
+    for before, after in itertools.pairwise(found.steps):
+        added = [name for name in after.effects if name not in before.effects]
+        parts.append(
+            f"{named(found, added)} from {percent(before.frequency_error)} to {percent(after.frequency_error)} "
+            f"({percent(before.left_out_error)} to {percent(after.left_out_error)} for modes left out)"
+        )
+    return f"Step by step the frequency error goes with {'; with '.join(parts)}."
+
+
 def _sizes(own: Sizes) -> str:
     parts = [f"{percent(getattr(own, kind))} of a {name}" for kind, name in _KINDS.items()]
     return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _remains(found: Search, own: Explanation, lacking: Sequence[str]) -> str:
+def _remains(found: Diagnosis) -> str:
     """Say why what remains is too much."""
-    if lacking:
-        return f"The model has no mode like {', '.join(lacking)}: what was said is of the others."
+    if found.lacking:
+        return f"The model has no mode like {', '.join(found.lacking)}: what was said is of the others."
     large = [
-        f"{percent(getattr(own.mean, kind))} of a {_KINDS[kind]} (usual: up to "
-        f"{percent(MEDIAN[kind] * float(np.exp(1.645 * SPREAD)))})"
-        for kind in KINDS
-        if getattr(own.mean, kind) > MEDIAN[kind] * np.exp(1.645 * SPREAD)
+        f"{percent(getattr(found.discrepancy, kind))} of a {_KINDS[kind]}, where right models leave up to "
+        f"{percent(MEDIAN[kind] * float(np.exp(1.645 * SPREAD)))}"
+        for kind in found.too_large
     ]
-    reason = f"That is more than a right model leaves: {', '.join(large)}. " if large else ""
-    return f"{reason}{_where(found, own)}"
+    reason = (
+        f"That is too much for a model to which nothing is missing: {'; '.join(large)}. " if large else ""
+    )
+    return f"{reason}{_where(found)}"
 
 
-def _where(found: Search, own: Explanation) -> str:
-    """Say which frequencies an explanation misses most."""
-    evidence, off = found.evidence, np.expm1(own.residual.log_frequency)
-    worst = np.argsort(-np.abs(off))[:3]
+def _where(found: Diagnosis) -> str:
+    """Say which frequencies the first explanation, or the base model, misses most."""
+    off = np.array([-(own.base if np.isnan(own.explained) else own.explained) for own in found.errors])
     parts = [
-        f"{evidence.tested[c].name}, mode {r + 1} at {evidence.tested[c].modes.frequency[r]:.1f} Hz "
+        f"{own.configuration}, mode {own.mode} at {own.frequency:.1f} Hz "
         f"(measured {percent(abs(off[i]))} {'higher' if off[i] > 0 else 'lower'})"
-        for i, (c, r) in ((int(i), evidence.modes[int(i)]) for i in worst)
+        for i, own in ((int(i), found.errors[int(i)]) for i in np.argsort(-np.abs(off))[:_LISTED])
     ]
     return f"It fails most at {'; '.join(parts)}."
 
 
-def _at_a_point(own: PointChange, names: Names) -> str:
+def _at_a_point(found: Diagnosis, own: PointChange) -> str:
     """Say where something is that no effect of the catalogue explains."""
-    size = f"{1e3 * abs(own.size):.2g} g" if own.kind == "mass" else f"{abs(own.size):.2g} N/m"
+    size = quantity(abs(own.size), "kg" if own.kind == "mass" else "N/m")
     what = f"{size} {'more' if own.size > 0.0 else 'less'} {'mass' if own.kind == 'mass' else 'stiffness'}"
     return (
-        f"What {names.of(own.beside)} leaves looks like {what} "
-        f"at or near point {own.node} in the measured direction."
+        f"What {named(found, own.beside)} leaves looks like {what} "
+        f"at or near point {own.node} in the measured direction. Look there."
     )
 
 
-def _at_bounds(left: Sequence[Explanation], names: Names) -> list[str]:
-    found = []
-    for x in left:
-        bound = [p.name for p, hit in zip(x.parameter, x.at_bound, strict=True) if hit]
+def _strained(own: Strained) -> str:
+    """Say that something stated would have to be far from what is known of it."""
+    what, _, where = own.name.partition("[")
+    known = f"what is known of it leaves {_off(own, own.std)}"
+    if what in ("G_f", "d_f"):
+        name = {"G_f": "contact stiffness G_f", "d_f": "contact damping d_f"}[what]
+        known = f"reassembly and torque explain {_off(own, own.std)}"
+        text = f"the {name} at {where[:-1]} would have to be off the other torques' by {_off(own, own.value)}"
+    elif what.startswith("clamp"):
+        text = f"clamp {what.split('_')[1]} would have to sit {_off(own, own.value)} farther along {what[-1]}"
+    elif what == POINTS_SHIFT:
+        text = f"all points would have to sit {_off(own, own.value)} farther along x"
+    else:
+        text = f"the stack's {what.replace('_', ' ')} would have to be off by {_off(own, own.value)}"
+    return f"Beware: {text}; {known}."
+
+
+def _off(own: Strained, value: float) -> str:
+    """Write how far a nuisance is off, in its unit or in percent."""
+    if own.name == POINTS_SHIFT or own.name.startswith("clamp"):
+        return quantity(value, "m")
+    return quantity(value, "1/s") if own.name == DECAY else percent(float(np.expm1(value)))
+
+
+def _at_bounds(found: Diagnosis) -> list[str]:
+    text = []
+    for effects in found.set:
+        bound = [p.name for p in found.ranked(effects).parameter if p.at_bound]
         if bound:
-            found.append(
-                f"Beware: {', '.join(bound)} of {names.of(x.effects)} lies at the end of its plausible range, so the "
-                "explanation is doubtful."
+            text.append(
+                f"Beware: {', '.join(bound)} of {named(found, effects)} lies at the end of its plausible range, so "
+                "that explanation is doubtful."
             )
-    return found
+    return text
 
 
 def _misread(gains: Sequence[SensorGain]) -> list[str]:
@@ -216,19 +259,26 @@ def _misread(gains: Sequence[SensorGain]) -> list[str]:
         f"Sensor {own.sensor} of each run reads {percent(abs(own.excess))} {'higher' if own.excess > 0 else 'lower'} "
         f"than sensor 1 (95 %: ± {percent(1.96 * own.std)}): check its calibration. It is taken into account."
         for own in gains
-        if abs(own.excess) > _NOTABLE * own.std
+        if abs(own.excess) > STRAINED * own.std
     ]
 
 
-def _next(tests: Sequence[NextTest]) -> list[str]:
-    useful = [t for t in tests if t.distance > max(t.now, 1.0)]
-    if useful and useful[0].distance >= _NOTABLE:
+def _next(found: Diagnosis) -> list[str]:
+    useful = [t for t in found.next_tests if t.distance > max(t.now, 1.0)]
+    if useful and useful[0].distance >= STRAINED:
         return [
             f"To tell them apart, {useful[0].instruction}: they would differ by {useful[0].distance:.1f} standard "
             f"deviations, now by {useful[0].now:.1f}."
         ]
-    if tests:
+    if found.next_tests:
         return [
             "None of the further tests that were considered would tell them apart by 3 standard deviations."
         ]
     return []
+
+
+def _folded(effects: Sequence[str]) -> str:
+    """Return how many effects there are, and the first few by their keys."""
+    more = len(effects) - _FOLDED
+    shown = ", ".join(effects[:_FOLDED])
+    return f"{len(effects)} effects ({shown}{f' and {more} more' if more > 0 else ''})"

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from updating.diagnosis.adequacy import is_adequate
+from updating.diagnosis.adequacy import too_large
+from updating.diagnosis.answer import Verdict
 from updating.diagnosis.calibration import SEPARATE, SHOWS
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
 from updating.diagnosis.search import Search
-
-Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,12 +43,12 @@ def decide(found: Search) -> Decision:
     best = max(found.explanations, key=found.odds)
     evidence = found.evidence
     if found.odds(best) < SHOWS or not _helps(found, best):
-        if is_adequate(evidence, base) and not evidence.lacking:
+        if not too_large(evidence, base) and not evidence.lacking:
             return Decision(verdict="nothing missing", left=(), steps=(base,))
         return Decision(verdict="unlike anything", left=(), steps=(base,), point=point_change(evidence, base))
     left = _ambiguous(found, best)
     steps = _steps(found, best)
-    if not is_adequate(evidence, best) or evidence.lacking:
+    if too_large(evidence, best) or evidence.lacking:
         return Decision(
             verdict="partly explained", left=left, steps=steps, point=point_change(evidence, best)
         )

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.calibration import SEPARATE
-from updating.diagnosis.diagnosis import Diagnosis
 from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.results.text import estimate_text

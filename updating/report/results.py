@@ -9,7 +9,7 @@ from typing import Any
 from ema.campaign.campaign import Campaign, Configuration
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.answer import Diagnosis
 from updating.errors import StoreError
 from updating.fitting.fit import Fit
 from updating.fitting.ledger import Entry, Ledger

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from updating.diagnosis.diagnosis import Diagnosis, ModeError
+from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.report.part import Picture, Section, Table, as_csv, svg
 

@@ -1,0 +1,201 @@
+"""The answer of a diagnosis: everything that is written, printed and drawn of it."""
+
+from __future__ import annotations
+
+import builtins
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from updating.diagnosis.discrepancy import Sizes
+from updating.diagnosis.experiment import NextTest
+from updating.diagnosis.mixed_up import MixedUp
+from updating.diagnosis.point_change import PointChange
+from updating.diagnosis.sensor_gain import SensorGain
+
+Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEstimate:
+    """A parameter with its 95 % interval, in `unit`."""
+
+    name: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    at_bound: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """One explanation in the ranking.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Which; none is the base model.
+    explained : float
+        Share of the misfit that it explains: of the squared logarithms of measured over modelled frequencies and
+        damping ratios and of what shapes differ by, each over the discrepancy that the best explanation leaves.
+    log_odds : float
+        Logarithm of the posterior odds against the base model.
+    probability : float
+        Posterior probability among all that were fitted.
+    parameter : tuple of ParameterEstimate
+        Its parameters; of a hypothesis about the measurement, what was stated wrongly and by how much.
+    frequency_error, damping_error : float
+        Mean relative errors over the modes used, one G_f and d_f for all configurations, eq. (2).
+    left_out_error, left_out_damping_error : float
+        The same where each mode is predicted from all others, to first order; NaN where none can be, or where an
+        explanation is far behind.
+    left_out_configuration_error, left_out_configuration_damping_error : float
+        The same where each configuration is predicted from the others.
+    discrepancy : Sizes
+        What it leaves beside the noise: of a frequency, of a damping ratio, of a shape's length.
+    """
+
+    effects: tuple[str, ...]
+    explained: float
+    log_odds: float
+    probability: float
+    parameter: tuple[ParameterEstimate, ...]
+    frequency_error: float
+    damping_error: float
+    left_out_error: float
+    left_out_damping_error: float
+    left_out_configuration_error: float
+    left_out_configuration_damping_error: float
+    discrepancy: Sizes
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeError:
+    """A measured mode and how far the model's frequency is from it.
+
+    Attributes
+    ----------
+    configuration : str
+        Of the campaign.
+    mode : int
+        Its number there, from 1.
+    frequency, std : float
+        Measured, with its standard deviation, Hz.
+    base, explained : float
+        Relative error of the model's frequency without effects and with the first candidate; NaN without one.
+    """
+
+    configuration: str
+    mode: int
+    frequency: float
+    std: float
+    base: float
+    explained: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strained:
+    """A nuisance that the answer needs far from what is known of it.
+
+    Attributes
+    ----------
+    name : str
+        As `Evidence.nuisances` has it.
+    value, std : float
+        How far it is off, and the standard deviation of what is known: of a ratio's logarithm, or m.
+    """
+
+    name: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Diagnosis:
+    """The answer.
+
+    Attributes
+    ----------
+    verdict : str
+        "nothing missing", "identified", "one of", "partly explained" or "unlike anything".
+    set : tuple of tuple of str
+        The explanations that the data cannot tell apart; one where identified, none where nothing is missing.
+    labels : mapping of str to str
+        What a person calls each effect and hypothesis.
+    measurement : tuple of str
+        Those of them that are about the measurement.
+    explained : float
+        Share of the misfit that the first of the set explains.
+    steps : tuple of Ranked
+        From the base model to the first of the set, one effect at a time.
+    discrepancy, discrepancy_spread : Sizes
+        What the first of the set, or the base model, leaves beside the noise; standard deviations of the logarithms.
+    too_large : tuple of str
+        Kinds of data in which that is more than a right model leaves.
+    mixed_up : tuple of MixedUp
+        Points of the measurement that were mixed up, and were put right.
+    strained : tuple of Strained
+        Nuisances that are far off with the first of the set, or the base model.
+    point_change : PointChange, optional
+        What is left looks like this.
+    ranking : tuple of Ranked
+        All that were fitted in full, the most probable first.
+    errors : tuple of ModeError
+        The modes that were used.
+    n_used : mapping of str to (int, int)
+        How many modes of each configuration the answer rests on, and how many were identified.
+    signatures : mapping of str to (n,) float
+        Relative change of the frequencies of `errors` by the best single effects, each fitted alone.
+    ruled_out : tuple of str
+        Effects whose usual strength these data exclude beside every explanation that is left.
+    not_visible : tuple of str
+        Effects that these data would not show even at the end of their plausible range.
+    lacking : tuple of str
+        Measured modes that the model lacks amid those that it has.
+    impossible : mapping of str to str
+        Effects that this stack cannot have, and why.
+    sensor_gains : tuple of SensorGain
+        Of roving accelerometers beside the first, with the first explanation that is left, or the base model.
+    next_tests : tuple of NextTest
+        Further tests by how well they would tell the candidates apart.
+    sentences : tuple of str
+        The answer in plain words.
+    """
+
+    verdict: Verdict
+    set: tuple[tuple[str, ...], ...]
+    labels: Mapping[str, str]
+    measurement: tuple[str, ...]
+    explained: float
+    steps: tuple[Ranked, ...]
+    discrepancy: Sizes
+    discrepancy_spread: Sizes
+    too_large: tuple[str, ...]
+    mixed_up: tuple[MixedUp, ...]
+    strained: tuple[Strained, ...]
+    point_change: PointChange | None
+    ranking: tuple[Ranked, ...]
+    errors: tuple[ModeError, ...]
+    n_used: Mapping[str, tuple[int, int]]
+    signatures: Mapping[str, tuple[float, ...]]
+    ruled_out: tuple[str, ...]
+    not_visible: tuple[str, ...]
+    lacking: tuple[str, ...]
+    impossible: Mapping[str, str]
+    sensor_gains: tuple[SensorGain, ...]
+    next_tests: tuple[NextTest, ...]
+    sentences: tuple[str, ...]
+
+    def ranked(self, effects: tuple[str, ...]) -> Ranked:
+        """Return an explanation by its effects, in any order.
+
+        Raises
+        ------
+        KeyError
+            It was not fitted.
+        """
+        for own in self.ranking:
+            if builtins.set(own.effects) == builtins.set(effects):
+                return own
+        raise KeyError(effects)
