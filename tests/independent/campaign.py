@@ -140,6 +140,10 @@ class Played:
         True places of the points, the last one the shaker's, m.
     nominal : (45, 3) float
         Places of the points that the file states, m.
+    factor : (44,) float
+        What each point's reading is over the true one: gain and sign of its sensor.
+    row : (44,) int
+        Which point the files' reading of each point is.
     """
 
     play: Play
@@ -150,6 +154,8 @@ class Played:
     modes: list[BenchModes]
     point: Array
     nominal: Array
+    factor: Array
+    row: NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,12 +237,16 @@ def play(play: Play, second_model: SecondModel) -> Played:
     if "gain_off" in play.disturbances:
         gain[1] *= 1.05
     measured = [_measured(play, one, point, frequency, gain, rng) for one in modes]
-    faulty = int(rng.integers((len(nominal) - 1) // SENSORS))
-    for frf, noise in measured:
-        if "sensor_turned" in play.disturbances:
-            frf[faulty, 0] *= -1.0
-        if "channels_exchanged" in play.disturbances:
-            frf[faulty], noise[faulty] = frf[faulty, ::-1].copy(), noise[faulty, ::-1].copy()
+    first = SENSORS * int(rng.integers((len(nominal) - 1) // SENSORS))
+    sign, row = np.ones(len(nominal) - 1), np.arange(len(nominal) - 1)
+    if "sensor_turned" in play.disturbances:
+        sign[first] = -1.0
+    if "channels_exchanged" in play.disturbances:
+        row[first], row[first + 1] = first + 1, first
+    for values in (array for pair in measured for array in pair):
+        values[:] = values.reshape(len(row), -1)[row].reshape(values.shape)
+    for frf, _ in measured:
+        frf *= sign.reshape(-1, SENSORS, 1)
     return Played(
         play=play,
         frequency=frequency,
@@ -246,6 +256,8 @@ def play(play: Play, second_model: SecondModel) -> Played:
         modes=modes,
         point=point,
         nominal=nominal,
+        factor=sign * np.tile(gain, len(sign) // SENSORS),
+        row=row,
     )
 
 
@@ -377,6 +389,7 @@ def _table(
     keep = _visible(modes, played.point, play.band)
     omega = np.array([run.omega[keep] for run in runs])
     shape = np.concatenate([run.sensor[:, keep] for run in runs])
+    shape = (played.factor[:, None] * shape)[played.row]
     frequency, damping = omega.mean(axis=0) / (2.0 * np.pi), np.array([run.damping[keep] for run in runs])
     n, count = int(keep.sum()), len(runs)
     roving = omega.std(axis=0) / (2.0 * np.pi * np.sqrt(count))

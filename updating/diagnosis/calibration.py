@@ -26,3 +26,6 @@ MIXED_UP = 10.0
 """Logarithm of the odds, all that is tried counted, from which points of a measurement are taken to be mixed up."""
 STRAINED = 3.0
 """Standard deviations of what is known of it, from which a nuisance is said to be far off."""
+MODEL_FORM = 0.3
+"""Share of what an effect changes by which its form may be wrong: what a further effect brings beside it must be more,
+or it may be no more than that."""

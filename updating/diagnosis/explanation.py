@@ -94,6 +94,11 @@ def likeliest(fitted: Sequence[Explanation]) -> Explanation:
     return max(fitted, key=lambda own: own.log_evidence)
 
 
+def explained(base: Explanation, own: Explanation) -> float:
+    """Return the share of the base model's misfit that an explanation explains."""
+    return float(np.clip(1.0 - own.misfit / base.misfit, 0.0, 1.0))
+
+
 def explain(
     evidence: Evidence,
     effects: Sequence[str] = (),

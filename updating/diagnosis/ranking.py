@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from updating.diagnosis.answer import ParameterEstimate, Ranked
-from updating.diagnosis.explanation import Z95, Explanation
+from updating.diagnosis.explanation import Z95, Explanation, explained
 from updating.diagnosis.held_out import LeftOut, left_out
 from updating.diagnosis.search import Search
 
@@ -47,11 +47,6 @@ def ranked(found: Search, own: Explanation, probability: float, *, judged: bool)
         left_out_configuration_damping_error=configuration.damping,
         discrepancy=own.mean,
     )
-
-
-def explained(base: Explanation, own: Explanation) -> float:
-    """Return the share of the base model's misfit that an explanation explains."""
-    return float(np.clip(1.0 - own.misfit / base.misfit, 0.0, 1.0))
 
 
 def _estimates(own: Explanation) -> tuple[ParameterEstimate, ...]:

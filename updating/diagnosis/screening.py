@@ -142,6 +142,18 @@ def _log_gain(evidence: Evidence, at: Explanation, own: Screened, column: Vector
     return marginal(after, *stated).log_evidence - at.log_evidence
 
 
+def release(evidence: Evidence, at: Explanation, hypothesis: str) -> float:
+    """Return by how much supposing something about the measurement raises the logarithm of the marginal likelihood."""
+    before = linearized(
+        evidence.supposing(at.effects), at.residual, np.concatenate([at.nuisance, at.coordinate]), at.at_bound
+    )
+    std = evidence.supposing((*at.effects, hypothesis)).prior_std
+    precision = before.prior_precision.copy()
+    precision[: std.size] = std**-2.0
+    stated = (evidence.scatter.sizes, evidence.scatter.stated)
+    return marginal(replace(before, prior_precision=precision), *stated).log_evidence - at.log_evidence
+
+
 def stepped(at: Explanation, own: Screened) -> Explanation:
     """Return an explanation with the residual that the linear step of an effect beside it leaves."""
     value = _projection(at)(at.residual.value) + own.column @ own.start[own.strength]

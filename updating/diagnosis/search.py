@@ -16,14 +16,14 @@ from model import SolveError, enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.assembly import Assembled, scattered
-from updating.diagnosis.calibration import STEP, VISIBLE
+from updating.diagnosis.calibration import MODEL_FORM, STEP, VISIBLE
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import Explanation, explain, likeliest
+from updating.diagnosis.explanation import Explanation, explain, explained, likeliest
 from updating.diagnosis.mixed_up import MOST, MixedUp, put_right
 from updating.diagnosis.residual import covariance_of
 from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
-from updating.diagnosis.screening import Screened, pair_steps, screen
+from updating.diagnosis.screening import Screened, pair_steps, release, screen
 from updating.workers.workers import distribute
 
 Vector = NDArray[np.float64]
@@ -33,6 +33,8 @@ MOST_EFFECTS = 4
 """Effects that an explanation may have."""
 N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
 """Effects that are fitted in full; pairs by their linear step; further effects beside each of the best explanations."""
+N_ALWAYS = 3
+"""Effects that are fitted however little their linear step promises: it may mislead."""
 N_FIRST = 3
 """Explanations beside which a further effect is sought: steps from the base model mislead where one is strong."""
 N_EXACT = 3
@@ -40,6 +42,7 @@ N_EXACT = 3
 N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
 """Evaluations of all fits of a global search, how many are then followed, and their evaluations."""
 _ASTRAY = 0.04  # frequency error of the best single effect, beyond which steps from the base model mislead
+_BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
 _STEPS = 12  # evaluations of a fit
 _REFIT = 8  # the same after basis or weights have changed, and of several effects
@@ -121,6 +124,18 @@ def log_prior(evidence: Evidence, n: int) -> float:
     return n * float(np.log(0.5 / max(len(evidence.effects), 1)))
 
 
+def is_form(base: Explanation, before: Explanation, after: Explanation) -> bool:
+    """Tell whether what a further effect brings may be no more than the error of the form of what is there before it.
+
+    An effect that acts in another form than the catalogue's leaves a share of what it changes, and further effects
+    that happen to fit it are no more than that.
+    """
+    if not before.effects:
+        return False
+    share = explained(base, before)
+    return explained(base, after) - share < MODEL_FORM**2 * share
+
+
 def log_odds(evidence: Evidence, own: Explanation, base: Explanation) -> float:
     """Return the logarithm of the posterior odds of an explanation against the base model."""
     return own.log_evidence - base.log_evidence + log_prior(evidence, len(own.effects))
@@ -154,10 +169,10 @@ def search(
         base = explain(evidence, nuisance=base.nuisance)
     evidence, base, mixed_up = _in_order(evidence, base)
     screened = screen(evidence, base)
-    chosen = sorted(screened, key=lambda s: -s.log_gain)[:N_SINGLE]
+    chosen = _promising(screened, N_SINGLE)
     _LOG.info("fit %d effects, each alone", len(chosen))
     starts = [Start([s.effect], base.nuisance, s.start, _STEPS) for s in chosen]
-    starts += [Start([name], base.nuisance, np.zeros(0), _STEPS) for name in evidence.hypotheses]
+    starts += [Start([name], base.nuisance, np.zeros(0), _STEPS) for name in _supposed(evidence, base)]
     begun = _begun(evidence, starts, executor)
     nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
     singles = _done(begun)
@@ -223,6 +238,8 @@ def _with_further(
     for n in range(2, MOST_EFFECTS + 1):
         if not level or log_odds(evidence, level[0], base) < log_odds(evidence, best, base) + STEP:
             break
+        if is_form(base, best, level[0]):  # what else is there cannot be told from that
+            break
         best = level[0]
         first = [x for x in level[:N_FIRST] if best.log_evidence - x.log_evidence < 3.0 * _CLOSE]
         beside = list(distribute(partial(screen, evidence.alone), first, executor))
@@ -249,11 +266,11 @@ def _further_starts(
     """
     start_of: dict[frozenset[str], Start] = {}
     for own, others in zip(first, beside, strict=True):
-        for further in sorted(others, key=lambda s: -s.log_gain)[:N_BESIDE]:
+        for further in _promising(others, N_BESIDE):
             names = (*own.effects, further.effect)
             start = np.concatenate([own.coordinate, further.start])
             start_of.setdefault(frozenset(names), Start(names, own.nuisance, start, _REFIT))
-        for name in evidence.hypotheses:
+        for name in _supposed(evidence, own):
             if name not in own.effects:
                 names = (*own.effects, name)
                 start_of.setdefault(frozenset(names), Start(names, own.nuisance, own.coordinate, _REFIT))
@@ -262,6 +279,21 @@ def _further_starts(
         start = np.concatenate(coordinate)
         start_of.setdefault(frozenset(names), Start(names, base.nuisance, start, _REFIT))
     return list(start_of.values())
+
+
+def _promising(screened: Sequence[Screened], most: int) -> list[Screened]:
+    """Return the effects whose linear step promises most, without those that are far behind the best."""
+    ordered = sorted(screened, key=lambda s: -s.log_gain)
+    return [
+        s for i, s in enumerate(ordered[:most]) if i < N_ALWAYS or s.log_gain > ordered[0].log_gain - _BEHIND
+    ]
+
+
+def _supposed(evidence: Evidence, own: Explanation) -> list[str]:
+    """Return the hypotheses about the measurement that promise something beside an explanation."""
+    return [
+        name for name in evidence.hypotheses if name not in own.effects and release(evidence, own, name) > 0.0
+    ]
 
 
 def _without_one(evidence: Evidence, own: Explanation, fitted: Iterable[Explanation]) -> list[Start]:

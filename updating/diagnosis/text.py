@@ -193,6 +193,12 @@ def _remains(found: Diagnosis) -> str:
     reason = (
         f"That is too much for a model to which nothing is missing: {'; '.join(large)}. " if large else ""
     )
+    further = [name for name in found.steps[-1].effects if name not in found.set[0]]
+    if further:
+        reason += (
+            f"It looks like {named(found, further)}, but is no more than what {named(found, found.set[0])} leaves "
+            "where its form differs from the catalogue's. "
+        )
     return f"{reason}{_where(found)}"
 
 

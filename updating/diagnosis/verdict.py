@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from updating.diagnosis.calibration import SEPARATE, SHOWS
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
-from updating.diagnosis.search import Search
+from updating.diagnosis.search import Search, is_form
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,7 +27,8 @@ class Decision:
     left : tuple of Explanation
         What the data cannot tell apart, the most probable first; none where nothing is missing or nothing helps.
     steps : tuple of Explanation
-        From the base model to the first of these, one effect at a time.
+        From the base model to the most probable explanation, one effect at a time. Where the first of `left` is one
+        before the last, the further ones may be no more than the error of its form.
     point : PointChange, optional
         Where something is left: it looks like a mass or a spring at one point.
     """
@@ -46,12 +48,12 @@ def decide(found: Search) -> Decision:
         if not too_large(evidence, base) and not evidence.lacking:
             return Decision(verdict="nothing missing", left=(), steps=(base,))
         return Decision(verdict="unlike anything", left=(), steps=(base,), point=point_change(evidence, base))
-    left = _ambiguous(found, best)
     steps = _steps(found, best)
-    if too_large(evidence, best) or evidence.lacking:
-        return Decision(
-            verdict="partly explained", left=left, steps=steps, point=point_change(evidence, best)
-        )
+    own = _beyond_its_form(found, steps)
+    left = _ambiguous(found, own)
+    if own is not best or too_large(evidence, own) or evidence.lacking:
+        point = point_change(evidence, best)
+        return Decision(verdict="partly explained", left=left, steps=steps, point=point)
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left, steps=steps)
 
 
@@ -61,11 +63,24 @@ def _helps(found: Search, own: Explanation) -> bool:
     return bool(np.isnan(after) or after < before)
 
 
-def _ambiguous(found: Search, best: Explanation) -> tuple[Explanation, ...]:
-    """Return what is nearly as probable as the best; what only adds an effect to another of these says nothing new."""
-    near = [x for x in found.fitted if found.odds(best) - found.odds(x) < SEPARATE]
-    near = [x for x in near if x is best or not any(set(y.effects) < set(x.effects) for y in near)]
-    return tuple(sorted(near, key=lambda x: -found.odds(x)))
+def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:
+    """Return the last explanation on the way whose every step brings more than the error of what is there before."""
+    beyond = itertools.takewhile(lambda pair: not is_form(found.base, *pair), itertools.pairwise(steps))
+    return [after for _, after in beyond][-1]
+
+
+def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
+    """Return what is nearly as probable as an explanation or more, of as many effects; itself comes first.
+
+    What only adds an effect to another of these says nothing new.
+    """
+    near = [
+        x
+        for x in found.fitted
+        if found.odds(own) - found.odds(x) < SEPARATE and len(x.effects) <= len(own.effects)
+    ]
+    near = [x for x in near if x is own or not any(set(y.effects) < set(x.effects) for y in near)]
+    return (own, *sorted((x for x in near if x is not own), key=lambda x: -found.odds(x)))
 
 
 def _steps(found: Search, best: Explanation) -> tuple[Explanation, ...]:
