@@ -210,7 +210,6 @@ def draw(seed: int, kind: Kind, model_key: str) -> Play:
         planted=planted,
         disturbances=faults,
         sensor_mass=sensor,
-        dummies=bool(rng.random() < 0.3),
         force_noise=float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3)))),
         response_noise=float(np.exp(rng.uniform(np.log(3e-4), np.log(3e-3)))),
     )
@@ -245,8 +244,7 @@ def play(play: Play, second_model: SecondModel) -> Played:
         row[first], row[first + 1] = first + 1, first
     for values in (array for pair in measured for array in pair):
         values[:] = values.reshape(len(row), -1)[row].reshape(values.shape)
-    for frf, _ in measured:
-        frf *= sign.reshape(-1, SENSORS, 1)
+    measured = [(frf * sign.reshape(-1, SENSORS, 1), noise) for frf, noise in measured]
     return Played(
         play=play,
         frequency=frequency,

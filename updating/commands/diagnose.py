@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,14 +19,15 @@ from updating.diagnosis.diagnosis import diagnose as diagnose_stack
 from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.scan import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
+from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.target import model_file, stack_in_state
 from updating.results.identified import assignments, every_identified
-from updating.results.store import kept
+from updating.results.store import kept, write_result
 from updating.workers.workers import workers
 
 EXAMPLE = "lamella diagnose data/hidden_effect/a/campaign.toml -o out/a"
-_MOST_EXPLANATIONS = 8
+_MOST_EXPLANATIONS, _MOST_FINDINGS = 8, 4
 
 
 def diagnose(
@@ -39,11 +40,18 @@ def diagnose(
 
     All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
     """
-    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter)
+    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
     for sentence in found.sentences:
-        OUT.print(sentence, highlight=False)
+        OUT.print(sentence, highlight=False, markup=False)
     OUT.print(diagnosis_table(found))
-    OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+    for sentence in measurement_findings(campaign, output, OUT):
+        OUT.print(sentence, highlight=False, markup=False)
+    added = next_command(found, str(campaign), str(output))
+    if added is not None:
+        OUT.print(f"Add it and see the error fall: {added}", highlight=False, markup=False, soft_wrap=True)
+    OUT.print(
+        f"Results in {output}; make a page of them: lamella report {output}", highlight=False, markup=False
+    )
 
 
 def diagnose_campaign(
@@ -51,11 +59,13 @@ def diagnose_campaign(
     output: Path,
     effect_files: Sequence[Path],
     console: Console,
+    *,
     scatter_file: Path | None = None,
+    asked: Sequence[Sequence[str]] = (),
 ) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json.
 
-    What an earlier run left is read back.
+    What an earlier run left is read back, unless it lacks explanations that are asked for.
     """
     scatter = None if scatter_file is None else read_scatter(scatter_file)
     campaign = read_campaign(campaign_file)
@@ -79,12 +89,30 @@ def diagnose_campaign(
     def make() -> Diagnosis:
         with workers(MESSAGES) as executor, progress("diagnose", console):
             own = replace(stack, height=states[0].height)
-            return diagnose_stack(own, tested, known, scatter=scatter, executor=executor, reduced=kept_model)
+            return diagnose_stack(
+                own, tested, known, scatter=scatter, executor=executor, reduced=kept_model, asked=asked
+            )
 
     modal = (found.folder / "modal_model.json" for found in tests)
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
-    return kept(output / "diagnosis.json", Diagnosis, make, inputs=inputs, options={})
+    path, options = output / "diagnosis.json", dict[str, object]()
+    found = kept(path, Diagnosis, make, inputs=inputs, options=options)
+    if all(found.has(effects) for effects in asked):
+        return found
+    found = make()
+    write_result(path, found, inputs=inputs, options=options)
+    return found
+
+
+def measurement_findings(campaign_file: Path, output: Path, console: Console) -> Iterator[str]:
+    """Say what the checks of the measurement found, for an answer is no better than what it rests on."""
+    for found in every_identified(assignments(read_campaign(campaign_file), output), "identify", console):
+        findings = found.quality.findings
+        for finding in findings[:_MOST_FINDINGS]:
+            yield f"In the measurement of {found.configuration.name}: {finding}"
+        if len(findings) > _MOST_FINDINGS:
+            yield f"{len(findings) - _MOST_FINDINGS} more findings are in {found.folder / 'quality.json'}."
 
 
 def diagnosis_table(diagnosis: Diagnosis) -> Table:

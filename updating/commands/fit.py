@@ -15,11 +15,13 @@ from rich.table import Table
 from ema import ModalModel, read_campaign
 from model import Stack, catalogue, find_effects, read_stack
 from model.stack.stack_file import stack_inputs
+from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_findings
 from updating.commands.options import CampaignFile, Cluster, Folder, SharedEffects
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
+from updating.diagnosis.answer import Ranked
 from updating.fitting.fit import Fit
 from updating.fitting.fit import fit as fit_configuration
 from updating.fitting.joint_problem import FitSettings
@@ -156,9 +158,41 @@ def campaign_ledger(
 ) -> tuple[Entry, ...]:
     """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv.
 
-    Configurations of one height are one stack, with one G_f and one d_f for all its torques.
+    Configurations of one height are one stack, with one G_f and one d_f for all its torques. One stack is fitted as a
+    diagnosis does it, and with the same numbers; several, which share the effects alone, are fitted together.
     """
     heights = {fitted.stack.height for _, fitted in fits}
+    if len(heights) == 1:
+        asked = [*((name,) for name in effects), *([tuple(effects)] if len(effects) > 1 else [])]
+        found = diagnose_campaign(campaign, output, (), OUT, asked=asked)
+        entries = tuple(_entry(found.ranked(names)) for names in ((), *asked))
+    else:
+        entries = _shared(fits, effects, heights, cluster)
+    write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
+    return entries
+
+
+def _entry(own: Ranked) -> Entry:
+    """Return the line of the ledger of an explanation."""
+    return Entry(
+        effects=own.effects,
+        error=own.frequency_error,
+        mode_error=own.left_out_error,
+        configuration_error=own.left_out_configuration_error,
+        damping_error=own.damping_error,
+        mode_damping_error=own.left_out_damping_error,
+        configuration_damping_error=own.left_out_configuration_damping_error,
+        chi_square=own.misfit,
+        n_residual=own.n_residual,
+        shared=own.parameter,
+        pressure=(),
+    )
+
+
+def _shared(
+    fits: Sequence[tuple[Identified, Fit]], effects: Sequence[str], heights: set[float], cluster: str | None
+) -> tuple[Entry, ...]:
+    """Fit effects that several stacks share."""
     targets = [
         target_of_modes(
             fitted.stack.with_effects(*find_effects(effects)),
@@ -168,9 +202,7 @@ def campaign_ledger(
         for found, fitted in fits
     ]
     with workers(1 + len(effects), cluster) as executor:
-        entries = ledger(prepare(targets), effects, FitSettings(scatter=TORQUE_SCATTER), executor=executor)
-    write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
-    return entries
+        return ledger(prepare(targets), effects, FitSettings(scatter=TORQUE_SCATTER), executor=executor)
 
 
 def table_ledger(

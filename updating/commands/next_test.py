@@ -22,7 +22,7 @@ def next_test(
 
     The diagnosis is made where the folder has none of this campaign.
     """
-    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter)
+    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
     if not found.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
         return

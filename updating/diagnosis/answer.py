@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import builtins
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,20 +12,9 @@ from updating.diagnosis.experiment import NextTest
 from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.sensor_gain import SensorGain
+from updating.fitting.estimate import ParameterEstimate
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParameterEstimate:
-    """A parameter with its 95 % interval, in `unit`."""
-
-    name: str
-    unit: str
-    value: float
-    lower: float
-    upper: float
-    at_bound: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +41,10 @@ class Ranked:
         explanation is far behind.
     left_out_configuration_error, left_out_configuration_damping_error : float
         The same where each configuration is predicted from the others.
+    misfit : float
+        Sum of its squared differences from the data, over their variances of noise and discrepancy.
+    n_residual : int
+        Number of these differences.
     discrepancy : Sizes
         What it leaves beside the noise: of a frequency, of a damping ratio, of a shape's length.
     """
@@ -67,6 +60,8 @@ class Ranked:
     left_out_damping_error: float
     left_out_configuration_error: float
     left_out_configuration_damping_error: float
+    misfit: float
+    n_residual: int
     discrepancy: Sizes
 
 
@@ -187,7 +182,11 @@ class Diagnosis:
     next_tests: tuple[NextTest, ...]
     sentences: tuple[str, ...]
 
-    def ranked(self, effects: tuple[str, ...]) -> Ranked:
+    def has(self, effects: Sequence[str]) -> bool:
+        """Tell whether some effects together were fitted."""
+        return any(builtins.set(own.effects) == builtins.set(effects) for own in self.ranking)
+
+    def ranked(self, effects: Sequence[str]) -> Ranked:
         """Return an explanation by its effects, in any order.
 
         Raises

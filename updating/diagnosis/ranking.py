@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.answer import ParameterEstimate, Ranked
+from updating.diagnosis.answer import Ranked
 from updating.diagnosis.explanation import Z95, Explanation, explained
 from updating.diagnosis.held_out import LeftOut, left_out
 from updating.diagnosis.search import Search
+from updating.fitting.estimate import ParameterEstimate
 
 _JUDGED = 16  # explanations whose errors on what is left out are computed
 _NONE = LeftOut(frequency=float("nan"), damping=float("nan"), misfit=float("nan"))
@@ -45,6 +46,8 @@ def ranked(found: Search, own: Explanation, probability: float, *, judged: bool)
         left_out_damping_error=mode.damping,
         left_out_configuration_error=configuration.frequency,
         left_out_configuration_damping_error=configuration.damping,
+        misfit=own.misfit,
+        n_residual=own.residual.value.size,
         discrepancy=own.mean,
     )
 

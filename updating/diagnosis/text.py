@@ -7,20 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.answer import Diagnosis, ParameterEstimate, Ranked, Strained
+from updating.diagnosis.answer import Diagnosis, Ranked, Strained
 from updating.diagnosis.calibration import STRAINED
 from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.sensor_gain import SensorGain
+from updating.results.text import interval_text, percent, quantity
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are told in a sentence
 _KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape"}
-_PREFIXED = {"kg": (("g", 1e-3), ("kg", 1.0)), "m": (("mm", 1e-3),)}
-"""Units that are read in others, with the size of these in SI."""
-_PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3))
 
 
 def sentences(found: Diagnosis) -> tuple[str, ...]:
@@ -68,26 +66,6 @@ def named(found: Diagnosis, effects: Sequence[str]) -> str:
     return " together with ".join(f"{found.labels.get(e, e)} ({e})" for e in effects) or "the base model"
 
 
-def percent(share: float) -> str:
-    """Write a share as percent with two digits."""
-    if not np.isfinite(share):
-        return "an unknown share"
-    return f"{100.0 * share:#.2g} %".replace(". %", " %")
-
-
-def quantity(value: float, unit: str) -> str:
-    """Write a value with three digits in a unit that reads well: 5 g, 1.2 mm, 35 MPa."""
-    if unit == "1":
-        return f"{value:.3g}"
-    if unit in _PREFIXED:
-        name, size = next((own for own in _PREFIXED[unit] if abs(value) < 1e3 * own[1]), _PREFIXED[unit][-1])
-        return f"{value / size:.3g} {name}"
-    if unit[0] in "NP":
-        prefix, size = next((own for own in _PREFIXES if abs(value) >= own[1]), ("", 1.0))
-        return f"{value / size:.3g} {prefix}{unit}"
-    return f"{value:.3g} {unit}"
-
-
 def _verdict(found: Diagnosis) -> str:
     """Write the sentence that a customer needs."""
     base = found.ranked(())
@@ -125,12 +103,7 @@ def _said(own: Ranked) -> str:
 
 def _values(own: Ranked) -> str:
     """Write the parameters of an explanation with their intervals."""
-    return ", ".join(f"{_parameter(p)}" for p in own.parameter)
-
-
-def _parameter(p: ParameterEstimate) -> str:
-    ends = f"{quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)}"
-    return f"{p.name} = {quantity(p.value, p.unit)} (95 %: {ends})"
+    return ", ".join(map(interval_text, own.parameter))
 
 
 def _change(base: Ranked, own: Ranked, start: str) -> str:

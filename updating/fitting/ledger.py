@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
 from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import Prepared
@@ -38,7 +39,7 @@ class Entry:
         Of the fit to all data.
     n_residual : int
         Number of weighted differences in it.
-    shared : tuple of FittedParameter
+    shared : tuple of ParameterEstimate
         The effects' parameters.
     pressure : tuple of FittedParameter
         Pressure of each configuration, where it was free about its nominal value. A pressure far off says that
@@ -54,7 +55,7 @@ class Entry:
     configuration_damping_error: float
     chi_square: float
     n_residual: int
-    shared: tuple[FittedParameter, ...]
+    shared: tuple[ParameterEstimate, ...]
     pressure: tuple[FittedParameter, ...]
 
 
@@ -121,8 +122,20 @@ def _entry(prepared: Sequence[Prepared], settings: FitSettings, whole: JointFit)
         configuration_damping_error=by_configuration.damping() if settings.damping else float("nan"),
         chi_square=whole.chi_square,
         n_residual=whole.n_residual,
-        shared=tuple(p for p in whole.parameter if not p.group),
+        shared=tuple(_estimate(p) for p in whole.parameter if not p.group),
         pressure=tuple(p for p in whole.parameter if p.name == "pressure"),
+    )
+
+
+def _estimate(p: FittedParameter) -> ParameterEstimate:
+    return ParameterEstimate(
+        name=p.name,
+        unit=p.unit,
+        value=p.value,
+        lower=p.interval[0],
+        upper=p.interval[1],
+        at_bound=p.at_bound,
+        determined=p.determined,
     )
 
 

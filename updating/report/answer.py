@@ -63,8 +63,9 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
             "frequency error [%]", "lowest MAC", "findings",
         ),
         rows=rows,
-        note="± is one standard deviation. The frequency error is the mean of |measured - model| / measured over the "
-        "paired modes, eq. (2). Findings are warnings of the checks of the measurement. A click on a heading sorts.",
+        note="± is half of the 95 % interval. The frequency error is the mean of |measured - model| / measured over "
+        "the paired modes, eq. (2), each configuration with its own G_f. Findings are warnings of the checks of the "
+        "measurement. A click on a heading sorts.",
         link=tuple(address),
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from updating.fitting.joint_fit import FittedParameter
 from updating.fitting.ledger import Entry
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results
+from updating.results.text import interval_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,12 +66,12 @@ def fit_table(entries: Sequence[Entry]) -> Table:
                 model_name(e),
                 f"{e.chi_square:.4g}",
                 str(e.n_residual),
-                "; ".join([*(_estimate(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
+                "; ".join([*(interval_text(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
             )
             for e in entries
         ),
         note="Chi-square: sum of all squared differences over their variances; a right model's is at most about their "
-        "number. ± is one standard deviation. A pressure far from the stated one says that the model could meet these "
+        "number. A pressure far from the stated one says that the model could meet these "
         "data by that alone.",
     )
 
@@ -137,12 +138,6 @@ def _kinds(entries: Sequence[Entry]) -> tuple[str, ...]:
 
 def _errors(entry: Entry, kind: str) -> tuple[float, ...]:
     return tuple(getattr(entry, name) for name in _ERRORS[kind])
-
-
-def _estimate(p: FittedParameter) -> str:
-    unit = "" if p.unit == "1" else f" {p.unit}"
-    doubt = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
-    return f"{p.name} = {p.value:.4g} ± {p.std:.2g}{unit}{doubt}"
 
 
 def _pressure(p: FittedParameter) -> str:

@@ -96,8 +96,8 @@ def parameter_table(fit: Fit) -> Table:
             ("contact damping", parameter_text(fit.d_f), f"{fit.d_f.lower:g} and {fit.d_f.upper:g}",
              f"opt_d = {100 * fit.d_f.objective:.3g} % damping"),
         ),
-        note="± is one standard deviation and contains the scatter that the model leaves unexplained. Measured points "
-        f"lie at most {1e3 * fit.distance.max():.2f} mm from where the model is sampled.",
+        note="± is half of the 95 % interval and contains the scatter that the model leaves unexplained. Measured "
+        f"points lie at most {1e3 * fit.distance.max():.2f} mm from where the model is sampled.",
     )  # fmt: skip
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
-from updating.fitting.joint_fit import FittedParameter
 from updating.report.ledger_part import model_name
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results, Tested
@@ -39,8 +39,8 @@ def interval_table(results: Results) -> Table:
         _row(
             f"all, {model_name(entry)}",
             p,
-            p.interval,
-            "at its bound" if p.at_bound else "" if p.determined else "not determined",
+            (p.lower, p.upper),
+            p.remark,
         )
         for entry in results.ledger
         for p in entry.shared
@@ -55,7 +55,7 @@ def interval_table(results: Results) -> Table:
 
 
 def _row(
-    fitted_to: str, estimate: Estimate | FittedParameter, interval: tuple[float, float], remark: str
+    fitted_to: str, estimate: Estimate | ParameterEstimate, interval: tuple[float, float], remark: str
 ) -> tuple[str, ...]:
     ends = ("" if estimate.at_bound else f"{end:.5g}" for end in interval)
     unit = "" if estimate.unit == "1" else estimate.unit

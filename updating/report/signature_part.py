@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.results.text import Z95
 
 _TOGETHER = 24
 """Modes of one figure whose names can still be read."""
@@ -71,7 +72,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
         (
             e.configuration,
             str(e.mode),
-            f"{e.frequency:.3f} ± {e.std:.2g}",
+            f"{e.frequency:.3f} ± {Z95 * e.std:.2g}",
             f"{-100.0 * e.base:+.3f}",
             f"{-100.0 * e.explained:+.3f}" if left else "",
             *(f"{100.0 * change[k]:+.3f}" for change in signatures.values()),
@@ -82,7 +83,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
         title="What each effect brings, mode by mode",
         header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *brought),
         rows=rows,
-        note="± is one standard deviation. Each effect is fitted alone, with contact and nuisances anew. Further "
+        note="± is half of the 95 % interval. Each effect is fitted alone, with contact and nuisances anew. Further "
         "effects are in the CSV of the figure.",
         folded=True,
     )  # fmt: skip

@@ -40,8 +40,8 @@ def table_overview(results: Results) -> Section:
             )
             for f in fits
         ),
-        note="Error after eq. (2). ± is one standard deviation and contains the scatter that the model leaves. A click "
-        "on a heading sorts, one on a stack leads to it.",
+        note="Error after eq. (2). ± is half of the 95 % interval and contains the scatter that the model leaves. A "
+        "click on a heading sorts, one on a stack leads to it.",
         link=tuple(f"#{anchor(_title(f))}" for f in fits),
     )  # fmt: skip
     picture = Picture(

@@ -14,6 +14,7 @@ from model import Effect, printed_effects
 from updating.fitting.joint_fit import FittedParameter
 from updating.fitting.ledger import Entry, Ledger
 from updating.results.store import write_bytes, write_result
+from updating.results.text import interval_text
 
 
 def write_ledger(
@@ -64,15 +65,9 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
         table.add_row(
             "\n+ ".join(("base", *printed_effects(e.effects, known))),
             *(" | ".join(_percent(v) for v in pair[: 1 + damping]) for pair in pairs),
-            "\n".join([*(_estimate(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
+            "\n".join([*(interval_text(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
         )
     return table
-
-
-def _estimate(p: FittedParameter) -> str:
-    unit = "" if p.unit == "1" else f" {p.unit}"
-    doubt = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
-    return f"{p.name} = {p.value:.4g} ± {p.std:.2g}{unit}{doubt}"
 
 
 def _pressure(p: FittedParameter) -> str:

@@ -1,25 +1,58 @@
-"""Fitted values in words: as many digits as their uncertainty supports."""
+"""Fitted values in words: as many digits as their uncertainty supports, in units that read well."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
+
+Z95 = 1.96
+"""Standard deviations to either side that hold 95 % of a normal distribution."""
+_PREFIXED = {"kg": (("g", 1e-3), ("kg", 1.0)), "m": (("mm", 1e-3),)}
+"""Units that are read in others, with the size of these in SI."""
+_PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3))
 
 
 def parameter_text(estimate: Estimate) -> str:
-    """Write one fitted parameter with its name, standard deviation and unit."""
+    """Write one fitted parameter with its name, half of its 95 % interval and unit."""
     bound = " (at the bound of its range)" if estimate.at_bound else ""
     return f"{estimate.name} = {estimate_text(estimate)} {estimate.unit}{bound}"
 
 
 def estimate_text(estimate: Estimate) -> str:
-    """Write value ± standard deviation with as many digits as the latter supports, such as ``1480 ± 12``."""
+    """Write value ± half of the 95 % interval with as many digits as the latter supports, such as ``1480 ± 24``."""
     if not 0.0 < estimate.std < np.inf:
         return f"{estimate.value:.4g}"
-    exponent = (
-        0 if abs(estimate.value) >= 1e-3 else int(np.floor(np.log10(max(abs(estimate.value), estimate.std))))
-    )
-    digits = min(12, max(0, 1 - int(np.floor(np.log10(estimate.std))) + exponent))
-    value, std = (f"{x / 10.0**exponent:.{digits}f}" for x in (estimate.value, estimate.std))
-    return f"{value} ± {std}" if exponent == 0 else f"({value} ± {std})e{exponent}"
+    half = Z95 * estimate.std
+    exponent = 0 if abs(estimate.value) >= 1e-3 else int(np.floor(np.log10(max(abs(estimate.value), half))))
+    digits = min(12, max(0, 1 - int(np.floor(np.log10(half))) + exponent))
+    value, half_text = (f"{x / 10.0**exponent:.{digits}f}" for x in (estimate.value, half))
+    return f"{value} ± {half_text}" if exponent == 0 else f"({value} ± {half_text})e{exponent}"
+
+
+def interval_text(p: ParameterEstimate) -> str:
+    """Write a parameter with its 95 % interval, such as ``stinger_mass = 5.02 g (95 %: 3.5 g to 6.6 g)``."""
+    ends = f"{quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)}"
+    remark = f", {p.remark}" if p.remark else ""
+    return f"{p.name} = {quantity(p.value, p.unit)} (95 %: {ends}{remark})"
+
+
+def percent(share: float) -> str:
+    """Write a share as percent with two digits."""
+    if not np.isfinite(share):
+        return "an unknown share"
+    return f"{100.0 * share:#.2g} %".replace(". %", " %")
+
+
+def quantity(value: float, unit: str) -> str:
+    """Write a value with three digits in a unit that reads well: 5 g, 1.2 mm, 35 MPa."""
+    if unit == "1":
+        return f"{value:.3g}"
+    if unit in _PREFIXED:
+        name, size = next((own for own in _PREFIXED[unit] if abs(value) < 1e3 * own[1]), _PREFIXED[unit][-1])
+        return f"{value / size:.3g} {name}"
+    if unit[0] in "NP":
+        prefix, size = next((own for own in _PREFIXES if abs(value) >= own[1]), ("", 1.0))
+        return f"{value / size:.3g} {prefix}{unit}"
+    return f"{value:.3g} {unit}"
