@@ -14,13 +14,13 @@ import model
 from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
 from updating.diagnosis.assembly import Campaigned, assemble_evidence
+from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Explanation, explain
-from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.residual import residual
 from updating.diagnosis.search import VISIBLE, Search, search
 from updating.diagnosis.verdict import decide
@@ -161,7 +161,7 @@ def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateM
     test = blind_test(specification, 0, (), {})
     modes: ModalModel = simulated(test)[0][2]
     stack = model.read_stack(specification.parent / test.stack_file)
-    return kept_model(stack, instruments_of(modes), effects, aids())
+    return cached_model(stack, instruments_of(modes), effects, aids())
 
 
 @cache

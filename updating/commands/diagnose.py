@@ -14,9 +14,9 @@ from model import catalogue, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
 from updating.commands.terminal import OUT, progress
+from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
-from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.scan import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
 from updating.errors import FitError
@@ -79,7 +79,9 @@ def diagnose_campaign(
     def make() -> Diagnosis:
         with workers(MESSAGES) as executor, progress("diagnose", console):
             own = replace(stack, height=states[0].height)
-            return diagnose_stack(own, tested, known, scatter=scatter, executor=executor, reduced=kept_model)
+            return diagnose_stack(
+                own, tested, known, scatter=scatter, executor=executor, reduced=cached_model
+            )
 
     modal = (found.folder / "modal_model.json" for found in tests)
     stated = () if scatter_file is None else (scatter_file,)
