@@ -311,10 +311,10 @@ def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
 def _one_quantity(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
     """Differentiate all functions to the highest quantity present; that needs no division at 0 Hz."""
     highest = max((e.quantity for e in entries), key=DERIVATIVE.__getitem__)
-    others = sorted({e.quantity for e in entries} - {highest})
-    if not others:
+    lower = sorted({e.quantity for e in entries} - {highest})
+    if not lower:
         return entries
-    notes.append(f"functions of {' and '.join(others)} are differentiated to {highest}")
+    notes.append(f"functions of {' and '.join(lower)} are differentiated to {highest}")
     converted = []
     for entry in entries:
         factor = (2j * np.pi * entry.frequency) ** (DERIVATIVE[highest] - DERIVATIVE[entry.quantity])

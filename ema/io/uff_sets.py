@@ -93,13 +93,13 @@ def mode_sets(modal_model: ModalModel) -> list[dict[str, Any]]:
     A mass-normalised shape has the modal A of 2 i omega_d, so that its residue is shape**2 / A; modal A and B of
     a shape without scale are 0, which stands for unknown.
     """
-    node, place = np.unique(modal_model.node, return_inverse=True)
+    node, index = np.unique(modal_model.node, return_inverse=True)
     geometry = modal_model.geometry
     axes = np.stack([geometry.axes[geometry.node == n][0] if n in geometry.node else np.eye(3) for n in node])
     sets = []
     for r, pole in enumerate(modal_model.pole):
         vector = np.zeros((node.size, 3), dtype=complex)
-        np.add.at(vector, place, modal_model.direction * modal_model.shape[:, [r]])
+        np.add.at(vector, index, modal_model.direction * modal_model.shape[:, [r]])
         local = np.einsum("nij,nj->ni", axes, vector)
         modal_a = 2j * pole.imag if modal_model.scaled[r] else 0j
         sets.append(

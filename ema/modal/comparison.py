@@ -111,8 +111,8 @@ def _likeness(
 
     The score is 0 without a shared DOF; over few of them it falls with the distance of the frequencies.
     """
-    place = {_key(second, k): k for k in range(second.node.size)}
-    pairs = [(k, place[_key(first, k)]) for k in range(first.node.size) if _key(first, k) in place]
+    index = {_key(second, k): k for k in range(second.node.size)}
+    pairs = [(k, index[_key(first, k)]) for k in range(first.node.size) if _key(first, k) in index]
     if not pairs:
         nothing = np.zeros(second.frequency.size)
         return nothing, nothing

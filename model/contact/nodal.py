@@ -1,4 +1,4 @@
-"""Contact gathered in springs between the nodes of neighbouring laminas, as the paper has it, to show the difference.
+"""Contact lumped in springs between the nodes of neighbouring laminas, as the paper has it, to show the difference.
 
 Between nodes a thin lamina bends and bypasses such springs, so frequencies do not converge with the mesh as they do
 with contact integrated over the area (`tangential_contact`). It is here for comparison alone.

@@ -2,7 +2,7 @@
 
 Only deflections along z take part. Every lamina bends as a thin plate, every interface follows the measured
 compression curve and does not pull, and the clamps press through the plates on both faces. This is the
-paper's first stage (Pirnat et al. 2013, section 3) with the contact integrated over the area instead of gathered in
+paper's first stage (Pirnat et al. 2013, section 3) with the contact integrated over the area instead of lumped in
 link elements. The potential energy is convex, so the pressure is unique and does not depend on the loading path.
 """
 

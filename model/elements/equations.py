@@ -152,7 +152,7 @@ class Kron:
     row, column : "u", "v" or "w"
         Fields that it couples.
     z : (n_z_row, n_z_column) matrix
-        Over the laminas, or over the functions of z that stand for them.
+        Over the laminas, or over the through-thickness functions that stand for them.
     planar : (n_row, n_column) sparse matrix
         Over the plan.
     """
@@ -217,7 +217,7 @@ class Assembly:
     plan : Plan
         The lamina's mesh and spaces.
     n_z : mapping of field to int
-        Number of laminas, or of functions of z, of each field.
+        Number of laminas, or of through-thickness functions, of each field.
     terms : tuple of Term
         The parts.
     theta : mapping of str to float

@@ -17,8 +17,8 @@ def rigid_body_modes(
 ) -> NDArray[np.float64]:
     """Return three translations and three rotations, (assembly.size, 6).
 
-    `phi` holds the functions of z of the assembly's coordinates, (n_lamina, n_z) for each field: the identity
-    where they are the laminas themselves.
+    `phi` holds the through-thickness functions of the assembly's coordinates, (n_lamina, n_z) for each field: the
+    identity where they are the laminas themselves.
     """
     plan, where = assembly.plan, assembly.slices()
     one = np.ones(stack.n_lamina)

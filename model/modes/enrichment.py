@@ -194,7 +194,7 @@ class _Correction:
         return self._assembly.apply(self._inertia, x)
 
 
-@functools.lru_cache(maxsize=2)  # a search asks again and again, and beside it a virtual test is played
+@functools.lru_cache(maxsize=2)  # a search asks again and again, and beside it a virtual test is simulated
 def nominal_factor(assembly: Assembly) -> Factor:
     """Return the factor of the nominal stack that `enriched` corrects modes with: worth a call in an idle moment."""
     return shifted_factor(assembly, assembly.theta)

@@ -252,7 +252,7 @@ def _at_own_frequency(
         )
         raise SolveError(message)
     if np.count_nonzero(np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]) > 1:
-        values, basis = la.eigh(stiffness, mass)  # only beside all modes are twins told from it
+        values, basis = la.eigh(stiffness, mass)  # only beside all modes are twins resolved from it
         index = int(np.argmax(np.abs(basis.T @ (mass @ shape))))
         own = mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
     else:

@@ -2,9 +2,9 @@
 
 A step of preconditioned subspace iteration on the full equations (LOBPCG: Knyazev 2001, SIAM J. Sci. Comput.
 23, 517-541) lowers each frequency towards its value without any reduction. The drop is a lower bound of the
-error, and close to it as long as the preconditioner is good; it has two levels, the equations with functions
-of z, factorised, for what is smooth over the height, and for the rest planar problems that eigenvectors over
-z of the interfaces leave.
+error, and close to it as long as the preconditioner is good; it has two levels, the equations in the
+through-thickness basis, factorised, for what is smooth over the height, and for the rest planar problems that
+eigenvectors over z of the interfaces leave.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ Vector = NDArray[np.float64]
 _AT_ONCE = 2  # modes of which the residual is taken
 _RATIO = 8.0  # of eigenvalues over z that share one planar factor
 _MAX_STEPS = 30
-_MIN_STEPS = 6  # with functions of z, for modes that the reduced system lacks to come up
-_TOLERANCE = 1e-5  # relative change of eigenvalues with functions of z in the last step
+_MIN_STEPS = 6  # with through-thickness functions, for modes that the reduced system lacks to come up
+_TOLERANCE = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
 _SAFETY = 2.0  # the next drops together are taken as no more than this times their geometric sum
 
 
@@ -220,7 +220,7 @@ def _over_plan(
     n_rigid: int,
     n_mode: int,
 ) -> Vector:
-    """Return the elastic modes with all of the plan and functions of z, those too that the snapshots lack."""
+    """Return the elastic modes with all of the plan and thickness basis, those too that the snapshots lack."""
     assembly = system.assembly
     mass = assembly.krons("M", theta)
 
@@ -280,7 +280,7 @@ def _gram(left: list[Vector], right: list[Vector]) -> Vector:
 
 
 def _from_phi(system: ReducedSystem, x: Vector) -> Vector:
-    """Return displacements in coordinates of the functions of z on all laminas."""
+    """Return displacements in coordinates of the through-thickness functions on all laminas."""
     where, k = system.assembly.slices(), x.shape[1]
     return np.vstack(
         [(system.phi[f] @ x[where[f]].reshape(system.phi[f].shape[1], -1)).reshape(-1, k) for f in FIELDS]
@@ -297,13 +297,13 @@ def _to_phi(system: ReducedSystem, x: Vector) -> Vector:
 def _preconditioner(
     system: ReducedSystem, theta: Mapping[str, float], smooth: Factor
 ) -> Callable[[Vector], Vector]:
-    """Return an approximation of (K + shift M)^-1 on all laminas; `smooth` is that of the functions of z."""
+    """Return an approximation of (K + shift M)^-1 on all laminas; `smooth` is that of the thickness basis."""
     rest = _rough_part(system, theta)
     return lambda r: _from_phi(system, smooth.solve(_to_phi(system, r))) + rest(r)
 
 
 def _rough_part(system: ReducedSystem, theta: Mapping[str, float]) -> Callable[[Vector], Vector]:
-    """Return an approximation of (K + shift M)^-1 for what is orthogonal to the functions of z."""
+    """Return an approximation of (K + shift M)^-1 for what is orthogonal to the through-thickness functions."""
     full, shift = system.laminas, shear_shift(system.stack, theta)
     shifted = (*full.krons("K", theta), *_scaled(full.krons("M", theta), shift))
     rough = {field: _Rough.of(full, field, shifted) for field in FIELDS}

@@ -18,7 +18,7 @@ from model.stack.stack import Stack
 
 Basis = Literal["first", "enriched", "all laminas"]
 
-_SHARE = 0.1  # of the tolerance, that the functions of z may take in the first basis
+_SHARE = 0.1  # of the tolerance, that the through-thickness functions may take in the first basis
 _ENRICHED = 0.003  # and in the enriched one
 _SPARE = 2  # modes beyond those asked for, so that none is missing among close ones
 
@@ -34,8 +34,9 @@ class Verification:
     tolerance : float
         The error that was allowed.
     basis : "first", "enriched" or "all laminas"
-        What the frequencies are from: the first reduced basis, which met the tolerance; one with more functions of z,
-        because the first did not; or an iteration on the equations of all laminas, because neither did.
+        What the frequencies are from: the first reduced basis, which kept the tolerance; one with more
+        through-thickness functions, because the first did not; or an iteration on the equations of all laminas,
+        because neither did.
     first_error : float
         Largest estimated error with the first basis.
     """
@@ -49,7 +50,7 @@ class Verification:
         object.__setattr__(self, "error", readonly("Verification", "error", self.error, (None,)))
 
     @property
-    def met(self) -> bool:
+    def within_tolerance(self) -> bool:
         """Whether every error is within the tolerance."""
         return bool(np.all(self.error <= self.tolerance))
 

@@ -27,8 +27,8 @@ _ENERGY = 1e-4  # of a mode, at full strength: an answer with less is left out; 
 def shaping(assembly: Assembly, names: Iterable[str]) -> frozenset[str]:
     """Return those parameters on which stiffness depends in a way of its own over z.
 
-    Others only change shapes over the plan, which the functions of z hardly feel: masses, and contact that changes over
-    the plan alone.
+    Others only change shapes over the plan, which the through-thickness functions hardly feel: masses, and contact that
+    changes over the plan alone.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def shaping(assembly: Assembly, names: Iterable[str]) -> frozenset[str]:
 
 
 def effect_samples(assembly: Assembly, theta: Mapping[str, float]) -> list[dict[str, float]]:
-    """Return parameters at which effects act that shape the functions of z, each with 3/4 of its strength.
+    """Return parameters at which effects act that shape the through-thickness functions, each with 3/4 of its strength.
 
     At full strength several that soften the contact could together make it negative. Effects that ground the stack are
     not among them: the modes are sought beside those of rigid-body motion.

@@ -26,7 +26,7 @@ from model.reduction.effect_basis import effect_answers, effect_samples
 from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
 from model.reduction.sobol import sobol
-from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, shear_shift, z_basis
+from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, shear_shift, through_thickness_basis
 from model.solvers.eigen import Block, Product, orthonormalize
 from model.solvers.low_rank import Factor
 from model.solvers.stack_solver import Solver, solver_over_plan
@@ -48,7 +48,7 @@ class ReducedSystem(ReducedEquations):
     Attributes
     ----------
     phi : mapping of field to (n_lamina, n_function)
-        Functions of z of each field, one row a lamina.
+        Through-thickness functions of each field, one row a lamina.
     assembly : Assembly
         The equations of motion after reduction over z.
     basis : (assembly.size, n)
@@ -146,7 +146,7 @@ def reduce(
         Number of snapshots: at the Chebyshev nodes of log G_f, or, with n further ranges, one in n + 2 of them there
         and the others at points of a Sobol sequence over all ranges. By default four for each range.
     z_tolerance : float
-        Relative error of frequencies that the functions of z may cause, checked over a few shapes of the plan.
+        Relative error of frequencies that the through-thickness basis may cause, checked over a few shapes of the plan.
     terms : callable
         What physical effects add to the equations of motion of all laminas.
     theta : mapping of str to float, optional
@@ -189,7 +189,7 @@ def _from_snapshots(
     """Reduce the equations of all laminas over z and then to the span of snapshots at the samples."""
     stack, outer = laminas.stack, samples[: len(box) + 1]
     with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
-    over_z = z_basis(stack, laminas, [*outer, *with_effects], n_mode, z_tolerance)
+    over_z = through_thickness_basis(stack, laminas, [*outer, *with_effects], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     starts = [snapshot[:, N_RIGID:] for snapshot in over_z.snapshots[: len(outer)]]
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
@@ -357,16 +357,16 @@ def _samples(
     order = [*range(n_first)[:: max(n_first - 1, 1)], *range(n_first)[1:-1]]
     unit = sobol(n - n_first, len(ranges))
 
-    def place(low: float, high: float, part: float) -> float:
+    def spaced(low: float, high: float, part: float) -> float:
         return float(low * (high / low) ** part if low > 0.0 else low + (high - low) * part**1.5)
 
-    (first, range_), *others = ranges.items()
-    middle = {name: float(np.clip(nominal[name], low, high)) for name, (low, high) in others}
+    (first, range_), *further = ranges.items()
+    middle = {name: float(np.clip(nominal[name], low, high)) for name, (low, high) in further}
     return [
-        *({first: place(*range_, part), **middle} for part in nodes[order]),
+        *({first: spaced(*range_, part), **middle} for part in nodes[order]),
         *(
             {
-                name: place(low, high, part)
+                name: spaced(low, high, part)
                 for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
             }
             for point in unit

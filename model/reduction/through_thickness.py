@@ -1,4 +1,4 @@
-"""Functions of z: a few displacement profiles over the height that stand for all laminas.
+"""The through-thickness basis: a few displacement profiles over the height that stand for all laminas.
 
 They are drawn by proper orthogonal decomposition from modes of all laminas and all interfaces over a few shapes of
 the plan, so weak interfaces, uneven pressure and masses on the faces shape them. Those shapes come from modes with
@@ -44,8 +44,8 @@ _REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ZBasis:
-    """Functions of z and the modes that they were drawn from.
+class ThroughThicknessBasis:
+    """The through-thickness basis and the modes that it was drawn from.
 
     Attributes
     ----------
@@ -53,8 +53,8 @@ class ZBasis:
         Orthonormal columns. Uniform and linear displacement over z are among those of u and v, uniform
         displacement among those of w, so rigid-body modes are exact.
     snapshots : tuple of (n, n_vector)
-        These modes in coordinates of the functions of z and of all the plan, one array for each sample of the
-        parameters.
+        These modes in coordinates of the through-thickness functions and of all the plan, one array for each sample of
+        the parameters.
     """
 
     phi: Phi
@@ -86,7 +86,7 @@ def _principal_functions(
     *,
     symmetric: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return functions of z: `first`, then the others by the energy that leaving them out would cost.
+    """Return through-thickness functions: `first`, then the others by the energy that leaving them out would cost.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _with_parity(functions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _over_phi(full: Assembly, phi: Phi, x: Vector) -> Vector:
-    """Return displacements of all laminas, (full.size, k), in coordinates of the functions of z."""
+    """Return displacements of all laminas, (full.size, k), in coordinates of the through-thickness functions."""
     where, k = full.slices(), x.shape[1]
     return np.vstack([(phi[f].T @ x[where[f]].reshape(full.n_z[f], -1)).reshape(-1, k) for f in FIELDS])
 
@@ -136,7 +136,7 @@ def _over_phi(full: Assembly, phi: Phi, x: Vector) -> Vector:
 def _smooth_modes(
     reduced: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], phi: Phi, n_mode: int
 ) -> list[tuple[Vector, Vector]]:
-    """Return roughly converged eigenvalues and vectors with smooth functions of z, one pair for each sample."""
+    """Return roughly converged eigenvalues and vectors with a smooth thickness basis, one pair for each sample."""
     solver, rigid = solver_over_plan(reduced), rigid_body_modes(reduced, stack, phi)
     start = np.random.default_rng(0).standard_normal((reduced.size, n_mode - N_RIGID + SPARE))
     found = []
@@ -160,14 +160,14 @@ def _elastic(eigenvalues: Sequence[Vector], modes: Sequence[Vector], shifts: Seq
     )
 
 
-def z_basis(
+def through_thickness_basis(
     stack: Stack,
     laminas: Assembly,
     thetas: Sequence[Mapping[str, float]],
     n_mode: int,
     tolerance: float,
-) -> ZBasis:
-    """Draw functions of z from modes of all laminas over a few shapes of the plan.
+) -> ThroughThicknessBasis:
+    """Draw the through-thickness basis from modes of all laminas over a few shapes of the plan.
 
     The number of functions grows until the frequencies over these shapes are those with all laminas.
 
@@ -218,7 +218,7 @@ def z_basis(
         return float(max(errors))
 
     phi = _enough(functions, energy, worst_error, tolerance)
-    return ZBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
+    return ThroughThicknessBasis(phi=phi, snapshots=tuple(_on_mesh(full, shapes, phi, s) for s in snapshots))
 
 
 def _polynomials(n_lamina: int) -> Phi:
@@ -252,7 +252,7 @@ def _over_plan(assembly: Assembly, field: Field, x: Vector) -> Vector:
 
 
 def _on_shapes(reduced: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
-    """Return displacements in coordinates of functions of z on the meshed plan, for all laminas over shapes."""
+    """Return displacements in coordinates of the thickness basis on the meshed plan, for all laminas over shapes."""
     parts = []
     for f in FIELDS:
         over = shapes.coordinates(f, _over_plan(reduced, f, x))
@@ -261,7 +261,7 @@ def _on_shapes(reduced: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vec
 
 
 def _on_mesh(full: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
-    """Return displacements of all laminas over shapes in coordinates of the functions of z on the meshed plan."""
+    """Return displacements of all laminas over shapes in coordinates of the thickness basis on the meshed plan."""
     parts = []
     for f in FIELDS:
         over = np.einsum("kj,pkm->jpm", phi[f], _over_plan(full, f, x), optimize=True)
@@ -272,7 +272,7 @@ def _on_mesh(full: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
 def _functions_and_energies(
     full: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], samples: Vector
 ) -> tuple[dict[Field, Vector], dict[Field, Vector]]:
-    """Return principal functions of z of each field and the energy that each carries in `samples`.
+    """Return principal through-thickness functions of each field and the energy that each carries in `samples`.
 
     An error e(z) of a field costs energy in the laminas and in the interfaces; with the mean energy of the
     samples' planar shapes both become one norm over z.

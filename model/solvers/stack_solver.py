@@ -158,7 +158,7 @@ def _couplings(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chain:
-    """Some of the functions of z, which no term couples to others, with all of the plan.
+    """Some of the through-thickness functions, which no term couples to others, with all of the plan.
 
     Attributes
     ----------
@@ -317,10 +317,10 @@ def _solver(
 
 
 def solver_over_plan(assembly: Assembly) -> Solver:
-    """Cut the equations into blocks from one end of the plan to the other, each with all functions of z.
+    """Cut the equations into blocks from one end of the plan to the other, each with all through-thickness functions.
 
-    Functions of z that no term couples, such as the even and the odd ones of a stack that is symmetric about
-    its middle, form chains of their own.
+    Through-thickness functions that no term couples, such as the even and the odd ones of a stack that is symmetric
+    about its middle, form chains of their own.
     """
     plan = assembly.plan
     ends = np.cumsum([0, *(plan.size(field) for field in FIELDS)])
@@ -360,7 +360,7 @@ def solver_over_plan(assembly: Assembly) -> Solver:
 
 
 def _uncoupled_functions(assembly: Assembly) -> list[dict[Field, Index]]:
-    """Return the sets of functions of z, for each field, of which no term couples one to another."""
+    """Return the sets of through-thickness functions, for each field, of which no term couples one to another."""
     ends = np.cumsum([0, *(assembly.n_z[field] for field in FIELDS)])
     linked = np.zeros((ends[-1], ends[-1]), dtype=bool)
     for term in assembly.terms:

@@ -33,18 +33,20 @@ likeness = updating.macxp(
 print(f"MACXP of the pairs {np.round(np.diag(likeness), 3)}")
 
 # Measured shapes on the whole stack, and where the model's stiffness is off.
-place = updating.register(fit.stack, measured.geometry, measured.node, measured.direction, tolerance=0.01)
+registration = updating.register(
+    fit.stack, measured.geometry, measured.node, measured.direction, tolerance=0.01
+)
 expanded = updating.expand(measured.shape, measured.shape_std, fit.modes)
 system = model.reduce(fit.stack, n_snapshot=4)
 fault = updating.map_error(
     system,
     measured,
-    place.observation,
+    registration.observation,
     updating.regions(fit.stack),
     G_f=fit.G_f.value,
     modes=fit.pairing.measured,
 )
-print(f"expansion meets the shapes with a MAC of {expanded.met.min():.4f} or more")
+print(f"expansion matches the shapes with a MAC of {expanded.matched.min():.4f} or more")
 print(f"error in constitutive relation: {100 * np.sqrt(fault.total.max()):.2f} % of the stiffness at most")
 
 # Both torques at once: one contact law, with and without an exponent of pressure; the last mode of M2 is predicted.

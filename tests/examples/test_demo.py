@@ -1,4 +1,4 @@
-"""The shipped campaign from FRF files to the report, against the truth that it was played from."""
+"""The shipped campaign from FRF files to the report, against the truth that it was simulated from."""
 
 import html.parser
 import json
@@ -22,11 +22,11 @@ def truth():
 
 
 def test_every_true_mode_of_the_band_is_identified_and_no_other(demo, truth):
-    played, band = truth
+    simulated, band = truth
     for measured in (found.modal_model for found, _ in demo[1]):
-        frequency = np.array(played[measured.name][1]["frequency"])
+        frequency = np.array(simulated[measured.name][1]["frequency"])
         # In-plane modes move the 44 points along x and y only, which uniaxial accelerometers do not see.
-        seen = np.max(np.abs(played[measured.name][1]["shape"]), axis=0) > 1e-3
+        seen = np.max(np.abs(simulated[measured.name][1]["shape"]), axis=0) > 1e-3
         true = frequency[seen & (frequency > band[0]) & (frequency < band[1])]
         np.testing.assert_allclose(measured.frequency, true, rtol=5e-4)
 

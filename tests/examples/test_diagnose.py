@@ -7,7 +7,7 @@ from rich.console import Console
 
 import model
 from updating.commands import diagnose as command
-from updating.diagnosis import kept_model
+from updating.diagnosis import cached_model
 from updating.diagnosis.diagnosis import diagnose
 from updating.errors import FitError
 
@@ -25,7 +25,7 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
 
     monkeypatch.setattr(command, "catalogue", lambda _: {name: whole[name] for name in CONSIDERED})
     monkeypatch.setattr(command, "diagnose_stack", counted)
-    monkeypatch.setattr(kept_model, "folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr(cached_model, "folder", lambda: tmp_path / "cache")
     first, second = (command.diagnose_campaign(campaign, tmp_path / "out", [], console) for _ in range(2))
     assert len(made) == 1
     for stage in ("reduce the model with 2 effects", "fit 2 effects, each alone"):

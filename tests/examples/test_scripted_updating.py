@@ -1,4 +1,4 @@
-"""The example of scripted updating runs, and says what the demo stack was played with."""
+"""The example of scripted updating runs, and says what the demo stack was simulated with."""
 
 import re
 import runpy

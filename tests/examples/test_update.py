@@ -24,14 +24,14 @@ def done(tmp_path_factory):
 
 
 def test_the_shipped_file_finds_the_pressure_law(done):
-    """G_f of the two torques was played 1480 and 911, which is p**0.3."""
+    """G_f of the two torques was simulated with 1480 and 911, which is p**0.3."""
     truth = json.loads((ROOT / "data/demo_stack/truth.json").read_text(encoding="utf-8"))["result"]
     (low, high) = truth["configurations"]
-    played = 1.0 + np.log(high["G_f"] / low["G_f"]) / np.log(2.0)
+    simulated = 1.0 + np.log(high["G_f"] / low["G_f"]) / np.log(2.0)
     fit = done[1].fit
     exponent = next(p for p in fit.parameter if p.name == "exponent")
-    assert exponent.value == pytest.approx(played, abs=0.01)
-    assert exponent.interval[0] < played < exponent.interval[1]
+    assert exponent.value == pytest.approx(simulated, abs=0.01)
+    assert exponent.interval[0] < simulated < exponent.interval[1]
     assert fit.value("d_f", "M1") == pytest.approx(low["d_f"], rel=0.01)
     assert fit.value("d_f", "M2") == pytest.approx(high["d_f"], rel=0.01)
     assert fit.value("young") == pytest.approx(1.0, abs=0.01)

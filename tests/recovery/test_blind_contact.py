@@ -1,4 +1,4 @@
-"""Contact parameters of played tests, found without knowing them: `make blind`."""
+"""Contact parameters of virtual tests, found without knowing them: `make blind`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from ema import identify_frf
 from updating import fit
-from updating.virtual.measurement import play
+from updating.virtual.measurement import simulate
 from updating.virtual.vibration_test import VirtualConfiguration
 from updating.virtual.vibration_test_file import read_virtual_test
 
@@ -40,7 +40,7 @@ def test_contact_parameters_of_unseen_tests_are_recovered():
     for seed in SEEDS:
         test = draw(seed)
         truth = test.configurations[0]
-        frf, _ = play(test)[truth.name]
+        frf, _ = simulate(test)[truth.name]
         measured = identify_frf(frf, test.geometry, name=truth.name)
         found = fit(test.stack.with_contact(pressure=truth.pressure), measured)
         errors.append((found.G_f.value / truth.G_f - 1, found.d_f.value / truth.d_f - 1))

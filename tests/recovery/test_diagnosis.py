@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from updating.diagnosis.gathering import gather
 
 import model
-from updating.blind.case import blind_test, candidates_of, played
+from updating.blind.case import blind_test, candidates_of, simulated
+from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import explain
 from updating.diagnosis.residual import residual
-from updating.virtual.measurement import ModalNoise, play_modes
+from updating.virtual.measurement import ModalNoise, simulate_modes
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 CONSIDERED = (
@@ -38,7 +38,7 @@ def candidates(catalogue):
 
 def diagnosed(candidates, effects, values, seed):
     test = blind_test(SPECIFICATION, seed, effects, values)
-    return conclude(gather(candidates, played(test)[:2]))
+    return conclude(assemble_evidence(candidates, simulated(test)[:2]))
 
 
 def test_nothing_is_missing_where_nothing_is_hidden(candidates):
@@ -89,8 +89,8 @@ def test_a_mass_that_no_effect_of_the_catalogue_is_shows_where_it_sits(candidate
     """It moves with the stack at the shaker."""
     moving = model.catalogue()["stinger_mass"]
     test = blind_test(SPECIFICATION, 15, (moving,), {moving.parameters[0].name: mass})
-    tested = played(test)[:2]
-    found = conclude(gather(candidates, tested))
+    tested = simulated(test)[:2]
+    found = conclude(assemble_evidence(candidates, tested))
     assert found.verdict == "unlike anything"
     assert (found.p_value > 0.5) == hidden
     assert found.point_change.kind == "mass"
@@ -105,8 +105,8 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
     """Data without noise, of a mesh 5/3 times finer, hold three quarters of the fit's error, which is extrapolated."""
     test = replace(blind_test(SPECIFICATION, 14, (), {}), spread={})
     still = ModalNoise(frequency=1e-7, damping=1e-7, shape=1e-7)
-    exact = [drawn for drawn, _ in play_modes(test, still).values()]
-    evidence = gather(
+    exact = [drawn for drawn, _ in simulate_modes(test, still).values()]
+    evidence = assemble_evidence(
         candidates, [(c.name, c.pressure, m) for c, m in zip(test.configurations, exact, strict=True)][:2]
     )
     truth = np.zeros(len(evidence.nuisances))
@@ -131,11 +131,11 @@ def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, na
 
     def left(ratio, known):
         stack = replace(test.stack, **{name: ratio * getattr(test.stack, name)})
-        drawn = play_modes(replace(test, stack=stack), still)
+        drawn = simulate_modes(replace(test, stack=stack), still)
         tested = [
             (c.name, c.pressure, m) for c, (m, _) in zip(test.configurations, drawn.values(), strict=True)
         ]
-        evidence = gather(candidates, tested)
+        evidence = assemble_evidence(candidates, tested)
         at = np.zeros(len(evidence.nuisances))
         at[evidence.nuisances.index(name)] = np.log(known)
         return residual(evidence, at).log_frequency
@@ -156,7 +156,7 @@ def shape_difference(found):
 
 def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
     """Effects are chosen by what they change beside what others left, each solved on its own."""
-    evidence = gather(candidates, played(blind_test(SPECIFICATION, 12, (), {}))[:2])
+    evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 12, (), {}))[:2])
     turned = replace(
         evidence, observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in evidence.observed)
     )
@@ -166,22 +166,22 @@ def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
 
 
 def test_a_shape_that_is_stated_uncertain_is_weak(candidates):
-    name, pressure, modes = played(blind_test(SPECIFICATION, 12, (), {}))[0]
+    name, pressure, modes = simulated(blind_test(SPECIFICATION, 12, (), {}))[0]
     length = np.linalg.norm(modes.shape, axis=0)
     share = np.where(np.arange(length.size) == 2, 0.06, 0.04)
     spread = np.ones(modes.shape.shape) / np.sqrt(len(modes.shape)) * length * share
-    evidence = gather(candidates, [(name, pressure, replace(modes, shape_std=spread))])
+    evidence = assemble_evidence(candidates, [(name, pressure, replace(modes, shape_std=spread))])
     assert residual(evidence, evidence.start).weak == (f"{name}, mode 3",)
 
 
 def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
     """What every sensor reads too high or too low is neither a mode of the stack nor its rigid-body motion."""
-    name, pressure, modes = played(blind_test(SPECIFICATION, 14, (), {}))[0]
+    name, pressure, modes = simulated(blind_test(SPECIFICATION, 14, (), {}))[0]
     gain = np.random.default_rng(0).standard_normal((len(modes.shape), 1))
 
     def shown(share, most=0.05):
         tested = [(name, pressure, replace(modes, shape=(1.0 + share * gain) * modes.shape))]
-        return gather(candidates, tested, scatter=DiagnosisScatter(shape=most)).scatter.shape
+        return assemble_evidence(candidates, tested, scatter=DiagnosisScatter(shape=most)).scatter.shape
 
     assert shown(0.0) < 0.003
     assert shown(0.02) == pytest.approx(0.02, rel=0.3)
@@ -199,8 +199,8 @@ def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidate
         gain = place % 2 if each == "one of two sensors" else every
         return replace(modes, shape=(1.0 + 0.01 * gain[:, None]) * modes.shape)
 
-    tested = [(name, pressure, read(modes)) for name, pressure, modes in played(test)[:2]]
-    found = conclude(gather(candidates, tested))
+    tested = [(name, pressure, read(modes)) for name, pressure, modes in simulated(test)[:2]]
+    found = conclude(assemble_evidence(candidates, tested))
     assert found.verdict == "identified"
     assert found.set == (("contact_direction",),)
     if each == "one of two sensors":
@@ -221,7 +221,7 @@ def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_nam
 
 def test_an_effect_that_does_nothing_is_no_evidence(candidates, catalogue):
     test = blind_test(SPECIFICATION, 12, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
-    evidence = gather(candidates, played(test)[:2])
+    evidence = assemble_evidence(candidates, simulated(test)[:2])
     one = explain(evidence, ("contact_direction",))
     two = explain(
         evidence,

@@ -13,7 +13,7 @@ from updating import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
 
 DATA = Path(__file__).parents[2] / "data/hidden_effect"
-BENCH = {"stinger_mass"}  # every played test has a force cell of 5 g, which the stack files do not tell
+BENCH = {"stinger_mass"}  # every virtual test has a force cell of 5 g, which the stack files do not tell
 
 
 @pytest.mark.blind
@@ -55,7 +55,7 @@ def test_a_mode_just_above_the_band_is_not_shared_between_those_within():
 
 
 def masses_between_modes(modes, truth):
-    """What small masses would make true shapes lean as identified ones do, (n_pair, 2): value, standard deviation.
+    """What small masses would mix true shapes as identified ones are, (n_pair, 2): value, standard deviation.
 
     See `updating.diagnosis.mixing`: of unit modal mass, from coefficients along the other identified modes.
     """

@@ -1,4 +1,4 @@
-"""Campaigns played on a second model: drawn, measured and written; a bar of known modes stands for the model."""
+"""Campaigns simulated on a second model: drawn, measured and written; a bar of known modes stands for the model."""
 
 import dataclasses
 import json

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
 
 
-def played(effects, values, specimen=""):
+def simulated(effects, values, specimen=""):
     """Two torques of a small stack, with the modes that the model has at these values."""
     stack = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
     stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(
@@ -45,7 +45,7 @@ def played(effects, values, specimen=""):
 def entries():
     values = {"clamp_roll_inertia": 0.004, "clamp_station": 0.7, "G_f": 1200.0}
     return ledger(
-        played(["clamp_inertia", "fill_factor"], values),
+        simulated(["clamp_inertia", "fill_factor"], values),
         ["clamp_inertia", "fill_factor"],
         FitSettings(damping=False),
     )
@@ -56,7 +56,7 @@ def torques():
     """One stack at two torques, whose stiffness and loss grow with the root of the pressure."""
     values = {"exponent": 0.5, "G_f": 1200.0, "d_f": 5e-11}
     return ledger(
-        played(["pressure_exponent"], values, "S"),
+        simulated(["pressure_exponent"], values, "S"),
         ["pressure_exponent"],
         FitSettings(scatter=Scatter(pressure=0.03)),
     )

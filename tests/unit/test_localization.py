@@ -71,7 +71,7 @@ def observation(stack):
     )
 
 
-def play(stack, observation, noise=0.01, seed=0):
+def simulate(stack, observation, noise=0.01, seed=0):
     """The modes of a stack as a test would give them."""
     rng = np.random.default_rng(seed)
     system = model.reduce(stack, G_f_range=(900.0, 2400.0))
@@ -92,7 +92,7 @@ def error_map(system, stack, observation):
     def made(true_stack, seed=0):
         return map_error(
             system,
-            play(true_stack, observation, seed=seed),
+            simulate(true_stack, observation, seed=seed),
             observation,
             regions(stack),
             G_f=1480.0,
@@ -213,7 +213,7 @@ def test_a_right_model_leaves_an_error_of_the_size_of_the_noise(error_map, stack
     assert found.total.max() < 30.0 * found.floor.max()
 
 
-def test_shapes_are_met_to_their_standard_deviation(local):
+def test_shapes_are_matched_to_their_standard_deviation(local):
     np.testing.assert_allclose(local.misfit, 1.0, rtol=1e-6)
 
 

@@ -78,7 +78,7 @@ def test_chain_solution_agrees_with_the_full_sparse_matrices(cut):
 
 @pytest.mark.parametrize("name", model.catalogue())
 def test_an_effect_that_couples_places_far_apart_is_solved_exactly(name):
-    """With fewer functions of z for w than for u and v, as a stack's own have."""
+    """With fewer through-thickness functions for w than for u and v, as a stack's own have."""
     effect = model.catalogue()[name]
     values = {p.name: p.nominal for p in effect.parameters}
     try:

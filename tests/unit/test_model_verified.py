@@ -68,7 +68,7 @@ def test_estimate_is_not_below_the_true_error_of_the_full_matrices(name):
     _, modes, check = solve_verified(STACKS[name], n_mode=N_MODE, observation=ANYWHERE)
     true = modes.frequency[6:] / exact(STACKS[name]) - 1.0
     assert check.basis == "first"
-    assert check.met
+    assert check.within_tolerance
     assert np.all(true <= 1.05 * check.error[6:] + 1e-8)
     assert np.all(check.error[6:] <= 4.0 * true + 1e-6)
 
@@ -78,6 +78,6 @@ def test_a_tolerance_that_the_first_basis_misses_is_met_and_said():
     _, modes, check = solve_verified(weak, n_mode=N_MODE, observation=ANYWHERE, tolerance=2e-7)
     assert check.first_error > 2e-7
     assert check.basis != "first"
-    assert check.met
+    assert check.within_tolerance
     true = modes.frequency[6:] / exact(weak) - 1.0
     assert np.all(np.abs(true) < 2e-7)

@@ -1,4 +1,4 @@
-"""The coarse look over whole ranges: what it makes of places that the model cannot be at."""
+"""The coarse global search: what it makes of parameters that the model cannot have."""
 
 from types import SimpleNamespace
 

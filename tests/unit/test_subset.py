@@ -1,4 +1,4 @@
-"""Subset selection: the parameters that data tell apart, the best known first."""
+"""Subset selection: the parameters that data resolve, the best known first."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A played test: what stands on the bench, masses that are added, poles, averages, files."""
+"""A virtual test: what stands on the bench, masses that are added, poles, averages, files."""
 
 import json
 from dataclasses import replace
@@ -12,7 +12,7 @@ import model
 from updating.errors import FitError
 from updating.virtual.campaign import write_virtual_test
 from updating.virtual.dynamics import Dynamics, dynamics, loaded_response, poles
-from updating.virtual.measurement import QUICK_MESH, ModalNoise, play, play_modes, true_modes
+from updating.virtual.measurement import QUICK_MESH, ModalNoise, simulate, simulate_modes, true_modes
 from updating.virtual.vibration_test import Averaging, drawn_deviations, specimens
 from updating.virtual.vibration_test_file import read_virtual_test
 
@@ -153,7 +153,7 @@ def test_functions_without_noise_have_the_true_poles(test):
         averaging=None,
         noise=0.0,
     )
-    frf, true = play(replace(one, step=1.0))["M1"]
+    frf, true = simulate(replace(one, step=1.0))["M1"]
     measured = ema.identify_frf(frf, test.geometry, name="M1", band=(400.0, 1900.0))
     strongest = int(np.argmax(np.where(true.visible((500.0, 1700.0)), true.strength, 0.0)))
     near = int(np.argmin(np.abs(measured.frequency - true.tested_frequency[strongest])))
@@ -189,7 +189,7 @@ def test_averages_without_noise_give_the_clean_functions(test):
     one = replace(test, configurations=test.configurations[:1], deviation={})
     exact = replace(one, averaging=Averaging(n_average=4, force_noise=0.0, response_noise=0.0))
     clean = replace(one, averaging=None, noise=0.0)
-    for (a, _), (b, _) in zip(play(exact).values(), play(clean).values(), strict=True):
+    for (a, _), (b, _) in zip(simulate(exact).values(), simulate(clean).values(), strict=True):
         np.testing.assert_allclose(a.value, b.value, rtol=1e-10)
         np.testing.assert_allclose(a.coherence, 1.0, rtol=1e-10)
 
@@ -197,8 +197,8 @@ def test_averages_without_noise_give_the_clean_functions(test):
 def test_the_scatter_of_h1_is_that_of_its_coherence(test):
     averaging = Averaging(n_average=64, force_noise=0.01, response_noise=0.02)
     one = replace(test, configurations=test.configurations[:1], deviation={}, averaging=averaging)
-    clean = play(replace(one, averaging=None, noise=0.0))["M1"][0].value
-    frf = play(one)["M1"][0]
+    clean = simulate(replace(one, averaging=None, noise=0.0))["M1"][0].value
+    frf = simulate(one)["M1"][0]
     relative = np.abs(frf.value / clean - 1) ** 2
     n = averaging.n_average
     predicted = (1 - frf.coherence) / (n * frf.coherence)  # Bendat and Piersol, table 9.6, both parts
@@ -216,7 +216,7 @@ def test_files_are_read_back_as_played_and_the_same_seed_gives_the_same_bytes(fo
         assert (folder / "one" / file).read_bytes() == (folder / "two" / file).read_bytes(), file
     campaign = ema.read_campaign(folder / "one/campaign.toml")
     assert model.read_stack(campaign.stack).effects == ()
-    for name, (frf, _) in play(test).items():
+    for name, (frf, _) in simulate(test).items():
         read = ema.read_measurement(campaign, name).frf
         np.testing.assert_allclose(read.value, frf.value, rtol=1e-3)
         np.testing.assert_allclose(read.coherence, frf.coherence, atol=1e-5)
@@ -231,35 +231,35 @@ def test_files_are_read_back_as_played_and_the_same_seed_gives_the_same_bytes(fo
 def test_modal_data_scatter_as_stated(test):
     one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
     noise = ModalNoise(frequency=1e-3, damping=0.05, shape=0.02)
-    measured, true = play_modes(one, noise)["M1"]
+    measured, true = simulate_modes(one, noise)["M1"]
     seen = true.visible(one.band)
     assert measured.frequency.size == seen.sum() >= 2
     np.testing.assert_allclose(measured.frequency, true.tested_frequency[seen], rtol=5e-3)
     np.testing.assert_allclose(measured.frequency_std, 1e-3 * measured.frequency)
     np.testing.assert_allclose(np.diag(ema.mac(measured.shape, true.shape[:, seen])), 1.0, atol=0.01)
-    again, _ = play_modes(one, noise)["M1"]
+    again, _ = simulate_modes(one, noise)["M1"]
     np.testing.assert_array_equal(again.shape, measured.shape)
 
 
 def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch):
     one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
-    drawn, _ = play_modes(one, ModalNoise())["M1"]
+    drawn, _ = simulate_modes(one, ModalNoise())["M1"]
 
     def turned(*given):
         true = true_modes(*given)
         return replace(true, shape=-true.shape)
 
     monkeypatch.setattr("updating.virtual.measurement.true_modes", turned)
-    again, _ = play_modes(one, ModalNoise())["M1"]
+    again, _ = simulate_modes(one, ModalNoise())["M1"]
     np.testing.assert_array_equal(again.shape, drawn.shape)
 
 
 def test_upper_modes_are_true_as_well(test):
-    """Soft contact brings many modes into the band; the reduction must hold for all that are played."""
+    """Soft contact brings many modes into the band; the reduction must hold for all that are simulated."""
     soft = replace(test.configurations[0], G_f=300.0)
     one = replace(test, configurations=(soft,), deviation={}, spread={}, force_cell_mass=0.0)
     one = replace(one, stinger_stiffness=0.0, sensor_mass=0.0)
-    _, true = play_modes(one, ModalNoise())["M1"]
+    _, true = simulate_modes(one, ModalNoise())["M1"]
     (specimen,) = specimens(replace(one, stack=replace(one.stack, mesh=QUICK_MESH)))
     system = model.reduce(specimen.stack, G_f_range=(270.0, 330.0), n_snapshot=2, n_mode=24)
     exact = model.refine(system, G_f=300.0, n_mode=22).frequency[6:]

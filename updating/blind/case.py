@@ -13,8 +13,8 @@ import numpy as np
 import model
 from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
-from updating.diagnosis.assembly import Campaigned
-from updating.diagnosis.assembly import assemble_evidence as gather
+from updating.diagnosis.assembly import Campaigned, assemble_evidence
+from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of
@@ -22,11 +22,10 @@ from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Explanation, explain
-from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.residual import residual
 from updating.diagnosis.search import Search, search
 from updating.diagnosis.verdict import decide
-from updating.virtual.measurement import ModalNoise, play_modes
+from updating.virtual.measurement import ModalNoise, simulate_modes
 from updating.virtual.vibration_test import VirtualTest
 from updating.virtual.vibration_test_file import read_virtual_test
 
@@ -46,10 +45,10 @@ SPREAD = {
 """Standard deviations of what differs between the bench and the stack file, as ratios."""
 G_F, D_F = 1500.0, 2e-11
 HELD_OUT, HELD_OUT_PRESSURE = "held out", 240e3
-"""A third torque that is played but not shown to the diagnosis, with its pressure, Pa."""
-WRONG_FORM = "wrong form"
-"""Kind of a case whose effect is of a known family but follows another law."""
-FORM = 0.6
+"""A third torque that is simulated but not shown to the diagnosis, with its pressure, Pa."""
+MODEL_FORM_ERROR = "wrong form"
+"""Kind of a case with a model-form error: its effect is of a known family but follows another law."""
+WEAKER = 0.6
 """Share of its strength that such an effect has in the first configuration."""
 DETECTABLE = 4.0
 """Distance above which an effect counts as detectable: the root of `verdict.GAIN_SINGLE`."""
@@ -127,9 +126,9 @@ def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
 
 
 def weaker(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
-    """Return an effect's values with its strengths `FORM` of the way from neutral."""
+    """Return an effect's values with its strengths `WEAKER` of the way from neutral."""
     return {
-        p.name: _towards(p, values[p.name], FORM) if _is_strength(p) else values[p.name]
+        p.name: _towards(p, values[p.name], WEAKER) if _is_strength(p) else values[p.name]
         for p in effect.parameters
     }
 
@@ -161,9 +160,9 @@ def blind_test(
 def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateModel:
     """Reduce the nominal model once for all cases."""
     test = blind_test(specification, 0, (), {})
-    modes: ModalModel = played(test)[0][2]
+    modes: ModalModel = simulated(test)[0][2]
     stack = model.read_stack(specification.parent / test.stack_file)
-    return kept_model(stack, instruments_of(modes), effects, aids())
+    return cached_model(stack, instruments_of(modes), effects, aids())
 
 
 @cache
@@ -173,7 +172,7 @@ def _nominal(specification: Path) -> CandidateModel:
 
 
 def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | None = None) -> Case:
-    """Draw, play, diagnose and score one case.
+    """Draw, simulate, diagnose and score one case.
 
     Parameters
     ----------
@@ -189,21 +188,21 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     """
     candidates = _nominal(specification) if candidates is None else candidates
     chosen, values, test, (*tested, unseen) = _drawn(specification, seed, kind, candidates.effects)
-    if kind == WRONG_FORM:
+    if kind == MODEL_FORM_ERROR:
         less = {k: v for effect in chosen for k, v in weaker(effect, values).items()}
-        tested[0] = played(replace(test, effect_values=less))[0]
+        tested[0] = simulated(replace(test, effect_values=less))[0]
     truth = tuple(sorted(effect.name for effect in chosen))
     offered = candidates
     if kind == "withheld":
         offered = replace(candidates, effects={k: v for k, v in candidates.effects.items() if k not in truth})
-    found = search(gather(offered, tested))
+    found = search(assemble_evidence(offered, tested))
     decision = decide(found)
     whole = replace(found.evidence, effects=candidates.effects)
     true = _true(whole, found, truth, values)
     rivals = found.explanations if kind == "withheld" else found.singles
-    others = [x.misfit - true.misfit for x in rivals if x.effects != truth]
+    rises = [x.misfit - true.misfit for x in rivals if x.effects != truth]
     named = decision.left[0] if decision.left else found.base
-    unseen_evidence = gather(candidates, [unseen]).with_system(found.evidence.system)
+    unseen_evidence = assemble_evidence(candidates, [unseen]).with_system(found.evidence.system)
     misfits, errors = zip(*(_predicted(unseen_evidence, x) for x in (found.base, named, true)), strict=True)
     return Case(
         seed=seed,
@@ -216,7 +215,7 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         not_visible=tuple(s.effect for s in found.screened if s.detectability < VISIBLE),
         covered=_covered(found, truth, values),
         distance=float(np.sqrt(max(found.base.misfit - true.misfit, 0.0))),
-        rival=float(np.sqrt(max(min(others, default=np.inf), 0.0))),
+        rival=float(np.sqrt(max(min(rises, default=np.inf), 0.0))),
         most_visible=(max(found.screened, key=lambda s: s.detectability).effect,),
         bic=_bic(found),
         held_out=misfits,
@@ -227,10 +226,10 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
 def _drawn(
     specification: Path, seed: int, kind: str, effects: Mapping[str, Effect]
 ) -> tuple[tuple[Effect, ...], dict[str, float], VirtualTest, list[Campaigned]]:
-    """Draw effects and their values until there can be such a stack, and play its test."""
+    """Draw effects and their values until there can be such a stack, and simulate its test."""
     rng = np.random.default_rng([7, seed])
     names = sorted(effects)
-    n = {"null": 0, "single": 1, "withheld": 1, "pair": 2, WRONG_FORM: 1}[kind]
+    n = {"null": 0, "single": 1, "withheld": 1, "pair": 2, MODEL_FORM_ERROR: 1}[kind]
     while True:
         chosen: tuple[Effect, ...]
         if n == 1:  # all effects in turn
@@ -242,14 +241,14 @@ def _drawn(
         with contextlib.suppress(
             SolveError
         ):  # where the contact turns negative, in stiffness or in damping alone
-            tested = played(test)
+            tested = simulated(test)
             if all(np.all(modes.damping > 0.0) for _, _, modes in tested):
                 return chosen, values, test, tested
 
 
-def played(test: VirtualTest) -> list[Campaigned]:
+def simulated(test: VirtualTest) -> list[Campaigned]:
     """Return the configurations of a virtual test as an identification would give them, with noise `NOISE`."""
-    modes = (drawn for drawn, _ in play_modes(test, NOISE).values())
+    modes = (drawn for drawn, _ in simulate_modes(test, NOISE).values())
     return [(c.name, c.pressure, m) for c, m in zip(test.configurations, modes, strict=True)]
 
 

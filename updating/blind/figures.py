@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from model import catalogue
-from updating.blind.case import DETECTABLE, WRONG_FORM, Case
+from updating.blind.case import DETECTABLE, MODEL_FORM_ERROR, Case
 from updating.diagnosis.coordinates import coordinate_of
 
 _NOTABLE = (
@@ -53,7 +53,7 @@ def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
             [c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]
         ),  # both show
         *_of_withheld([c for c in cases if c.kind == "withheld"]),
-        *_of_wrong_laws([c for c in cases if c.kind == WRONG_FORM and c.distance >= DETECTABLE]),
+        *_of_model_form_errors([c for c in cases if c.kind == MODEL_FORM_ERROR and c.distance >= DETECTABLE]),
         *_of_what_is_excluded(cases, [c for c in single if c.distance < DETECTABLE]),
         *_of_predictions(seen),
     )
@@ -125,7 +125,7 @@ def _of_withheld(withheld: Sequence[Case]) -> tuple[Figure, ...]:
     )
 
 
-def _of_wrong_laws(formed: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_model_form_errors(cases: Sequence[Case]) -> tuple[Figure, ...]:
     families = {name: effect.family for name, effect in catalogue().items()}
 
     def akin(c: Case) -> bool:
@@ -135,9 +135,9 @@ def _of_wrong_laws(formed: Sequence[Case]) -> tuple[Figure, ...]:
         _share(
             "wrong form: the effect or its family named",
             "reported",
-            [bool(c.candidates) and akin(c) for c in formed],
+            [bool(c.candidates) and akin(c) for c in cases],
         ),
-        _share("wrong form: unlike anything", "reported", [_unlike(c) for c in formed]),
+        _share("wrong form: unlike anything", "reported", [_unlike(c) for c in cases]),
     )
 
 

@@ -13,15 +13,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from updating.blind.case import WRONG_FORM, Case, run
+from updating.blind.case import MODEL_FORM_ERROR, Case, run
 from updating.blind.figures import figures, held_out_errors, mean_set_size
 from updating.errors import StoreError
 from updating.results.store import write_bytes
 from updating.workers.workers import workers
 
 _RECORD = "cases.jsonl"
-_QUICK = {"single": 54, "null": 22, "withheld": 24, "pair": 24, WRONG_FORM: 10}
-_MORE = {"single": 506, "null": 200, "withheld": 186, "pair": 184, WRONG_FORM: 90}
+_QUICK = {"single": 54, "null": 22, "withheld": 24, "pair": 24, MODEL_FORM_ERROR: 10}
+_MORE = {"single": 506, "null": 200, "withheld": 186, "pair": 184, MODEL_FORM_ERROR: 90}
 
 
 def planned(*, full: bool = False) -> tuple[tuple[int, str], ...]:
@@ -39,7 +39,7 @@ def _mixed(first: int, number: Mapping[str, int]) -> Iterator[tuple[int, str]]:
     for i in range(longest):
         for kind, n in number.items():
             if i * n // longest != (i - 1) * n // longest:
-                yield first + i + apart * {"withheld": 1, WRONG_FORM: 2}.get(kind, 0), kind
+                yield first + i + apart * {"withheld": 1, MODEL_FORM_ERROR: 2}.get(kind, 0), kind
 
 
 def run_blind(

@@ -15,8 +15,8 @@ from model.stack.stack_file import stack_inputs
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
-from updating.diagnosis.kept_model import kept_model
 from updating.diagnosis.scan import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.text import next_command
@@ -90,7 +90,7 @@ def diagnose_campaign(
         with workers(MESSAGES) as executor, progress("diagnose", console):
             own = replace(stack, height=states[0].height)
             return diagnose_stack(
-                own, tested, known, scatter=scatter, executor=executor, reduced=kept_model, asked=asked
+                own, tested, known, scatter=scatter, executor=executor, reduced=cached_model, asked=asked
             )
 
     modal = (found.folder / "modal_model.json" for found in tests)

@@ -125,7 +125,7 @@ def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification
         "all laminas": f"The first basis was off by {worst} and enriching did not do, so the frequencies were iterated "
         "on the equations of all laminas.",
     }[verification.basis]
-    if not verification.met:
+    if not verification.within_tolerance:
         origin = (
             f"[bold red]The tolerance of {100 * verification.tolerance:.2g} % is not met.[/bold red] {origin}"
         )

@@ -1,4 +1,4 @@
-"""`lamella next-test`: rank further tests by what they would tell apart."""
+"""`lamella next-test`: rank further tests by what they would resolve."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def next_test(
     effect_file: EffectFiles = None,
     scatter: ScatterFile = None,
 ) -> None:
-    """Rank further tests by how well they would tell apart the explanations that a diagnosis leaves open.
+    """Rank further tests by how well they would resolve the explanations that a diagnosis leaves open.
 
     The diagnosis is made where the folder has none of this campaign.
     """

@@ -22,7 +22,7 @@ def simulate(
     output: Folder,
     effect_file: EffectFiles = None,
 ) -> None:
-    """Play a vibration test on a model and write its FRFs as a test system would.
+    """Simulate a vibration test on a model and write its FRFs as a test system would.
 
     The truth goes to truth.json, which no other command reads. The same file and seed give the same bytes.
     """

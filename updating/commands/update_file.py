@@ -39,8 +39,8 @@ class ParameterSection(Section):
     @model_validator(mode="after")
     def _fixed_alone(self) -> ParameterSection:
         if self.fixed is not None and len(self.model_fields_set) > 1:
-            others = ", ".join(sorted(self.model_fields_set - {"fixed"}))
-            message = f"a fixed parameter is not fitted; take out 'fixed' or {others}"
+            further = ", ".join(sorted(self.model_fields_set - {"fixed"}))
+            message = f"a fixed parameter is not fitted; take out 'fixed' or {further}"
             raise ValueError(message)
         return self
 

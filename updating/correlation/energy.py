@@ -120,7 +120,7 @@ def energy_by_region(
     """
     points = _Points(system, where)
     scale = _scales(system, theta)
-    shear, normal = _contact_moduli(system.stack, points.place)
+    shear, normal = _contact_moduli(system.stack, points.location)
     found = np.zeros((displacement.shape[1], len(KINDS), *where.shape))
     for i, x in enumerate(displacement.T):
         for j, (kind, density) in enumerate(_densities(points, x, shear, normal).items()):
@@ -135,12 +135,12 @@ class _Points:
     def __init__(self, system: ReducedSystem, where: Regions) -> None:
         self.system, self.shape = system, where.shape
         plan = system.assembly.plan
-        self.place = plan.quadrature_points.reshape(2, -1)
+        self.location = plan.quadrature_points.reshape(2, -1)
         self.area = plan.membrane.dx.ravel()
         self.slices = system.assembly.slices()
         self.rows: dict[tuple[Field, Derivative], object] = {}
         n_x, n_y, _ = where.shape
-        cell = n_y * _bin(self.place[0], where.x) + _bin(self.place[1], where.y)
+        cell = n_y * _bin(self.location[0], where.x) + _bin(self.location[1], where.y)
         self.to_cell = np.zeros((cell.size, n_x * n_y))
         self.to_cell[np.arange(cell.size), cell] = 1.0
         z = system.stack.lamina_z
@@ -176,7 +176,7 @@ def _scales(system: ReducedSystem, theta: Mapping[str, float]) -> dict[str, floa
     return {kind: factor[TERM[kind]](theta) / factor[TERM[kind]](system.theta) for kind in KINDS}
 
 
-def _contact_moduli(stack: Stack, place: Vector) -> tuple[Vector, Vector]:
+def _contact_moduli(stack: Stack, location: Vector) -> tuple[Vector, Vector]:
     """Return shear and normal modulus of every interface over the plan, Pa, (n_interface, n_point or 1) each."""
     n = stack.n_lamina - 1
     distribution = pressure_distribution(stack)
@@ -185,7 +185,7 @@ def _contact_moduli(stack: Stack, place: Vector) -> tuple[Vector, Vector]:
             np.full((n, 1), value) for value in (stack.contact.pressure, stack.contact.normal_modulus)
         )
     else:
-        pressure, normal = (np.array(field) for field in distribution.at(place.T))
+        pressure, normal = (np.array(field) for field in distribution.at(location.T))
     shear = stack.contact.G_f * pressure
     for layer in stack.interlayers:
         i = layer.below - 1

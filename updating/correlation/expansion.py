@@ -36,7 +36,7 @@ class Expansion:
         Their standard deviations from those of the measured shapes.
     coordinate : (n_basis, n_measured) complex
         The shapes in the coordinates of the reduced system.
-    met : (n_measured,) float
+    matched : (n_measured,) float
         MAC of each measured shape with its expansion at the measured points: what the modes cannot form is lost.
     condition : float
         Condition number of the model's shapes at the measured points, each brought to unit length: the most by
@@ -46,7 +46,7 @@ class Expansion:
     amplitude: NDArray[np.complex128]
     amplitude_std: NDArray[np.float64]
     coordinate: NDArray[np.complex128]
-    met: NDArray[np.float64]
+    matched: NDArray[np.float64]
     condition: float
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class Expansion:
             "amplitude": ((n_model, n_measured), complex),
             "amplitude_std": ((n_model, n_measured), float),
             "coordinate": ((None, n_measured), complex),
-            "met": ((n_measured,), float),
+            "matched": ((n_measured,), float),
         }
         for name, (shape, dtype) in expected.items():
             object.__setattr__(self, name, readonly("Expansion", name, getattr(self, name), shape, dtype))
@@ -97,7 +97,7 @@ def expand(shape: ArrayLike, shape_std: ArrayLike, modes: Modes) -> Expansion:
         amplitude=amplitude,
         amplitude_std=np.sqrt(inverse**2 @ np.asarray(shape_std, dtype=float) ** 2),
         coordinate=modes.coordinate @ amplitude,
-        met=np.sum(np.abs(rebuilt) ** 2, axis=0) / square,
+        matched=np.sum(np.abs(rebuilt) ** 2, axis=0) / square,
         condition=condition,
     )
 

@@ -23,7 +23,7 @@ _SPARSE = 16
 
 
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
-    """Return the outputs whose first function is met worst, in the middle, and best, by FRAC."""
+    """Return the outputs whose first function is matched worst, in the middle, and best, by FRAC."""
     order = np.argsort(measured.correlation[:, 0], kind="stable")
     picked = (order[0], order[order.size // 2], order[-1])
     return tuple(int(k) for k in dict.fromkeys(picked))

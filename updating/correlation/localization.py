@@ -8,11 +8,11 @@ weighed against it as in Banerjee, Walsh, Aquino and Bonnet, Comput. Methods App
 
     minimise  e' K e + r |S^-1 (L u - shape)|**2   under   K e = (K - omega**2 M) u,
 
-with the measured points L u, their standard deviations S, and r such that the shape is met to its standard
+with the measured points L u, their standard deviations S, and r such that the shape is matched to its standard
 deviation and not better (Morozov's discrepancy principle).
 
 What the map can say: a region where e stores much energy for the energy that u stores there is not as stiff, or not
-as heavy, as the model has it. In 40 played stacks whose contact was softer by 10 to 70 % over 70 to 116 mm of 465 mm
+as heavy, as the model has it. In 40 simulated stacks whose contact was softer by 10 to 70 % over 70 to 116 mm of 465 mm
 at random places, with 44 points, six modes and 1 % noise, the peak along the stack lay inside that zone each time,
 and on the right side where only half the width was softer.
 
@@ -141,10 +141,10 @@ class ErrorMap:
         UpdatingError
             There is no such kind of stiffness.
         """
-        place = np.unravel_index(np.argmax(self.relative[stiffness_index(kind)]), self.regions.shape)
+        index = np.unravel_index(np.argmax(self.relative[stiffness_index(kind)]), self.regions.shape)
         edges = (self.regions.x, self.regions.y, self.regions.z)
         low, high = (
-            np.array([edge[i + step] for edge, i in zip(edges, place, strict=True)]) for step in (0, 1)
+            np.array([edge[i + step] for edge, i in zip(edges, index, strict=True)]) for step in (0, 1)
         )
         return low, high
 

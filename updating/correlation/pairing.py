@@ -197,7 +197,7 @@ Groups = tuple[tuple[NDArray[np.int64], ...], tuple[NDArray[np.int64], ...]]
 
 
 def require_points(measured: ModalModel) -> None:
-    """Refuse modes whose shapes cannot be told apart because there are more modes than degrees of freedom.
+    """Refuse modes whose shapes cannot be resolved because there are more modes than degrees of freedom.
 
     Raises
     ------
@@ -207,8 +207,8 @@ def require_points(measured: ModalModel) -> None:
     n_dof, n_mode = measured.shape.shape
     if n_dof < n_mode:
         message = (
-            f"{measured.name}: {n_mode} modes were measured at {n_dof} degrees of freedom, too few to tell their "
-            "shapes apart; measure at more points, or narrow band_Hz under [identification]"
+            f"{measured.name}: {n_mode} modes were measured at {n_dof} degrees of freedom, too few to resolve their "
+            "shapes; measure at more points, or narrow band_Hz under [identification]"
         )
         raise PairingError(message)
 

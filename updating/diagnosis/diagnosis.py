@@ -66,7 +66,7 @@ def diagnose(
     executor : Executor, optional
         What takes a part of the work, such as `workers`; by default this process does it all.
     reduced : callable
-        `candidate_model`, or `kept_model`, which keeps the model for the next diagnosis of the same stack.
+        `candidate_model`, or `cached_model`, which caches the model for the next diagnosis of the same stack.
     asked : sequence of sequence of str
         Effects, or effects together, that are fitted and ranked in any case.
 

@@ -154,14 +154,14 @@ def _without(
     alone = any(scope == "configuration" for scope in settings.scope.values())
     if kin and not alone:
         out = {one.target.name: range(one.used.size)}
-        others = _fit(prepared, settings, effects, first=whole, hold_out=out)
+        apart = _fit(prepared, settings, effects, first=whole, hold_out=out)
     else:
-        others = _fit(rest, settings, effects, first=whole)
-    if not all(p.determined or p.at_bound for p in others.parameter if not p.group):
+        apart = _fit(rest, settings, effects, first=whole)
+    if not all(p.determined or p.at_bound for p in apart.parameter if not p.group):
         return None
     if kin and not alone:
-        return others
-    known_of = {p.name: p.value for p in others.parameter if p.group in ("", one.target.specimen)}
+        return apart
+    known_of = {p.name: p.value for p in apart.parameter if p.group in ("", one.target.specimen)}
     return _fit([one], settings, effects, fixed=known_of)
 
 

@@ -89,8 +89,8 @@ def prepare(
         if system is None:
             kin = [t.stack.contact.pressure for t in targets if _same_but_pressure(t.stack, target.stack)]
             own = target.stack.contact.pressure
-            reach = (G_f_bounds[0] * min(kin) / own, G_f_bounds[1] * max(kin) / own)
-            system = reduce(target.stack, G_f_range=reach, n_snapshot=n_snapshot, n_mode=N_MODE)
+            G_f_range = (G_f_bounds[0] * min(kin) / own, G_f_bounds[1] * max(kin) / own)
+            system = reduce(target.stack, G_f_range=G_f_range, n_snapshot=n_snapshot, n_mode=N_MODE)
             systems.append((target.stack, system))
         one = Prepared(
             target=target,

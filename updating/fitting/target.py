@@ -133,7 +133,7 @@ def target_of_modes(
     PairingError
         Points of the measurement do not lie on the stack.
     """
-    place = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
+    registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     n_mode = measured.frequency.size
     slope = np.zeros((2 * n_mode, 2 * n_mode))
     for r, pole in enumerate(measured.pole):
@@ -147,7 +147,7 @@ def target_of_modes(
         name=measured.name,
         specimen=specimen or stack.name,
         stack=stack,
-        observation=place.observation,
+        observation=registration.observation,
         frequency=measured.frequency,
         damping=measured.damping,
         covariance=slope @ measured.covariance @ slope.T,

@@ -313,9 +313,9 @@ def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_vali
         fit = joint_fit(sevens, FitSettings(effects=effects[:n], damping=False, scatter=SCATTER), first=fit)
     left_out = []
     for one in sevens if cross_validate else ():
-        others = [p for p in sevens if p is not one]
+        remaining = [p for p in sevens if p is not one]
         known = joint_fit(
-            others, FitSettings(effects=effects, damping=False, scatter=SCATTER), n_start=1, first=fit
+            remaining, FitSettings(effects=effects, damping=False, scatter=SCATTER), n_start=1, first=fit
         )
         found = joint_fit(
             [one], FitSettings(effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)

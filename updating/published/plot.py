@@ -67,9 +67,9 @@ def _contact(
     x = np.arange(len(ticks))
     for k, one in enumerate(found):
         value = _damping(one) if damping else {row.stack: row.G_f for row in one.row}
-        place = x + 0.8 * (k + 0.5) / len(found) - 0.4
+        centre = x + 0.8 * (k + 0.5) / len(found) - 0.4
         height = [value.get(stack, np.nan) for stack in ticks]
-        axes.bar(place, height, 0.8 / len(found), label=one.calibration)
+        axes.bar(centre, height, 0.8 / len(found), label=one.calibration)
     key, factor = ("df_avg", 1e12) if damping else ("Gf_M2", 1.0)
     diamonds = [factor * published.contact.get(stack, {}).get(key, np.nan) for stack in ticks]
     axes.plot(x, diamonds, "kD", markerfacecolor="white", label="published")

@@ -95,8 +95,8 @@ def pressure_law(
     for weak, strong in zip(low, high, strict=True):
         rest = {name: value for name, value in shared.items() if name != "exponent"}
         own.append(_fit([weak, strong], effects, scatter, rest).value("exponent"))
-        others = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, best)
-        known = {p.name: p.value for p in others.parameter if not p.group}
+        remaining = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, best)
+        known = {p.name: p.value for p in remaining.parameter if not p.group}
         without.append(known["exponent"])
         # the other parameters are fitted to the same data under each law: only what n does is compared
         held = {weak.target.name: range(weak.target.frequency.size)}

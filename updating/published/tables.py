@@ -51,8 +51,8 @@ def conclusion(found: Sequence[Calibrated]) -> str:
     lines.append(
         f"Under {names} the shared effects leave {_range([100 * f for f in fall], '.0f')} % of the base error."
     )
-    met = [one.calibration for one in found if one.shared.error <= TARGET[one.calibration]]
-    lines.append(f"At or below the error of the prototype: {', '.join(met) or 'none'}.")
+    at_target = [one.calibration for one in found if one.shared.error <= TARGET[one.calibration]]
+    lines.append(f"At or below the error of the prototype: {', '.join(at_target) or 'none'}.")
     for i, p in enumerate(p for p in found[0].shared.fit.parameter if not p.group):
         values = [[q for q in one.shared.fit.parameter if not q.group][i].value for one in found]
         unit = "" if p.unit == "1" else f" {p.unit}"
@@ -103,7 +103,7 @@ def screening_table(found: Sequence[Screening], n_row: int = 12) -> Table:
 
 def survivors(found: Sequence[Screening]) -> str:
     """Say which effects reach the prototype's error alone and inside their ranges, under all calibrations or some."""
-    reach = [
+    inside = [
         {
             t.effects[0]
             for t in one.tried
@@ -112,7 +112,7 @@ def survivors(found: Sequence[Screening]) -> str:
         for one in found
     ]
     names = ", ".join(one.calibration for one in found)
-    always, sometimes = set.intersection(*reach), set.union(*reach)
+    always, sometimes = set.intersection(*inside), set.union(*inside)
     text = f"At or below the prototype's error inside their ranges, alone: under {names}: "
     text += ", ".join(printed_effects(sorted(always))) or "none"
     if sometimes - always:

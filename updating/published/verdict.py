@@ -26,7 +26,7 @@ GAIN_SINGLE, GAIN_SECOND = 16.0, 20.0
 
 
 def published_verdict(found: Sequence[Screening], table: ModalTable) -> str:
-    """Say under each calibration which effect is missing, what cannot be told from it, and what is still left.
+    """Say under each calibration which effect is missing, what cannot be resolved from it, and what is still left.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _sentences(one: Screening, n_free: int) -> str:
     if last > 3.0 * MEASURED:
         text += (
             f"What is left is {last / MEASURED:.0f} times what a frequency is known to: stacks differ from each "
-            "other, or more is missing that these tables cannot tell."
+            "other, or more is missing that these tables cannot resolve."
         )
     return text
 

@@ -20,7 +20,7 @@ _LOCAL = 0.1
 """Contrast above which an error counts as local: five times that of a kind that is wrong everywhere, half that of a
 soft zone (see `updating.correlation.localization`)."""
 _EXPLAINED = 0.9
-"""Share that a common change explains where it is what is wrong (0.96 to 1 in played stacks) and not mass (0.85)."""
+"""Share that a common change explains where it is what is wrong (0.96 to 1 in simulated stacks) and not mass (0.85)."""
 _LIMITS = (
     "The map says where, never which effect it is: missing mass lights up like wrong stiffness. Points on the outside "
     "do not show how deep a fault lies, and a region that no measured mode strains stays pale."
@@ -51,11 +51,11 @@ def error_map(tested: Tested, fit: Fit) -> ErrorMap:
     value = fit.G_f.value
     system = reduce(fit.stack, G_f_range=(value, 1.01 * value), n_snapshot=1)
     measured = tested.measured
-    place = register(fit.stack, measured.geometry, measured.node, measured.direction)
+    registration = register(fit.stack, measured.geometry, measured.node, measured.direction)
     return map_error(
         system,
         measured,
-        place.observation,
+        registration.observation,
         regions(fit.stack),
         G_f=value,
         modes=fit.pairing.measured[:_MOST_MODES],

@@ -16,7 +16,7 @@ NAMES = (
     "microsoft-edge-stable", "msedge", "brave-browser",
 )  # fmt: skip
 """Programs looked for on PATH."""
-_PLACES = (
+_PATHS = (
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
     "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
@@ -43,7 +43,7 @@ def find_browser() -> Path:
         None is on PATH or at its usual place.
     """
     found = next((path for path in map(shutil.which, NAMES) if path is not None), None)
-    found = found or next((place for place in _PLACES if Path(place).is_file()), None)
+    found = found or next((path for path in _PATHS if Path(path).is_file()), None)
     if found is None:
         message = (
             "no browser to print a PDF with: install Chromium, Google Chrome or Microsoft Edge so that one of "

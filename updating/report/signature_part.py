@@ -15,13 +15,13 @@ _TOGETHER = 24
 
 
 def signature_section(diagnosis: Diagnosis) -> Section:
-    """Show what the base model lacks at every mode, and what the best effects, each alone, bring there."""
+    """Show what the base model lacks at every mode, and what the best effects, each alone, change there."""
     return Section(
         title="Effect signatures",
         text=(
             "The bars are what the base model's frequencies lack, the lines what an effect changes when it is fitted "
             "alone. An effect explains the measurement where its line meets the bars; lines that run together are "
-            "effects that these frequencies do not tell apart.",
+            "effects that these frequencies do not resolve.",
         ),
         blocks=(*signature_pictures(diagnosis), signature_table(diagnosis)),
     )
@@ -54,7 +54,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
                         for k, e in enumerate(errors)
                     ),
                 ),
-                alt="Frequency changes that the base model lacks and that effects bring",
+                alt="Frequency changes that the base model lacks and that effects make",
                 caption="Bars: measured less modelled frequency over the measured one, with the 95 % interval of the "
                 f"measurement. Lines: change by at most {MOST} effects, the candidates first.",
             )
@@ -63,7 +63,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
 
 
 def signature_table(diagnosis: Diagnosis) -> Table:
-    """List for every mode used what is lacking, what each effect brings, and what the first candidate leaves."""
+    """List for every mode used what is lacking, what each effect changes, and what the first candidate leaves."""
     signatures = dict(list(_ordered(diagnosis).items())[:MOST])
     first = " + ".join(_printed(diagnosis, name) for effects in diagnosis.set[:1] for name in effects)
     left = f"left by {first} [%]" if first else ""
@@ -80,7 +80,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
         for k, e in enumerate(diagnosis.errors)
     )
     table = Table(
-        title="What each effect brings, mode by mode",
+        title="What each effect changes, mode by mode",
         header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *brought),
         rows=rows,
         note="± is half of the 95 % interval. Each effect is fitted alone, with contact and nuisances anew. Further "

@@ -48,8 +48,8 @@ def _disagreeing_runs(modal_model: ModalModel) -> tuple[str, ...]:
     lines = []
     differs = modal_model.disagreeing_runs()
     for i in np.flatnonzero(differs.any(axis=1)):
-        others = np.delete(modal_model.run_frequency, i, axis=0)
-        shift = modal_model.run_frequency[i] / np.median(others, axis=0) - 1.0
+        other_runs = np.delete(modal_model.run_frequency, i, axis=0)
+        shift = modal_model.run_frequency[i] / np.median(other_runs, axis=0) - 1.0
         modes = ", ".join(
             f"{modal_model.frequency[r]:.1f} Hz by {100 * shift[r]:+.3f} %"
             for r in np.flatnonzero(differs[i])

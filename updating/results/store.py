@@ -282,8 +282,8 @@ def _members(union: Any) -> list[type]:
 
 
 def _is_union_of_types(kind: Any) -> bool:
-    others = [m for m in get_args(kind) if m is not type(None)]
-    return get_origin(kind) in (Union, UnionType) and len(others) > 1 and len(_members(kind)) > 0
+    members = [m for m in get_args(kind) if m is not type(None)]
+    return get_origin(kind) in (Union, UnionType) and len(members) > 1 and len(_members(kind)) > 0
 
 
 def _by_fields(value: Any, kind: Any) -> Any:

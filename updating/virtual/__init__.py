@@ -1,1 +1,1 @@
-"""Vibration tests that are played on a model, with a truth that stays sealed."""
+"""Vibration tests that are simulated on a model, with a truth that stays sealed."""

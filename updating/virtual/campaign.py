@@ -1,4 +1,4 @@
-"""The files of a played test: what a laboratory would hand over, and the sealed truth."""
+"""The files of a virtual test: what a laboratory would hand over, and the sealed truth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ema import write_uff
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
 from updating.results.store import write_bytes, write_result
-from updating.virtual.measurement import TrueModes, play
+from updating.virtual.measurement import TrueModes, simulate
 from updating.virtual.vibration_test import VirtualConfiguration, VirtualTest, drawn_deviations, specimens
 
 _HEADER = ("re", "im", "coherence")
@@ -23,7 +23,7 @@ _HEADER = ("re", "im", "coherence")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
-    """What a virtual test was played with, for those who score an identification, a fit or a diagnosis afterwards.
+    """What a virtual test was simulated with, for those who score an identification, a fit or a diagnosis afterwards.
 
     Attributes
     ----------
@@ -53,16 +53,16 @@ class Truth:
 
 
 def write_virtual_test(test: VirtualTest, folder: Path) -> None:
-    """Play a test and write its campaign: FRF files, points, stack file, campaign file, and the truth.
+    """Simulate a test and write its campaign: FRF files, points, stack file, campaign file, and the truth.
 
     Raises
     ------
     StoreError
         The folder cannot be written.
     """
-    played = play(test)
+    simulated = simulate(test)
     write_bytes(folder / "points.csv", _points_text(test.geometry).encode())
-    for name, (frf, _) in played.items():
+    for name, (frf, _) in simulated.items():
         (folder / name).mkdir(parents=True, exist_ok=True)
         for run in np.unique(frf.run):
             path = folder / name / f"run_{run + 1:02d}.{test.file_format}"
@@ -73,7 +73,7 @@ def write_virtual_test(test: VirtualTest, folder: Path) -> None:
     bench = specimens(test)
     truth = Truth(
         configurations=tuple(specimen.configuration for specimen in bench),
-        modes=tuple(true for _, true in played.values()),
+        modes=tuple(true for _, true in simulated.values()),
         band=test.band,
         seed=test.seed,
         effects=tuple(effect.name for effect in test.effects),
@@ -85,7 +85,7 @@ def write_virtual_test(test: VirtualTest, folder: Path) -> None:
     for source, name in _stack_files(stack_file):
         if source.resolve() != (folder / name).resolve():
             write_bytes(folder / name, source.read_bytes())
-    write_bytes(folder / "campaign.toml", _campaign_text(test, played).encode())
+    write_bytes(folder / "campaign.toml", _campaign_text(test, simulated).encode())
 
 
 def _stack_files(stack_file: Path) -> Iterator[tuple[Path, str]]:
@@ -106,8 +106,8 @@ def _stack_files(stack_file: Path) -> Iterator[tuple[Path, str]]:
 
 def _points_text(geometry: Geometry) -> str:
     rows = (
-        f"{n},{','.join(f'{1e3 * c:.3f}' for c in place)}"
-        for n, place in zip(geometry.node, geometry.coordinate, strict=True)
+        f"{n},{','.join(f'{1e3 * c:.3f}' for c in location)}"
+        for n, location in zip(geometry.node, geometry.coordinate, strict=True)
     )
     return "\n".join(("node,x,y,z", *rows, ""))
 
@@ -125,7 +125,7 @@ def _table_text(frf: FRF) -> str:
     return "\n".join((",".join(head), *rows, ""))
 
 
-def _campaign_text(test: VirtualTest, played: Mapping[str, tuple[FRF, TrueModes]]) -> str:
+def _campaign_text(test: VirtualTest, simulated: Mapping[str, tuple[FRF, TrueModes]]) -> str:
     lines = ", ".join(f"[{a}, {b}]" for a, b in test.geometry.line)
     head = f"""[campaign]
 name = {json.dumps(test.name, ensure_ascii=False)}
@@ -149,7 +149,7 @@ name = "{c.name}"
 torque_Nm = {c.torque:g}
 pressure_kPa = {c.pressure / 1e3:g}
 """
-            + (_run_tables(c.name, played[c.name][0]) if csv else _file_list(c.name))
+            + (_run_tables(c.name, simulated[c.name][0]) if csv else _file_list(c.name))
             for c in test.configurations
         )
     )

@@ -1,4 +1,4 @@
-"""The equations of motion that a virtual test is played on: sensors' mass added, poles of the damped stack.
+"""The equations of motion that a virtual test is simulated on: sensors' mass added, poles of the damped stack.
 
 All of it works on the reduced system in coordinates that make the mass matrix of the stack one, so a
 sensor's mass and a pole cost small dense matrices only.

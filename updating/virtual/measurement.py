@@ -17,7 +17,7 @@ from updating.virtual.dynamics import Dynamics, dynamics, loaded_response, poles
 from updating.virtual.vibration_test import Averaging, Specimen, VirtualTest, specimens
 
 QUICK_MESH = Mesh(n_x=30, n_y=6)
-"""Mesh of tests that are played for their modal data alone; still finer than a fit's, under the clamps too."""
+"""Mesh of tests that are simulated for their modal data alone; still finer than a fit's, under the clamps too."""
 _N_MODE = 22  # the rigid-body modes included
 _BEYOND = 1.1  # of the shear stiffnesses that specimens have, as a ratio, for which they are reduced
 _VISIBLE = (
@@ -83,7 +83,7 @@ class ModalNoise:
     shape: float = 0.01
 
 
-def play(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
+def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
     """Compute the noisy FRFs and the true modes of every configuration.
 
     Two accelerometers rove: in run i they stand on the points 2i + 1 and 2i + 2 of the geometry, both in +z.
@@ -95,7 +95,7 @@ def play(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
     a window, and the transform of white noise over a rectangular window is independent from line to line.
     """
     rng = np.random.default_rng(test.seed)
-    played = {}
+    simulated = {}
     for specimen in specimens(test):
         system = model.reduce(specimen.stack, n_mode=_N_MODE)
         true = true_modes(test, specimen, system)
@@ -106,7 +106,7 @@ def play(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
         else:
             value, coherence = _estimated(rng, clean, _runs(specimen), test.averaging)
         node = specimen.output.node
-        played[specimen.configuration.name] = (
+        simulated[specimen.configuration.name] = (
             FRF(
                 frequency=test.frequency,
                 value=value,
@@ -119,10 +119,10 @@ def play(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
             ),
             true,
         )
-    return played
+    return simulated
 
 
-def play_modes(test: VirtualTest, noise: ModalNoise) -> dict[str, tuple[ModalModel, TrueModes]]:
+def simulate_modes(test: VirtualTest, noise: ModalNoise) -> dict[str, tuple[ModalModel, TrueModes]]:
     """Draw modal data of every configuration without FRFs: quick, for many tests.
 
     The mesh is `QUICK_MESH`. Data are normally distributed about the true modes as tested, with the standard
@@ -130,11 +130,11 @@ def play_modes(test: VirtualTest, noise: ModalNoise) -> dict[str, tuple[ModalMod
     """
     rng = np.random.default_rng([_MODAL_NOISE, test.seed])
     bench = specimens(replace(test, stack=replace(test.stack, mesh=QUICK_MESH)))
-    played = {}
+    simulated = {}
     for specimen, system in zip(bench, _reduced(bench), strict=True):
         true = true_modes(test, specimen, system)
-        played[specimen.configuration.name] = (_drawn(test, specimen, true, noise, rng), true)
-    return played
+        simulated[specimen.configuration.name] = (_drawn(test, specimen, true, noise, rng), true)
+    return simulated
 
 
 def _reduced(bench: Sequence[Specimen]) -> Iterator[ReducedSystem]:

@@ -1,4 +1,4 @@
-"""A vibration test played on a model: the test as data, what truly stood on the bench, and the true modes."""
+"""A vibration test simulated on a model: the test as data, what truly stood on the bench, and the true modes."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Averaging:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class VirtualTest:
-    """A test to be played.
+    """A test to be simulated.
 
     Attributes
     ----------
@@ -205,19 +205,19 @@ def specimens(test: VirtualTest) -> tuple[Specimen, ...]:
             density=factor("density") * nominal.material.density,
         ),
     )
-    place = size * test.geometry.coordinate
+    location = size * test.geometry.coordinate
     at_shaker = test.geometry.node == test.shaker.node[0]
     stack = replace(
-        stack, instruments=Instruments(shaker=tuple(place[at_shaker][0]), sensor=place[~at_shaker])
+        stack, instruments=Instruments(shaker=tuple(location[at_shaker][0]), sensor=location[~at_shaker])
     )
     stack = _with_effects(test, stack)
     node = test.geometry.node[~at_shaker]
     output = Observation(
         node=node,
-        location=model.sample_points(stack, place[~at_shaker])[0],
+        location=model.sample_points(stack, location[~at_shaker])[0],
         direction=np.tile([0.0, 0.0, 1.0], (node.size, 1)),
     )
-    shaker = replace(test.shaker, location=model.sample_points(stack, place[at_shaker])[0])
+    shaker = replace(test.shaker, location=model.sample_points(stack, location[at_shaker])[0])
     found = []
     for i, given in enumerate(test.configurations):
         true = replace(

@@ -1,4 +1,4 @@
-"""Modes missed and invented, close pairs told apart, and runs of a roving test that disagree."""
+"""Modes missed and invented, close pairs resolved, and runs of a roving test that disagree."""
 
 import numpy as np
 import pytest

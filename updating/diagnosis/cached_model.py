@@ -1,4 +1,4 @@
-"""The reduced model of a stack, kept for its next diagnosis: it does not depend on what is measured, and takes long."""
+"""The reduced model of a stack, cached for its next diagnosis: no measurement enters it, and it takes long."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.errors import StoreError
 from updating.results.store import digest, versions, write_bytes
 
-N_KEPT = 3
-"""Models that are kept, those that were used last; each takes some 170 MB."""
+N_CACHED = 3
+"""Models that are cached, those that were used last; each takes some 170 MB."""
 
 
-def kept_model(
+def cached_model(
     stack: Stack,
     instruments: Instruments,
     effects: Mapping[str, Effect],
@@ -33,7 +33,7 @@ def kept_model(
 ) -> CandidateModel:
     """Return `candidate_model`, or read it from the user's cache folder where an earlier call left the same.
 
-    A model with effects that do not ship is not kept, for their code may change. A folder that cannot be written, or
+    A model with effects that do not ship is not cached, for their code may change. A folder that cannot be written, or
     a damaged file there, costs the time alone.
 
     Parameters
@@ -62,7 +62,7 @@ def kept_model(
 
 
 def folder() -> Path:
-    """Return where models are kept."""
+    """Return where models are cached."""
     return platformdirs.user_cache_path("lamella", appauthor=False)
 
 
@@ -78,5 +78,5 @@ def _read(path: Path) -> CandidateModel | None:
 def _forget(where: Path) -> None:
     """Remove all models but those that were used last."""
     every = sorted(where.glob("model_*.pickle"), key=lambda file: file.stat().st_mtime, reverse=True)
-    for file in every[N_KEPT:]:
+    for file in every[N_CACHED:]:
         file.unlink(missing_ok=True)
