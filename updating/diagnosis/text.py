@@ -36,6 +36,11 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(f"Beyond the noise of the measurement, what remains is {_sizes(found.discrepancy)}.")
     if found.verdict == "partly explained":
         text.append(_remains(found))
+    if found.set and (further := [name for name in found.steps[-1].effects if name not in found.set[0]]):
+        text.append(
+            f"It looks like {named(found, further)}, but is no more than what {named(found, found.set[0])} leaves "
+            "where its form differs from the catalogue's."
+        )
     if found.verdict == "unlike anything":
         text.append(_where(found))
     if found.point_change is not None:
@@ -166,12 +171,6 @@ def _remains(found: Diagnosis) -> str:
     reason = (
         f"That is too much for a model to which nothing is missing: {'; '.join(large)}. " if large else ""
     )
-    further = [name for name in found.steps[-1].effects if name not in found.set[0]]
-    if further:
-        reason += (
-            f"It looks like {named(found, further)}, but is no more than what {named(found, found.set[0])} leaves "
-            "where its form differs from the catalogue's. "
-        )
     return f"{reason}{_where(found)}"
 
 

@@ -51,7 +51,7 @@ def decide(found: Search) -> Decision:
     steps = _steps(found, best)
     own = _beyond_its_form(found, steps)
     left = _ambiguous(found, own)
-    if own is not best or too_large(evidence, own) or evidence.lacking:
+    if too_large(evidence, own) or evidence.lacking:
         point = point_change(evidence, best)
         return Decision(verdict="partly explained", left=left, steps=steps, point=point)
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left, steps=steps)
