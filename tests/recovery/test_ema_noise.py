@@ -130,4 +130,5 @@ def test_coverage_with_and_without_coherence(capsys):
         print(f"  error of f without coherence over with it {' / '.join(f'{r:.2f}' for r in ratio)}")
     assert 0.93 < np.mean(np.abs(weighted) < 1.96) < 0.97
     assert np.all((cover > 0.92) & (cover < 0.98))
-    assert not 0.93 < np.mean(np.abs(alike) < 1.96) < 0.97
+    # a slope stands for the noise without coherences, which is too much for one mode and too little for another
+    assert not np.all((cover_alike > 0.92) & (cover_alike < 0.98))
