@@ -35,7 +35,7 @@ SPREAD = float(np.log(5.0) / 1.645)
 """Standard deviation of the logarithm of a size: nine of ten lie within a factor of 5 of the median."""
 CORRELATION = 0.9
 """Of the discrepancy of one mode between two configurations."""
-_SMALLEST, _LARGEST, _N_SIZE = 1.0 / 60.0, 20.0, 11  # of the sizes that are tried, over their medians
+_SMALLEST, _LARGEST, _N_SIZE = 1.0 / 50.0, 20.0, 9  # of the sizes that are tried, over their medians
 CLOSEST = 2000.0
 """k_rs of modes so close that any mixture of them is possible."""
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
@@ -113,6 +113,11 @@ class Discrepancy:
         for block in self.blocks:
             growth[block.row] = block.growth
         return growth
+
+    @property
+    def log_noise(self) -> float:
+        """Logarithm of the determinant of the noise's covariance, which all explanations of one evidence share."""
+        return sum(block.log_noise for block in self.blocks)
 
     def rotated(self, rows: Vector) -> Vector:
         """Return rows of data, (n,) or (n, m), with white noise and uncorrelated discrepancy."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import SEPARATE, SHOWS
+from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
@@ -59,8 +59,9 @@ def decide(found: Search) -> Decision:
 
 def _helps(found: Search, own: Explanation) -> bool:
     """Tell whether an explanation predicts modes that it has not seen better than the base model."""
-    before, after = (left_out(found.evidence, x.residual).misfit for x in (found.base, own))
-    return bool(np.isnan(after) or after < before)
+    before, after = (left_out(found.evidence, x.residual) for x in (found.base, own))
+    ratio = np.array([after.frequency / before.frequency, after.damping / before.damping])
+    return bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
 
 
 def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:
