@@ -157,7 +157,7 @@ def run(seed: int, kind: str, world: str) -> OtherCase:
 
 
 def _left_out(found: Search, own: Explanation) -> tuple[float, float]:
-    errors = left_out(found.evidence, own.residual)
+    errors = left_out(found.evidence, own)
     return errors.frequency, errors.damping
 
 

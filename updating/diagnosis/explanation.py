@@ -233,8 +233,14 @@ def linearized(evidence: Evidence, at: Residual, solution: Vector, at_bound: NDA
         prior_precision=np.concatenate([std**-2.0, np.zeros(n)]),
         trust=np.full(std.size + n, TRUST),
         unseen=np.concatenate([np.full(std.size, _UNSEEN), np.full(n, RANGE_PRECISION)]),
-        free=np.concatenate([np.ones(std.size, dtype=bool), ~at_bound]),
+        free=free_coordinates(evidence, solution, at_bound),
     )
+
+
+def free_coordinates(evidence: Evidence, solution: Vector, at_bound: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which coordinates, nuisances first, lie on no end of their range: steps beyond an end say nothing."""
+    std = evidence.prior_std
+    return np.concatenate([np.abs(solution[: std.size]) < (1.0 - _EDGE) * _FARTHEST * std, ~at_bound])
 
 
 class _Residuals:

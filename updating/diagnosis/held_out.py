@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,8 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.residual import Residual
+from updating.diagnosis.explanation import Explanation, free_coordinates
+from updating.diagnosis.residual import reweighed, span_of
 
 Vector = NDArray[np.float64]
 
@@ -27,16 +28,13 @@ class LeftOut:
     ----------
     frequency, damping : float
         Mean relative errors of frequencies and damping ratios; NaN where none can be predicted.
-    misfit : float
-        Mean square of both over the standard deviations of noise and discrepancy.
     """
 
     frequency: float
     damping: float
-    misfit: float
 
 
-def left_out(evidence: Evidence, found: Residual, by: Literal["mode", "configuration"] = "mode") -> LeftOut:
+def left_out(evidence: Evidence, own: Explanation, by: Literal["mode", "configuration"] = "mode") -> LeftOut:
     """Predict each mode of the stack, in all configurations at once, or each configuration, from all other data.
 
     To first order nothing has to be fitted again: rows that are left out are rows with a shift of their own, which is
@@ -47,44 +45,49 @@ def left_out(evidence: Evidence, found: Residual, by: Literal["mode", "configura
     ----------
     evidence : Evidence
         What was fitted.
-    found : Residual
-        Of the fit.
+    own : Explanation
+        The fit; data are weighed with the discrepancy that it leaves.
     by : "mode" or "configuration"
         What is left out at a time.
     """
-    rows, errors, squares = evidence.rows, {"frequency": [], "damping": []}, []  # type: ignore[var-annotated]
+    evidence = replace(evidence.supposing(own.effects), sizes=own.likeliest)
+    found, rows = reweighed(own.residual, evidence), evidence.rows
+    free = free_coordinates(evidence, np.concatenate([own.nuisance, own.coordinate]), own.at_bound)
+    span = span_of(found.jacobian[:, free])
+    errors: dict[str, list[Vector]] = {"frequency": [], "damping": []}
     group = rows.mode if by == "mode" else rows.configuration
     for number in np.unique(group):
         out = np.flatnonzero(group == number)
-        shift = _shift(evidence, found, out)
+        shift = _shift(evidence, found.value, span, out)
         if shift is None:
             continue
         for kind, each in errors.items():
-            own = rows.kind[out] == kind
-            if np.any(own):
-                each.append(np.abs(np.expm1(np.clip(-shift[own], -_FARTHEST, _FARTHEST))))
-                squares.append(_whitened(evidence, out[own], shift[own]) ** 2)
-    if not squares:
-        return LeftOut(frequency=float("nan"), damping=float("nan"), misfit=float("nan"))
-    frequency, damping = (float(np.mean(np.concatenate(each))) for each in errors.values())
-    return LeftOut(frequency=frequency, damping=damping, misfit=float(np.mean(np.concatenate(squares))))
+            off = shift[rows.kind[out] == kind]
+            each.append(np.abs(np.expm1(np.clip(-off, -_FARTHEST, _FARTHEST))))
+    mean = {
+        kind: float(np.mean(np.concatenate(each))) if each else float("nan") for kind, each in errors.items()
+    }
+    return LeftOut(frequency=mean["frequency"], damping=mean["damping"])
 
 
-def _shift(evidence: Evidence, found: Residual, out: NDArray[np.intp]) -> Vector | None:
-    """Return what rows are off by when they are predicted from all others; None where these do not determine them."""
-    columns = np.zeros((found.value.size, out.size))
+def _shift(evidence: Evidence, value: Vector, span: Vector, out: NDArray[np.intp]) -> Vector | None:
+    """Return what rows are off by when they are predicted from all others; None where these do not determine them.
+
+    `value` is the whitened residual, and the orthonormal columns of `span` are what coordinates can change of it.
+    """
+    columns = np.zeros((value.size, out.size))
     for block, half in _halves(evidence):
         own = np.flatnonzero(np.isin(out, block))
         place = {int(row): i for i, row in enumerate(block)}
         columns[np.ix_(block, own)] = half[:, [place[int(row)] for row in out[own]]]
-    seen = found.span.T @ columns
+    seen = span.T @ columns
     whole = columns.T @ columns
     left = whole - seen.T @ seen
     scale = 1.0 / np.sqrt(np.diag(whole))
     left, whole = left * np.outer(scale, scale), whole * np.outer(scale, scale)
     if la.eigh(left, whole, eigvals_only=True, subset_by_index=(0, 0))[0] < _UNKNOWN:
         return None
-    pull = columns.T @ found.value - seen.T @ (found.span.T @ found.value)
+    pull = columns.T @ value - seen.T @ (span.T @ value)
     return np.asarray(scale * la.solve(left, scale * pull, assume_a="pos"))
 
 
@@ -93,16 +96,3 @@ def _halves(evidence: Evidence) -> Iterator[tuple[NDArray[np.intp], Vector]]:
     for block in evidence.covariance.blocks:
         size = evidence.sizes.of(evidence.rows.kind[block.row])
         yield block.row, block.rotation / np.sqrt(1.0 + size**2 * block.growth)[:, None]
-
-
-def _whitened(evidence: Evidence, rows: NDArray[np.intp], value: Vector) -> Vector:
-    """Return values of rows of one kind over their standard deviations of noise and discrepancy."""
-    variance = np.empty(rows.size)
-    for block, half in _halves(evidence):
-        own = np.flatnonzero(np.isin(rows, block))
-        if own.size:
-            covariance = la.inv(half.T @ half)
-            place = {int(row): i for i, row in enumerate(block)}
-            at = [place[int(row)] for row in rows[own]]
-            variance[own] = np.diag(covariance)[at]
-    return np.asarray(value / np.sqrt(variance))

@@ -23,7 +23,7 @@ LABELS = {
 }
 """What each is called."""
 _PRESSURE, _SIZE, _GAIN = (
-    0.1,
+    0.07,
     0.01,
     0.3,
 )  # standard deviations of logarithms where something was stated wrongly

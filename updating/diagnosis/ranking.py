@@ -13,7 +13,7 @@ from updating.diagnosis.search import Search
 from updating.fitting.estimate import ParameterEstimate
 
 _JUDGED = 16  # explanations whose errors on what is left out are computed
-_NONE = LeftOut(frequency=float("nan"), damping=float("nan"), misfit=float("nan"))
+_NONE = LeftOut(frequency=float("nan"), damping=float("nan"))
 
 
 def rank(found: Search, named: Sequence[Explanation] = ()) -> tuple[Ranked, ...]:
@@ -32,7 +32,7 @@ def rank(found: Search, named: Sequence[Explanation] = ()) -> tuple[Ranked, ...]
 def ranked(found: Search, own: Explanation, probability: float, *, judged: bool) -> Ranked:
     """Return what is said of one explanation; its errors on what is left out only where it is judged."""
     mode, configuration = (
-        left_out(found.evidence, own.residual, by) if judged else _NONE for by in ("mode", "configuration")
+        left_out(found.evidence, own, by) if judged else _NONE for by in ("mode", "configuration")
     )
     return Ranked(
         effects=own.effects,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
@@ -60,12 +59,6 @@ class Residual:
     log_frequency: Vector
     log_damping: Vector
     partner: NDArray[np.int64]
-
-    @cached_property
-    def span(self) -> Vector:
-        """Orthonormal columns, (n, n_coordinate) at most, that span what the coordinates can change."""
-        length = np.linalg.norm(self.jacobian, axis=0)
-        return np.asarray(la.orth(self.jacobian[:, length > 0.0] / length[length > 0.0]))
 
     @property
     def frequency_error(self) -> float:
@@ -145,6 +138,12 @@ def residual(
         log_damping=np.concatenate([own.damping[0] for own in compared]),
         partner=np.concatenate([own.column for own in compared]),
     )
+
+
+def span_of(jacobian: Vector) -> Vector:
+    """Return orthonormal columns, (n, n_coordinate) at most, that span those of a Jacobian."""
+    length = np.linalg.norm(jacobian, axis=0)
+    return np.asarray(la.orth(jacobian[:, length > 0.0] / length[length > 0.0]))
 
 
 def reweighed(found: Residual, evidence: Evidence) -> Residual:

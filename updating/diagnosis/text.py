@@ -38,7 +38,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(_remains(found))
     if found.set and (further := [name for name in found.steps[-1].effects if name not in found.set[0]]):
         text.append(
-            f"It looks like {named(found, further)}, but is no more than what {named(found, found.set[0])} leaves "
+            f"That looks like {named(found, further)}, but is no more than what {named(found, found.set[0])} leaves "
             "where its form differs from the catalogue's."
         )
     if found.verdict == "unlike anything":

@@ -59,7 +59,7 @@ def decide(found: Search) -> Decision:
 
 def _helps(found: Search, own: Explanation) -> bool:
     """Tell whether an explanation predicts modes that it has not seen better than the base model."""
-    before, after = (left_out(found.evidence, x.residual) for x in (found.base, own))
+    before, after = (left_out(found.evidence, x) for x in (found.base, own))
     ratio = np.array([after.frequency / before.frequency, after.damping / before.damping])
     return bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
 
