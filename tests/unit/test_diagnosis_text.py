@@ -71,6 +71,7 @@ def diagnosis(verdict, *left, steps=(), **given):
         "explained": 0.78,
         "steps": steps or (BASE, *left[:1]),
         "discrepancy": Sizes(frequency=0.004, damping=0.1, shape=0.015),
+        "discrepancy_spread": Sizes(),
         "point_change": None,
         "ranking": (BASE, INERTIA, STINGER, BOTH, *left),
         "errors": (mode_error(1, 0.02), mode_error(2, -0.012), mode_error(3, 0.001)),
@@ -98,6 +99,14 @@ def test_identified():
     assert right == (
         "With it the model is right to 0.40 % of a frequency, 10 % of a damping ratio and 1.5 % of a shape's length, "
         "beyond the noise."
+    )
+
+
+def test_a_discrepancy_that_a_laboratory_states_is_said_to_be_stated():
+    found = diagnosis("identified", STINGER, discrepancy_spread=Sizes(shape=0.0))
+    assert (
+        "10 % of a damping ratio and 1.5 % of a shape's length (as stated), beyond the noise."
+        in sentences(found)[1]
     )
 
 
@@ -372,11 +381,11 @@ def test_the_next_test_is_one_that_tells_them_apart(distance, text):
 
 
 def test_long_lists_are_folded_to_a_count():
-    out, unseen = tuple("abcdefg"), ("x", "y")
+    out, unseen = tuple("abcdefg"), ("x",)
     text = sentences(diagnosis("identified", STINGER, ruled_out=out, not_visible=unseen))
     assert text[-3:-1] == (
         "Ruled out at their usual strength: 7 effects (a, b, c, d, e and 2 more).",
-        "Too weak to show in these data at any plausible strength: 2 effects (x, y).",
+        "Too weak to show in these data at any plausible strength: 1 effect (x).",
     )
 
 
@@ -389,6 +398,10 @@ def test_the_next_command_adds_what_was_found_and_nothing_of_the_measurement():
         "lamella fit 'my test/a.toml' -o out --effect clamp_inertia --effect stinger_mass"
     )
     assert next_command(diagnosis("nothing missing"), "a.toml", "out") is None
+    stated = [("--scatter", "lab.toml")]
+    assert next_command(diagnosis("identified", STINGER), "a.toml", "out", stated) == (
+        "lamella fit a.toml -o out --effect stinger_mass --scatter lab.toml"
+    )
 
 
 def test_every_sentence_is_whole_and_has_no_number_that_nobody_reads():

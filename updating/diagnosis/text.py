@@ -10,7 +10,7 @@ import numpy as np
 
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.calibration import STRAINED
-from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
+from updating.diagnosis.discrepancy import MEDIAN, SPREAD
 from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.diagnosis.point_change import PointChange
@@ -20,7 +20,7 @@ from updating.results.text import percent, quantity
 _FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are told in a sentence
 _MOST = 0.5  # share of the misfit from which it is most of it
-_KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape"}
+_KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape's length"}
 
 
 def sentences(found: Diagnosis) -> tuple[str, ...]:
@@ -36,7 +36,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(_way(found))
     if found.set:
         which = "the first" if found.verdict == "one of" else "it"
-        text.append(f"With {which} the model is right to {_sizes(found.discrepancy)}, beyond the noise.")
+        text.append(f"With {which} the model is right to {_sizes(found)}, beyond the noise.")
     if found.verdict in ("partly explained", "unlike anything"):
         text += _remains(found)
     if found.point_change is not None:
@@ -54,13 +54,18 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
     return (*text, _rests_on(found))
 
 
-def next_command(found: Diagnosis, campaign: str, folder: str) -> str | None:
-    """Return the command that adds what was found and shows the error fall; None where there is nothing to add."""
+def next_command(
+    found: Diagnosis, campaign: str, folder: str, options: Sequence[tuple[str, str]] = ()
+) -> str | None:
+    """Return the command that adds what was found and shows the error fall; None where there is nothing to add.
+
+    `options` are those, with their values, that the diagnosis was made with.
+    """
     effects = [name for name in (found.set[0] if found.set else ()) if name not in found.measurement]
     if not effects:
         return None
-    options = itertools.chain.from_iterable(("--effect", name) for name in effects)
-    return shlex.join(["lamella", "fit", campaign, "-o", folder, *options])
+    every = itertools.chain(*(("--effect", name) for name in effects), *options)
+    return shlex.join(["lamella", "fit", campaign, "-o", folder, *every])
 
 
 def named(found: Diagnosis, effects: Sequence[str]) -> str:
@@ -75,7 +80,7 @@ def _verdict(found: Diagnosis) -> str:
         return (
             "Nothing is missing that these data can show. The model's frequencies are off by "
             f"{percent(base.frequency_error)} in the mean; beyond the noise the model is right to "
-            f"{_sizes(found.discrepancy)}."
+            f"{_sizes(found)}."
         )
     if found.verdict == "unlike anything":
         return (
@@ -164,11 +169,14 @@ def _way(found: Diagnosis) -> str:
     return f"Step by step, of the mean frequency error: {'; '.join(parts)}."
 
 
-def _sizes(own: Sizes) -> str:
-    return (
-        f"{percent(own.frequency)} of a frequency, {percent(own.damping)} of a damping ratio and "
-        f"{percent(own.shape)} of a shape's length"
-    )
+def _sizes(found: Diagnosis) -> str:
+    """Write the sizes of the discrepancy; one whose logarithm has no scatter was stated."""
+    parts = [
+        f"{percent(getattr(found.discrepancy, kind))} of a {name}"
+        f"{'' if getattr(found.discrepancy_spread, kind) > 0.0 else ' (as stated)'}"
+        for kind, name in _KINDS.items()
+    ]
+    return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def _remains(found: Diagnosis) -> list[str]:
@@ -258,4 +266,4 @@ def _folded(effects: Sequence[str]) -> str:
     """Return how many effects there are, and the first few by their keys."""
     more = len(effects) - _FOLDED
     shown = ", ".join(effects[:_FOLDED])
-    return f"{len(effects)} effects ({shown}{f' and {more} more' if more > 0 else ''})"
+    return f"{len(effects)} effect{'s' if len(effects) > 1 else ''} ({shown}{f' and {more} more' if more > 0 else ''})"
