@@ -155,3 +155,18 @@ def test_points_that_differ_between_configurations_are_mixed_up_in_one_alone():
         own[5] *= -1.0
     mixed_up = corrected(evidence_of(wrong, (NODE, NODE + 1)))[1]
     assert len(mixed_up.configuration) == 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_promised_is_what_the_misfit_falls_by(seed):
+    """To the letter, for the whole covariance counts: of the components with each other and of all shapes."""
+    wrong = shapes(seed)
+    if seed % 2:
+        wrong[0][[3, 8]] = wrong[0][[8, 3]]
+    else:
+        wrong[0][5] *= -1.0
+    evidence = evidence_of(wrong)
+    found, mixed_up = corrected(evidence)
+    before, after = (np.sum(residual_of(own).value ** 2) for own in (evidence, found))
+    tried = len(NAMES) * (N_DOF * (N_DOF + 1) // 2) + N_DOF * (N_DOF + 1) // 2
+    assert mixed_up.log_odds == pytest.approx(0.5 * (before - after) - np.log(tried), rel=1e-6)

@@ -79,9 +79,12 @@ def test_what_is_nearly_as_probable_cannot_be_told_apart_and_the_most_probable_c
 
 
 def test_what_only_adds_an_effect_to_another_says_nothing_new():
-    fitted = [explanation("a", 9.0), explanation("b", 8.0), explanation("bc", 9.5, misfit=60.0)]
-    decision = decide(found(*fitted, explanation("c", 1.0)))
-    assert "bc" not in names(decision.left[1:])
+    """Beside two together, one of them alone may do, and others together; what is one of these and more may not."""
+    fitted = [explanation("ab", 9.0), explanation("c", 8.0), explanation("cd", 8.5), explanation("ef", 8.2)]
+    decision = decide(
+        found(*fitted, explanation("a", 4.0, misfit=5000.0), explanation("b", 1.0, misfit=6000.0))
+    )
+    assert names(decision.left) == ["ab", "ef", "c"]
 
 
 def test_unlike_anything_where_much_is_left_and_no_effect_shows():
