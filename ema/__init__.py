@@ -10,6 +10,7 @@ from ema.io.uff import write_uff
 from ema.modal.comparison import Comparison, compare
 from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
+from ema.modal.repeats import Repeats, repeats
 from ema.plot.picking import pick_poles
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower
@@ -39,6 +40,7 @@ __all__ = [
     "Measurement",
     "MeasurementError",
     "ModalModel",
+    "Repeats",
     "StabilizationDiagram",
     "Verdict",
     "check",
@@ -62,6 +64,7 @@ __all__ = [
     "read_measurement",
     "read_poles",
     "real_shape",
+    "repeats",
     "stabilization",
     "synthesize",
     "synthesized_frf",

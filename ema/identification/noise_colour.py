@@ -18,6 +18,7 @@ BLOCKS = 16
 LEANING = 0.3
 """By how much accelerance, as which most functions are measured, is preferred to what the slope says."""
 _FEWEST = 8  # second differences in each
+_LOUD = 10.0
 
 
 def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128]) -> float:
@@ -52,7 +53,19 @@ def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128]) -
 
 
 def whitest(frf: FRF) -> Quantity:
-    """Return the quantity in which the noise of functions, on lines above 0 Hz, is the most even."""
+    """Return the quantity in which the noise of functions, on lines above 0 Hz, is the most even.
+
+    Integration raises the lowest lines of a band that begins near 0 Hz; it goes no further than these bear.
+    """
     slope = noise_slope(frf.frequency, frf.value.reshape(-1, frf.frequency.size))
     wanted = DERIVATIVE[frf.quantity] - slope + LEANING
-    return min(DERIVATIVE, key=lambda quantity: abs(DERIVATIVE[quantity] - wanted))
+    ranked = sorted(DERIVATIVE, key=lambda quantity: abs(DERIVATIVE[quantity] - wanted))
+    likely = [q for q in DERIVATIVE if DERIVATIVE[q] >= DERIVATIVE[ranked[0]]]
+    return next((q for q in likely if _even_at_the_start(frf.convert(q))), likely[-1])
+
+
+def _even_at_the_start(frf: FRF) -> bool:
+    """Whether the noise of the first lines is no larger than some times that of the others."""
+    difference = np.abs(np.diff(frf.value.reshape(-1, frf.frequency.size), 2, axis=1))
+    first, whole = np.median(difference[:, :_FEWEST], axis=1), np.median(difference, axis=1)
+    return bool(np.median(first) <= _LOUD * np.median(whole))

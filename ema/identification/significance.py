@@ -26,6 +26,7 @@ MIN_COLLINEARITY = 0.9
 MIN_REALNESS = 0.5
 """Least share of a non-dominant pole's modal constants along the real axis, where real modes have them."""
 
+_NOTHING = 1e-24  # of the power of a peak, where it is all there is
 MAX_LINE_DAMPING = 0.2
 """Widest resonance, as a damping ratio, that is searched for in the residuals."""
 CONFINED_SHARE, NEIGHBOUR_DISTANCE = 0.8, 0.02
@@ -129,8 +130,8 @@ def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdi
             + fit.lower / s**2
             + fit.upper
         )
-        rest = np.sum(np.abs(everything - own) ** 2)
-        dominance[r] = np.sqrt(np.sum(np.abs(own) ** 2) / max(rest, np.finfo(float).tiny))
+        peak, rest = np.sum(np.abs(own) ** 2), np.sum(np.abs(everything - own) ** 2)
+        dominance[r] = np.sqrt(peak / max(rest, _NOTHING * peak)) if peak > 0.0 else 0.0
     return Verdicts(
         statistic=statistic / variance_inflation(frequency, fit),
         threshold=significance_threshold(n_function, frequency.size),

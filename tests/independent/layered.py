@@ -9,9 +9,12 @@ Functions of the height are those that snapshots of a coarser plan, with all lay
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import scipy.linalg as la
@@ -33,6 +36,8 @@ from tests.independent.layered_terms import (
 )
 from tests.independent.layered_usual import EXTRA, SNAPSHOT_ELEMENTS, SNAPSHOT_MODES, USUAL, Usual
 
+KEPT = Path(__file__).parents[2] / "out" / "second_model"
+"""Where what takes minutes is kept."""
 RIGID = 0.05
 """Hz, below which a mode is a rigid-body one."""
 
@@ -222,7 +227,15 @@ def _height_functions(
 
 @lru_cache
 def _seen(usual: Usual, laminas_per_layer: int) -> tuple[Array, Array, Array]:
-    """Return the Gram matrices (n_layer, n_layer) of u, v, w in the snapshots of one kind."""
+    """Return the Gram matrices (n_layer, n_layer) of u, v, w in the snapshots of one kind.
+
+    They take minutes and depend on nothing but their arguments, so they are kept in a file.
+    """
+    name = hashlib.sha256(repr((usual, laminas_per_layer)).encode()).hexdigest()[:16]
+    kept = KEPT / f"{name}.npy"
+    if kept.exists():
+        u, v, w = np.load(kept, allow_pickle=False)
+        return u, v, w
     coarse = Layered(laminas_per_layer=laminas_per_layer, n_element=SNAPSHOT_ELEMENTS, reduced=False)
     n_layer = _n_layer(usual.n_lamina, laminas_per_layer)
     gram = np.zeros((3, n_layer, n_layer))
@@ -230,6 +243,11 @@ def _seen(usual: Usual, laminas_per_layer: int) -> tuple[Array, Array, Array]:
         for i, field in enumerate(_Stack.of(coarse, bench).solve(SNAPSHOT_MODES)[1]):
             across = field.transpose(2, 0, 1, 3).reshape(n_layer, -1)
             gram[i] += across @ across.T
+    KEPT.mkdir(parents=True, exist_ok=True)
+    beside = kept.with_suffix(f".{os.getpid()}")
+    with beside.open("wb") as file:
+        np.save(file, gram)
+    beside.replace(kept)
     return gram[0], gram[1], gram[2]
 
 

@@ -113,7 +113,8 @@ def test_the_coherence_sharpens_the_modes_in_quiet_lines():
     # 32 squares of standard normal numbers have a mean within 1 +- 0.25 (one standard deviation)
     assert 0.5 < np.mean(score[..., :2] ** 2) < 1.6
     assert np.mean(score_alike[..., :2] ** 2) < 0.5
-    assert np.std(error[:, 1]) < 0.7 * np.std(error_alike[:, 1])
+    # the slope of the noise counts without coherences too, which takes most of what they bring; they add its step
+    assert np.std(error[:, 1]) < np.std(error_alike[:, 1])
 
 
 @pytest.mark.benchmark
@@ -129,4 +130,5 @@ def test_coverage_with_and_without_coherence(capsys):
         print(f"  error of f without coherence over with it {' / '.join(f'{r:.2f}' for r in ratio)}")
     assert 0.93 < np.mean(np.abs(weighted) < 1.96) < 0.97
     assert np.all((cover > 0.92) & (cover < 0.98))
-    assert not 0.93 < np.mean(np.abs(alike) < 1.96) < 0.97
+    # a slope stands for the noise without coherences, which is too much for one mode and too little for another
+    assert not np.all((cover_alike > 0.92) & (cover_alike < 0.98))

@@ -175,15 +175,19 @@ def test_partly_explained(share, start):
     )
 
 
-def test_what_may_be_no_more_than_the_form_of_what_was_found_is_said():
-    found = diagnosis("partly explained", INERTIA, STINGER, steps=(BASE, INERTIA, BOTH))
-    text = sentences(found)
-    assert text[0].endswith(" Nearly as likely: moving mass at the shaker (stinger_mass).")
+@pytest.mark.parametrize("verdict", ["partly explained", "identified"])
+def test_what_may_be_no_more_than_the_form_of_what_was_found_is_said(verdict):
+    text = sentences(diagnosis(verdict, INERTIA, steps=(BASE, INERTIA, BOTH)))
     assert (
-        "It looks like moving mass at the shaker (stinger_mass), but is so little beside clamp rotary inertia "
-        "(clamp_inertia) that it may come from that acting in another form than the catalogue has it; so it is not "
-        "said to be there."
+        "What is left looks like moving mass at the shaker (stinger_mass), but is so little beside clamp rotary "
+        "inertia (clamp_inertia) that it may come from that acting in another form than the catalogue has it; so it is "
+        "not said to be there."
     ) in text
+
+
+def test_what_is_nearly_as_likely_is_named():
+    text = sentences(diagnosis("partly explained", INERTIA, STINGER))
+    assert text[0].endswith(" Nearly as likely: moving mass at the shaker (stinger_mass).")
 
 
 def test_each_step_has_its_fall():

@@ -39,3 +39,18 @@ def test_a_shifted_run_is_named_with_its_modes_and_shifts():
         "run 2 disagrees with the others: 200.0 Hz by -0.100 %; a sensor's mass does this",
     )
     assert len(quality(found(agree, frequency)).findings) == 2
+
+
+def test_a_run_whose_modes_all_move_alike_is_no_sensor_mass():
+    # nine blows with one fixed sensor: the beam warmed up, and a sensor's mass was blamed
+    model = SimpleNamespace(
+        run=np.array([0, 1, 2]),
+        frequency=np.array([100.0, 200.0, 300.0]),
+        run_frequency=np.array([[100.0, 200.0, 300.0], [99.99, 199.982, 299.97], [100.0, 200.0, 300.0]]),
+        disagreeing_runs=lambda: np.array([[False] * 3, [True] * 3, [False] * 3]),
+    )
+    told = SimpleNamespace(
+        verdicts=(), measurement=SimpleNamespace(notes=()), modal_model=model, explained=None
+    )
+    (line,) = quality(told).findings
+    assert line.endswith("300.0 Hz by -0.010 %; all modes alike, as temperature or settling moves them")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from updating.diagnosis import verdict
-from updating.diagnosis.calibration import MODEL_FORM, SEPARATE, SHOWS
+from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS
 from updating.diagnosis.discrepancy import MEDIAN, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.search import Search, is_form, log_odds
@@ -18,7 +18,7 @@ PRICE = float(np.log(0.5 / len(EFFECTS)))
 POINT = "a change at one point"
 
 
-def explanation(effects, odds, *, misfit=100.0, left_out=0.5, left=1.0):
+def explanation(effects, odds, *, misfit=100.0, left_out=(0.5, 1.0), left=1.0):
     """An explanation with the logarithm of its odds against the base model, and so many times the usual size left."""
     return SimpleNamespace(
         effects=tuple(effects),
@@ -29,14 +29,16 @@ def explanation(effects, odds, *, misfit=100.0, left_out=0.5, left=1.0):
     )
 
 
-BASE = explanation("", 0.0, misfit=10_000.0, left_out=1.0, left=20.0)
-FINE = explanation("", 0.0, misfit=100.0, left_out=1.0)
+BASE = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0), left=20.0)
+FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0))
 
 
 @pytest.fixture(autouse=True)
 def predicted(monkeypatch):
     """What is left out is said by `left_out` of each explanation, and every residual looks like one point."""
-    monkeypatch.setattr(verdict, "left_out", lambda _, residual: SimpleNamespace(misfit=residual))
+    monkeypatch.setattr(
+        verdict, "left_out", lambda _, said: SimpleNamespace(frequency=said[0], damping=said[1])
+    )
     monkeypatch.setattr(verdict, "point_change", lambda _, at: (POINT, at.effects))
 
 
@@ -94,13 +96,20 @@ def test_unlike_anything_where_much_is_left_and_no_effect_shows():
     assert names(decision.steps) == [""]
 
 
-def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen():
-    decision = decide(found(explanation("a", 50.0, left_out=1.1)))
-    assert (decision.verdict, decision.left) == ("unlike anything", ())
-    assert decide(found(explanation("a", 50.0, left_out=0.9))).verdict == "identified"
-    assert (
-        decide(found(explanation("a", 50.0, left_out=np.nan))).verdict == "identified"
-    )  # none can be left out
+@pytest.mark.parametrize(
+    ("left_out", "helps"),
+    [
+        ((HELPS + 0.01, 1.0), False),
+        ((HELPS - 0.01, 1.0), True),
+        ((1.0, HELPS - 0.01), True),  # of damping alone
+        ((np.nan, 1.0), False),
+        ((np.nan, np.nan), True),  # where none can be left out, evidence decides
+    ],
+)
+def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(left_out, helps):
+    decision = decide(found(explanation("a", 50.0, left_out=left_out)))
+    assert decision.verdict == ("identified" if helps else "unlike anything")
+    assert names(decision.left) == (["a"] if helps else [])
 
 
 def test_partly_explained_where_what_remains_is_more_than_a_right_model_leaves():
@@ -120,13 +129,14 @@ def test_a_model_that_lacks_a_measured_mode_is_not_complete(fitted, base, expect
 
 def test_a_weak_effect_beside_a_strong_one_may_be_no_more_than_the_error_of_its_form():
     """The strong one brings 9000 of the misfit; 9 % of that may be left by its form."""
-    strong = explanation("a", 500.0, misfit=1000.0)
-    for beside, verdict_of, first in ((300.0, "partly explained", "a"), (100.0, "identified", "ab")):
+    for beside, left, verdict_of, first in (
+        (300.0, 1.0, "identified", "a"), (300.0, 6.0, "partly explained", "a"), (100.0, 1.0, "identified", "ab")
+    ):  # fmt: skip
+        strong = explanation("a", 500.0, misfit=1000.0, left=left)
         decision = decide(found(strong, explanation("ab", 530.0, misfit=beside)))
         assert decision.verdict == verdict_of
         assert names(decision.left)[0] == first
         assert names(decision.steps) == ["", "a", "ab"]
-    assert decision.point is None
 
 
 def test_the_error_of_form_is_a_share_of_what_is_explained_and_the_base_model_has_none():

@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from ema import Comparison, Configuration, ExplainedPower, ModalModel, compare, read_campaign, stabilization
+from ema import (
+    Comparison,
+    Configuration,
+    ExplainedPower,
+    ModalModel,
+    compare,
+    read_campaign,
+    repeats,
+    stabilization,
+)
 from ema.identification.poles_file import write_poles
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
@@ -59,6 +68,8 @@ def ema(
     if comparison is not None and len(results) > 1:
         for table in comparison_tables(comparison, OUT.width):
             OUT.print(table)
+        for repeat in repeats([found.configuration for found in results], comparison):
+            OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
     if results:
         OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
     require_none(failed, len(results) + len(failed))
@@ -81,9 +92,12 @@ def identify_campaign(
     failed = tuple(found for found in every if isinstance(found, Failed))
     if not results:
         return results, None, failed
+    configurations = [found.configuration for found in results]
     comparison = compare([found.modal_model for found in results])
     write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
-    figure = comparison_figure(comparison, *_abscissa([found.configuration for found in results]))
+    for number, repeat in enumerate(repeats(configurations, comparison), start=1):
+        write_result(output / f"repeats_{number}.json", repeat, inputs=(campaign.path,), options={})
+    figure = comparison_figure(comparison, *_abscissa(configurations))
     write_bytes(output / "comparison.png", as_png(figure))
     return results, comparison, failed
 

@@ -104,6 +104,11 @@ class Discrepancy:
             growth[block.row] = block.growth
         return growth
 
+    @property
+    def log_noise(self) -> float:
+        """Logarithm of the determinant of the noise's covariance, which all explanations of one evidence share."""
+        return sum(block.log_noise for block in self.blocks)
+
     def rotated(self, rows: Vector) -> Vector:
         """Return rows of data, (n,) or (n, m), with white noise and uncorrelated discrepancy."""
         out = np.empty_like(rows)

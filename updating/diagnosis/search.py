@@ -16,7 +16,7 @@ from model import SolveError, enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.assembly import Assembled, scattered
-from updating.diagnosis.calibration import MODEL_FORM, STEP, VISIBLE
+from updating.diagnosis.calibration import MIXED_UP, MODEL_FORM, STEP, VISIBLE
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation, explain, explained, likeliest
@@ -31,11 +31,11 @@ _LOG = logging.getLogger(__name__)
 
 MOST_EFFECTS = 4
 """Effects that an explanation may have."""
-N_SINGLE, N_PAIR, N_BESIDE = 12, 8, 4
+N_SINGLE, N_PAIR, N_BESIDE = 12, 6, 4
 """Effects that are fitted in full; pairs by their linear step; further effects beside each of the best explanations."""
 N_ALWAYS = 3
 """Effects that are fitted however little their linear step promises: it may mislead."""
-N_FIRST = 3
+N_FIRST = 2
 """Explanations beside which a further effect is sought: steps from the base model mislead where one is strong."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
@@ -216,12 +216,17 @@ def _in_order(evidence: Assembled, base: Explanation) -> tuple[Assembled, Explan
     """Put points right that were mixed up, and fit the base model again."""
     found: list[MixedUp] = []
     while len(found) < MOST:
-        evidence, mixed_up = put_right(evidence, base.residual)
+        right, mixed_up = put_right(evidence, base.residual)
         if mixed_up is None:
             break
+        right = _weighed(scattered(right), base)
+        refitted = explain(right, nuisance=base.nuisance)
+        rise = refitted.log_evidence - base.log_evidence
+        rise -= 0.5 * (right.covariance.log_noise - evidence.covariance.log_noise)
+        if rise < MIXED_UP:  # it does not bear out what first order promised
+            break
+        evidence, base = right, refitted
         found.append(mixed_up)
-        evidence = _weighed(scattered(evidence), base)
-        base = explain(evidence, nuisance=base.nuisance)
     return evidence, base, tuple(found)
 
 

@@ -39,6 +39,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(f"With {which} the model is right to {_sizes(found)}, beyond the noise.")
     if found.verdict in ("partly explained", "unlike anything"):
         text += _remains(found)
+    text += _further(found)
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
     text += [strained(own) for own in found.strained]
@@ -194,13 +195,18 @@ def _remains(found: Diagnosis) -> list[str]:
         text.append(
             f"What remains is more than a model leaves to which nothing is missing: {'; '.join(large)}."
         )
-    further = [name for name in found.steps[-1].effects if found.set and name not in found.set[0]]
-    if further:
-        text.append(
-            f"It looks like {named(found, further)}, but is so little beside {named(found, found.set[0])} that it may "
-            "come from that acting in another form than the catalogue has it; so it is not said to be there."
-        )
     return [*text, _where(found)]
+
+
+def _further(found: Diagnosis) -> list[str]:
+    """Say what the rest looks like, but is too little of beside what was found to be named."""
+    further = [name for name in found.steps[-1].effects if found.set and name not in found.set[0]]
+    if not further:
+        return []
+    return [
+        f"What is left looks like {named(found, further)}, but is so little beside {named(found, found.set[0])} that "
+        "it may come from that acting in another form than the catalogue has it; so it is not said to be there."
+    ]
 
 
 def _where(found: Diagnosis) -> str:

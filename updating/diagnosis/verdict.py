@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import SEPARATE, SHOWS
+from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
@@ -51,7 +51,7 @@ def decide(found: Search) -> Decision:
     steps = _steps(found, best)
     own = _beyond_its_form(found, steps)
     left = _ambiguous(found, own)
-    if own is not best or too_large(evidence, own) or evidence.lacking:
+    if too_large(evidence, own) or evidence.lacking:
         point = point_change(evidence, best)
         return Decision(verdict="partly explained", left=left, steps=steps, point=point)
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left, steps=steps)
@@ -59,8 +59,9 @@ def decide(found: Search) -> Decision:
 
 def _helps(found: Search, own: Explanation) -> bool:
     """Tell whether an explanation predicts modes that it has not seen better than the base model."""
-    before, after = (left_out(found.evidence, x.residual).misfit for x in (found.base, own))
-    return bool(np.isnan(after) or after < before)
+    before, after = (left_out(found.evidence, x.residual) for x in (found.base, own))
+    ratio = np.array([after.frequency / before.frequency, after.damping / before.damping])
+    return bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
 
 
 def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema import ExplainedPower, Identification, ModalModel, Verdict
+
+_FEWEST_ALIKE, _ALIKE = 3, 0.5  # modes of a run, and their scatter over their mean shift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +47,7 @@ def quality(found: Identification) -> Quality:
 
 
 def _disagreeing_runs(modal_model: ModalModel) -> tuple[str, ...]:
-    """Say of each roving run that differs from the others in which modes it does and by how much."""
+    """Say of each roving run that differs from the others in which modes it does, by how much and what does that."""
     lines = []
     differs = modal_model.disagreeing_runs()
     for i in np.flatnonzero(differs.any(axis=1)):
@@ -54,7 +57,16 @@ def _disagreeing_runs(modal_model: ModalModel) -> tuple[str, ...]:
             f"{modal_model.frequency[r]:.1f} Hz by {100 * shift[r]:+.3f} %"
             for r in np.flatnonzero(differs[i])
         )
-        lines.append(
-            f"run {modal_model.run[i] + 1} disagrees with the others: {modes}; a sensor's mass does this"
-        )
+        cause = _cause(shift[differs[i]])
+        lines.append(f"run {modal_model.run[i] + 1} disagrees with the others: {modes}; {cause}")
     return tuple(lines)
+
+
+def _cause(shift: NDArray[np.float64]) -> str:
+    """Name what moves the modes of a run by these shares of their frequencies.
+
+    Mass moves each mode by the square of its shape there; a change of the stiffness as a whole moves all alike.
+    """
+    if shift.size >= _FEWEST_ALIKE and np.std(shift) < _ALIKE * np.abs(np.mean(shift)):
+        return "all modes alike, as temperature or settling moves them"
+    return "a sensor's mass does this"
