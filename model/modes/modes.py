@@ -296,12 +296,16 @@ def reduced_eigenpairs(
     Raises
     ------
     SolveError
-        More modes are asked for than the reduced system has, or the stiffness is negative.
+        More modes are asked for than the reduced system has, the stiffness is negative, or the mass is not positive.
     """
     if not 0 < n_mode <= system.size:
         message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
         raise SolveError(message)
-    eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
+    try:
+        eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
+    except la.LinAlgError as error:
+        message = f"the mass at {theta} is not positive"
+        raise SolveError(message) from error
     rigid_limit = _rigid_limit(system, theta, eigenvalues)
     if eigenvalues[0] < -rigid_limit:
         message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"

@@ -7,9 +7,15 @@ from rich.console import Console
 
 import model
 from updating.commands import diagnose as command
+from updating.commands import fit as fit_command
 from updating.diagnosis import cached_model
+from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose
+from updating.diagnosis.discrepancy import Sizes
 from updating.errors import FitError
+from updating.fitting.ledger import Ledger
+from updating.results.store import read_result
+from updating.results.text import interval_text
 
 CONSIDERED = ("clamp_mass", "pressure_exponent")
 
@@ -31,7 +37,7 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
     for stage in ("reduce the model with 2 effects", "fit 2 effects, each alone"):
         assert f"diagnose: {stage}" in shown.getvalue()
     assert second.sentences == first.sentences == made[0].sentences
-    assert second.ranking == first.ranking
+    assert repr(second.ranking) == repr(first.ranking)  # what is not a number is not equal to itself
 
     def here(*given, scatter, reduced, **_):
         made.append(diagnose(*given, scatter=scatter, reduced=reduced))
@@ -41,11 +47,57 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
     campaign.write_text(campaign.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     command.diagnose_campaign(campaign, tmp_path / "out", [], console)
     assert len(made) == 2
-    assert made[1].ranking == made[0].ranking  # wherever it was made, and with a model that was read back
+    assert repr(made[1].ranking) == repr(
+        made[0].ranking
+    )  # wherever it was made, and with a model that was read back
     scatter = tmp_path / "scatter.toml"
-    scatter.write_text("frequency = 0.02\ndamping = 0.5\nshape = 0.2\n", encoding="utf-8")
-    doubtful = command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter)
-    assert doubtful.p_value > made[1].p_value
+    scatter.write_text("frequency = 0.2\ndamping = 0.9\nshape = 0.9\n", encoding="utf-8")
+    doubtful = command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
+    assert doubtful.ranking[0].log_odds < made[1].ranking[0].log_odds - 5.0
+    assert doubtful.discrepancy == Sizes(frequency=0.2, damping=0.9, shape=0.9)
+    assert doubtful.too_large == ()
     scatter.write_text("frequenzy = 0.02\nyoung = 2.0\n", encoding="utf-8")
     with pytest.raises(FitError, match=r"(?s)scatter.toml: young.*scatter.toml: .*frequenzy.*frequency"):
-        command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter)
+        command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
+
+
+def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
+    write_small_campaign, tmp_path, monkeypatch
+):
+    whole, made, campaign = model.catalogue(), [], write_small_campaign(tmp_path, 2)
+    scatter = tmp_path / "scatter.toml"
+    scatter.write_text("frequency = 0.05\n", encoding="utf-8")
+
+    def counted(*given, **options):
+        made.append(diagnose(*given, **options))
+        return made[-1]
+
+    monkeypatch.setattr(command, "catalogue", lambda _: {name: whole[name] for name in CONSIDERED})
+    monkeypatch.setattr(command, "diagnose_stack", counted)
+    monkeypatch.setattr(cached_model, "folder", lambda: tmp_path / "cache")
+    shown, out = io.StringIO(), tmp_path / "out"
+    monkeypatch.setattr(fit_command, "OUT", Console(file=shown, width=250))
+    command.diagnose_campaign(campaign, out, [], Console(quiet=True), scatter_file=scatter)
+    fit_command.fit(campaign, out, effect=["clamp_mass"], scatter=scatter)
+    assert len(made) == 1  # it is the diagnosis that was there
+    found = read_result(out / "diagnosis.json", Diagnosis)
+    base, added = read_result(out / "ledger.json", Ledger).entry
+    for entry, effects in ((base, ()), (added, ("clamp_mass",))):
+        own = found.ranked(effects)
+        numbers = (
+            entry.error,
+            entry.mode_error,
+            entry.configuration_error,
+            entry.damping_error,
+            entry.chi_square,
+        )
+        assert numbers == pytest.approx(
+            (
+                own.frequency_error, own.left_out_error, own.left_out_configuration_error, own.damping_error,
+                own.misfit,
+            ),
+            rel=0.0, abs=0.0, nan_ok=True,
+        )  # fmt: skip
+        assert entry.shared == own.parameter
+        assert f"{100 * own.frequency_error:.2f} | {100 * own.damping_error:.2f}" in shown.getvalue()
+    assert interval_text(found.ranked(("clamp_mass",)).parameter[0]) in shown.getvalue()

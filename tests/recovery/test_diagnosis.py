@@ -10,9 +10,13 @@ import model
 from updating.blind.case import blind_test, candidates_of, simulated
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude
+from updating.diagnosis.discrepancy import Block, Discrepancy
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import explain
-from updating.diagnosis.residual import residual
+from updating.diagnosis.point_change import point_change
+from updating.diagnosis.residual import covariance_of, residual
+from updating.diagnosis.search import search
+from updating.diagnosis.verdict import decide
 from updating.virtual.measurement import ModalNoise, simulate_modes
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
@@ -45,7 +49,7 @@ def test_nothing_is_missing_where_nothing_is_hidden(candidates):
     found = diagnosed(candidates, (), {}, 11)
     assert found.verdict == "nothing missing"
     assert found.set == ()
-    assert found.p_value > 0.01
+    assert found.too_large == ()
     assert {"clamp_rods", "temperature"} <= set(found.not_visible)
     assert {"contact_direction", "pressure_exponent"} <= set(found.ruled_out)
     assert not set(found.ruled_out) & set(found.not_visible)
@@ -58,17 +62,17 @@ def test_nothing_is_missing_where_nothing_is_hidden(candidates):
 )
 def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue, name, values):
     found = diagnosed(candidates, (catalogue[name],), values, 12)
-    assert found.verdict == "identified"
-    assert found.set == ((name,),)
+    assert found.verdict in ("identified", "one of")
+    assert found.set[0] == (name,)
+    told_apart_by_none = {effect for effects in found.set[1:] for effect in effects}
+    assert told_apart_by_none <= set(found.measurement)  # two torques stated wrongly do as an exponent does
+    assert found.verdict == "identified" or name == "pressure_exponent"
     assert name not in found.ruled_out
     assert {"contact_direction", "pressure_exponent"} - {name} <= set(found.ruled_out)
     best = next(x for x in found.ranking if x.effects == (name,))
     (parameter,) = best.parameter
     assert parameter.lower < values[parameter.name] < parameter.upper
-    assert best.frequency_error < 0.3 * next(x for x in found.ranking if not x.effects).frequency_error or (
-        name
-        == "pressure_exponent"  # which the deviations between torques take up, at the cost of their priors
-    )
+    assert best.frequency_error < 0.3 * found.ranked(()).frequency_error
 
 
 def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confidence(candidates, catalogue):
@@ -80,25 +84,19 @@ def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confide
     assert found.set == ()
 
 
-@pytest.mark.parametrize(
-    ("mass", "hidden"),
-    [(0.01, True), (0.02, False)],
-    ids=["the misfit of all data together hides it", "the misfit shows it"],
-)
-def test_a_mass_that_no_effect_of_the_catalogue_is_shows_where_it_sits(candidates, mass, hidden):
+def test_a_mass_that_no_effect_of_the_catalogue_is_gets_no_name_and_shows_where_it_sits(candidates):
     """It moves with the stack at the shaker."""
-    moving = model.catalogue()["stinger_mass"]
+    moving, mass = model.catalogue()["stinger_mass"], 0.05
     test = blind_test(SPECIFICATION, 15, (moving,), {moving.parameters[0].name: mass})
     tested = simulated(test)[:2]
-    found = conclude(assemble_evidence(candidates, tested))
-    assert found.verdict == "unlike anything"
-    assert (found.p_value > 0.5) == hidden
-    assert found.point_change.kind == "mass"
-    assert 0.2 * mass < found.point_change.size < 2.0 * mass
+    found = search(assemble_evidence(candidates, tested))
+    assert decide(found).left == ()
+    point = point_change(found.evidence, found.base)
+    assert point.kind == "mass"
+    assert 0.2 * mass < point.size < 2.0 * mass
     points = dict(zip(tested[0][2].geometry.node, tested[0][2].geometry.coordinate, strict=True))
     shaker = points[tested[0][2].input.node[0]]
-    assert np.linalg.norm(points[found.point_change.node] - shaker) < 0.03
-    assert any(f"at or near point {found.point_change.node}" in own for own in found.sentences)
+    assert np.linalg.norm(points[point.node] - shaker) < 0.03
 
 
 def test_what_the_mesh_is_off_by_is_taken_out(candidates):
@@ -116,9 +114,12 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
         np.log(test.configurations[0].d_f / contact.d_f),
     )
     nothing = tuple(replace(s, mesh=0.0 * s.mesh, mesh_shape=0.0 * s.mesh_shape) for s in evidence.shift)
-    corrected, plain = residual(evidence, truth), residual(replace(evidence, shift=nothing), truth)
-    for own, bound in ((lambda found: found.log_frequency, 1e-4), (shape_difference, 1e-3)):
-        assert np.linalg.norm(own(corrected)) < 0.5 * np.linalg.norm(own(plain))
+    corrected, plain = (compared(own, truth) for own in (evidence, replace(evidence, shift=nothing)))
+    lengths = (lambda found: found[0]), (lambda found: np.linalg.norm(found[1], axis=1))
+    for own, bound, left in zip(
+        lengths, (6e-5, 1e-3), (0.5, 0.7), strict=True
+    ):  # the basis leaves of shapes as much
+        assert np.linalg.norm(own(corrected)) < left * np.linalg.norm(own(plain))
         assert np.abs(own(corrected)).max() < bound < np.abs(own(plain)).max()
 
 
@@ -146,32 +147,45 @@ def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, na
     assert np.linalg.norm(left(change, change) - reference) < 0.07 * np.linalg.norm(moved)
 
 
-def shape_difference(found):
-    """Return the lengths of what is left of all shapes."""
-    partners = [m.modelled[:, : m.measured.shape[1]] for m in found.mixing]
-    return np.concatenate(
-        [np.linalg.norm(m.measured - v, axis=0) for m, v in zip(found.mixing, partners, strict=True)]
-    )
+def compared(evidence, nuisance):
+    """Return logarithms of measured over modelled frequencies, and what all shapes differ by, (n_shape, n_dof)."""
+    n = evidence.rows.kind.size
+    as_they_are = Block(row=np.arange(n), rotation=np.eye(n), growth=np.zeros(n), log_noise=0.0)
+    found = residual(replace(evidence, covariance=Discrepancy(blocks=(as_they_are,))), nuisance)
+    return found.log_frequency, np.stack([found.rotated[row] for row in evidence.rows.shape.values()])
 
 
 def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
     """Effects are chosen by what they change beside what others left, each solved on its own."""
     evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 12, (), {}))[:2])
     turned = replace(
-        evidence, observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in evidence.observed)
+        evidence,
+        observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in evidence.observed),
+        place_slope=tuple(-slope for slope in evidence.place_slope),
     )
     one, other = residual(evidence, evidence.start), residual(turned, evidence.start)
     np.testing.assert_array_equal(other.value, one.value)
     np.testing.assert_array_equal(other.jacobian, one.jacobian)
 
 
-def test_a_shape_that_is_stated_uncertain_is_weak(candidates):
+def test_a_shape_that_is_stated_uncertain_counts_less(candidates):
     name, pressure, modes = simulated(blind_test(SPECIFICATION, 12, (), {}))[0]
     length = np.linalg.norm(modes.shape, axis=0)
-    share = np.where(np.arange(length.size) == 2, 0.06, 0.04)
-    spread = np.ones(modes.shape.shape) / np.sqrt(len(modes.shape)) * length * share
-    evidence = assemble_evidence(candidates, [(name, pressure, replace(modes, shape_std=spread))])
-    assert residual(evidence, evidence.start).weak == (f"{name}, mode 3",)
+
+    def misfit(share):
+        own = np.where(np.arange(length.size) == 2, share, 0.01)
+        spread = np.ones(modes.shape.shape) / np.sqrt(len(modes.shape)) * length * own
+        off = modes.shape + 3.0 * spread * np.random.default_rng(1).choice([-1.0, 1.0], spread.shape)
+        shape = np.where(np.arange(length.size) == 2, off, modes.shape)
+        tested = [(name, pressure, replace(modes, shape=shape, shape_std=spread))]
+        evidence = assemble_evidence(candidates, tested, scatter=DiagnosisScatter(point_place=1e-5))
+        evidence = replace(evidence, sensor_scatter=(np.full(length.size, 1e-3),))
+        evidence = replace(evidence, covariance=covariance_of(evidence, evidence.start))
+        found = residual(evidence, evidence.start)
+        return np.sum(found.value[found.kind == "shape"] ** 2)
+
+    far = 0.02
+    assert misfit(far) == pytest.approx(misfit(2.0 * far), rel=0.25)  # each three standard deviations off
 
 
 def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
@@ -179,13 +193,14 @@ def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
     name, pressure, modes = simulated(blind_test(SPECIFICATION, 14, (), {}))[0]
     gain = np.random.default_rng(0).standard_normal((len(modes.shape), 1))
 
-    def shown(share, most=0.05):
+    def shown(share, **stated):
         tested = [(name, pressure, replace(modes, shape=(1.0 + share * gain) * modes.shape))]
-        return assemble_evidence(candidates, tested, scatter=DiagnosisScatter(shape=most)).scatter.shape
+        evidence = assemble_evidence(candidates, tested, scatter=DiagnosisScatter(**stated))
+        return evidence.point_place, np.median(evidence.sensor_scatter[0])
 
-    assert shown(0.0) < 0.003
-    assert shown(0.02) == pytest.approx(0.02, rel=0.3)
-    assert shown(0.02, most=0.006) == 0.006
+    assert shown(0.0)[1] < 0.003
+    assert 0.01 <= shown(0.02)[1] <= 0.02
+    assert shown(0.02, point_place=3e-4)[0] == 3e-4
 
 
 @pytest.mark.parametrize("seed", [31, 32])

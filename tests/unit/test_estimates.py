@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from updating.fitting.fit import estimate_damping, estimate_stiffness
+from updating.fitting.fit import Estimate, estimate_damping, estimate_stiffness
+from updating.results.text import estimate_text, parameter_text
 
 A = np.array([10.0, 17.0, 30.0])
 
@@ -62,3 +63,36 @@ def test_negative_damping_is_held_at_zero():
     found = estimate_damping(np.array([1e8, 1e8]), np.array([-0.01, -0.02]), np.zeros(2), bounds=(0.0, 1e-8))
     assert found.value == 0.0
     assert found.at_bound
+
+
+def estimate(value, std, **given):
+    default = {
+        "name": "G_f",
+        "unit": "Pa/Pa",
+        "lower": 20.0,
+        "upper": 5e4,
+        "at_bound": False,
+        "objective": 0.0,
+    }
+    return Estimate(**default | given, value=value, std=std, history=np.zeros((1, 2)))
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (1480.4, 12.2, "1480 ± 24"),
+        (1480.4, 0.61, "1480.4 ± 1.2"),
+        (5.02e-11, 1e-12, "(5.02 ± 0.20)e-11"),
+        (1480.4, 0.0, "1480"),
+        (1480.4, np.inf, "1480"),
+    ],
+)
+def test_what_stands_behind_the_sign_is_half_of_the_95_percent_interval(value, std, text):
+    assert estimate_text(estimate(value, std)) == text
+
+
+def test_a_parameter_at_the_bound_of_its_range_says_so():
+    assert (
+        parameter_text(estimate(5e4, 0.0, at_bound=True)) == "G_f = 5e+04 Pa/Pa (at the bound of its range)"
+    )
+    assert parameter_text(estimate(1480.4, 12.2)) == "G_f = 1480 ± 24 Pa/Pa"

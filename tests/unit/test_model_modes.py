@@ -167,6 +167,8 @@ def test_what_cannot_be_asked_is_refused(system):
         model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS, parameters={"yuong": 1.0})
     with pytest.raises(model.SolveError, match="negative"):
         model.solve_modes(system, G_f=-825.0, d_f=0.0, observation=CORNERS)
+    with pytest.raises(model.SolveError, match=r"mass at .* is not positive"):
+        model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS, parameters={"density": -1.0})
     with pytest.raises(model.SolveError, match="accelerance"):
         model.frf(
             system, G_f=825.0, d_f=0.0, frequency=[1.0], output=CORNERS, input=CORNERS, quantity="compliance"

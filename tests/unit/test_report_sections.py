@@ -8,8 +8,8 @@ import pytest
 from model import read_stack
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.signature_plot import signature_pattern_figure
+from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
-from updating.fitting.joint_fit import FittedParameter
 from updating.fitting.ledger import Entry
 from updating.fitting.modal_table import TableFit, TableRow
 from updating.report.answer import answer_section
@@ -34,10 +34,14 @@ def results(**given):
 
 def parameter(**given):
     default = {
-        "name": "exponent", "unit": "1", "group": "", "value": 0.5, "std": 0.05, "lower": 0.1, "upper": 1.0,
-        "at_bound": False, "determined": True, "interval": (0.402, 0.598), "method": "normal", "rank": 1, "gain": 9.0,
-    }  # fmt: skip
-    return FittedParameter(**(default | given))
+        "name": "exponent",
+        "unit": "1",
+        "value": 0.5,
+        "lower": 0.402,
+        "upper": 0.598,
+        "at_bound": False,
+    }
+    return ParameterEstimate(**(default | given))
 
 
 def entry(*effects, error, damping=NAN, shared=()):
@@ -80,21 +84,16 @@ def test_a_parameter_at_its_bound_has_no_interval():
     assert rows[1] == ("all, base + a", "k", "N/m", "0.5", "", "", "at its bound")
 
 
-@pytest.mark.parametrize(
-    ("verdict", "candidates", "expected"),
-    [
-        ("nothing missing", (), "Nothing is missing"),
-        ("identified", (("a", "b"),), "lacks: a with b."),
-        ("one of", (("a",), ("b",)), "which: a; b."),
-        ("unlike anything", (), "unlike anything"),
-    ],
-)
-def test_the_verdict_of_a_diagnosis_comes_first(verdict, candidates, expected):
+def test_a_parameter_that_its_range_alone_holds_is_said_to_be_unknown():
+    table = interval_table(results(ledger=(entry("a", error=0.1, shared=(parameter(determined=False),)),)))
+    assert table.rows[0][-1] == "not determined"
+
+
+def test_the_sentences_of_a_diagnosis_come_first():
     made = dict.fromkeys(Diagnosis.__dataclass_fields__, ())
-    made |= {"verdict": verdict, "set": candidates, "sentences": ("Because.",)}
+    made |= {"sentences": ("Identified: clamp mass.", "Because.")}
     section = answer_section(results(diagnosis=Diagnosis(**made), missing=("M2",)))
-    assert expected in section.text[0]
-    assert section.text[1:] == ("Because.", "Not done yet: M2.")
+    assert section.text == ("Identified: clamp mass.", "Because.", "Not done yet: M2.")
 
 
 def table_fit(name, factor):
@@ -179,7 +178,7 @@ def test_a_model_that_is_too_soft_lacks_what_an_effect_that_stiffens_brings():
         "M2,2,200.0,0.1,-0.01,-0.011,-0.001",
     ]
     assert table.header[3:] == ("lacking [%]", "left by stiff + other [%]", "stiff [%]", "weak [%]")
-    assert table.rows[0] == ("M1", "1", "100.000 ± 0.1", "+2.000", "+0.100", "+1.900", "+0.100")
+    assert table.rows[0] == ("M1", "1", "100.000 ± 0.2", "+2.000", "+0.100", "+1.900", "+0.100")
     assert any(part.title == "Effect signatures" for part in sections(results(diagnosis=made)))
 
 

@@ -1,4 +1,4 @@
-"""When a second effect is named, and when it is only said to be possible."""
+"""The five verdicts, and when a further effect beside a strong one is named."""
 
 from types import SimpleNamespace
 
@@ -6,103 +6,153 @@ import numpy as np
 import pytest
 
 from updating.diagnosis import verdict
-from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.text import _at_a_point, _doubtful
+from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS
+from updating.diagnosis.discrepancy import MEDIAN, Sizes
+from updating.diagnosis.evidence import DiagnosisScatter, Evidence
+from updating.diagnosis.search import Search, is_form, log_odds
 from updating.diagnosis.verdict import decide
 
+EFFECTS = tuple("abcdefgh")
+PRICE = float(np.log(0.5 / len(EFFECTS)))
+"""Logarithm of the prior odds of one effect."""
+POINT = "a change at one point"
 
-def explanation(misfit, *effects):
-    return SimpleNamespace(misfit=misfit, effects=effects)
 
-
-def found(first, second, form):
-    """A strong first effect with a misfit of `first` alone and of `second` beside another."""
+def explanation(effects, odds, *, misfit=100.0, left_out=(0.5, 1.0), left=1.0):
+    """An explanation with the logarithm of its odds against the base model, and so many times the usual size left."""
     return SimpleNamespace(
-        base=explanation(10000.0),
-        singles=(explanation(first, "clamp_inertia"),),
-        pairs=(explanation(second, "stinger_mass", "clamp_inertia"),),
-        evidence=SimpleNamespace(scatter=SimpleNamespace(form=form), lacking=()),
+        effects=tuple(effects),
+        log_evidence=odds - PRICE * len(effects),
+        misfit=misfit,
+        mean=Sizes(frequency=left * MEDIAN["frequency"]),
+        residual=left_out,
     )
+
+
+BASE = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0), left=20.0)
+FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0))
 
 
 @pytest.fixture(autouse=True)
-def looked_at(monkeypatch):
-    """Every fit is adequate, and no point stands out: return what is said of points, to be changed."""
-    said = {"chance": 0.5, "p_value": 0.5}
-    monkeypatch.setattr(verdict, "p_value", lambda own: 1.0)
+def predicted(monkeypatch):
+    """What is left out is said by `left_out` of each explanation, and every residual looks like one point."""
     monkeypatch.setattr(
-        verdict,
-        "point_change",
-        lambda _, at: PointChange(beside=at.effects, node=12, kind="mass", size=-0.0123, gain=24.0, **said),
+        verdict, "left_out", lambda _, said: SimpleNamespace(frequency=said[0], damping=said[1])
     )
-    return said
+    monkeypatch.setattr(verdict, "point_change", lambda _, at: (POINT, at.effects))
 
 
-def test_a_second_effect_that_brings_enough_is_named():
-    decision = decide(found(100.0, 79.0, form=0.0))
-    assert decision.left[0].effects == ("stinger_mass", "clamp_inertia")
-    assert decision.doubt is None
+def found(*fitted, base=BASE, lacking=()):
+    evidence = SimpleNamespace(
+        effects=dict.fromkeys(EFFECTS), scatter=DiagnosisScatter(), lacking=lacking, hypotheses={}
+    )
+    return Search(evidence=evidence, base=base, fitted=fitted, screened=(), mixed_up=())
 
 
-def test_a_second_effect_within_what_the_first_may_be_off_by_is_in_doubt():
-    """1 % of sqrt(9900) standard deviations, 1.645 times, is 1.64; its square, 2.7, comes on top of 20."""
-    decision = decide(found(100.0, 79.0, form=0.01))
+def names(explanations):
+    return ["".join(own.effects) for own in explanations]
+
+
+def test_odds_are_those_of_the_evidence_less_the_price_of_each_effect():
+    own, evidence = explanation("ab", 7.0), SimpleNamespace(effects=dict.fromkeys(EFFECTS))
+    assert log_odds(evidence, own, BASE) == pytest.approx(7.0)
+    assert own.log_evidence == pytest.approx(7.0 + 2.0 * np.log(2.0 * len(EFFECTS)))
+
+
+def test_nothing_is_missing_where_no_effect_shows_and_a_right_model_leaves_as_much():
+    decision = decide(found(explanation("a", SHOWS - 0.1), base=FINE))
+    assert (decision.verdict, decision.left, decision.point) == ("nothing missing", (), None)
+    assert names(decision.steps) == [""]
+
+
+def test_an_effect_that_shows_is_identified():
+    decision = decide(found(explanation("a", 9.0), explanation("b", 9.0 - SEPARATE - 0.1)))
     assert decision.verdict == "identified"
-    assert decision.left[0].effects == ("clamp_inertia",)
-    assert decision.doubt.effects == ("stinger_mass",)
-    assert decision.doubt.gain == 21.0
-    assert decision.doubt.least == pytest.approx(20.0 + (1.645 * 0.01) ** 2 * 9900.0, rel=1e-3)
-    assert _doubtful(decision.doubt, decision.left[0]) == (
-        "stinger_mass beside it would lower the squared misfit by 21 more. What the form of clamp_inertia may be off "
-        "by accounts for up to 23, so stinger_mass may be there and is not named."
+    assert names(decision.left) == ["a"]
+    assert names(decision.steps) == ["", "a"]
+    assert decision.point is None
+
+
+def test_what_is_nearly_as_probable_cannot_be_told_apart_and_the_most_probable_comes_first():
+    fitted = [explanation("b", 8.5), explanation("a", 9.0), explanation("c", 7.0), explanation("d", 5.0)]
+    decision = decide(found(*fitted))
+    assert decision.verdict == "one of"
+    assert names(decision.left) == ["a", "b", "c"]
+
+
+def test_what_only_adds_an_effect_to_another_says_nothing_new():
+    """Beside two together, one of them alone may do, and others together; what is one of these and more may not."""
+    fitted = [explanation("ab", 9.0), explanation("c", 8.0), explanation("cd", 8.5), explanation("ef", 8.2)]
+    decision = decide(
+        found(*fitted, explanation("a", 4.0, misfit=5000.0), explanation("b", 1.0, misfit=6000.0))
     )
+    assert names(decision.left) == ["ab", "ef", "c"]
 
 
-def test_what_chance_brings_is_not_in_doubt():
-    assert decide(found(100.0, 81.0, form=0.01)).doubt is None
-
-
-@pytest.mark.parametrize(("lacking", "expected"), [((), "nothing missing"), (((0, 2),), "unlike anything")])
-def test_a_model_that_lacks_a_measured_mode_is_not_complete(lacking, expected):
-    nothing = found(9999.0, 9998.0, form=0.0)
-    nothing.evidence.lacking = lacking
-    assert decide(nothing).verdict == expected
+def test_unlike_anything_where_much_is_left_and_no_effect_shows():
+    decision = decide(found(explanation("a", SHOWS - 0.1)))
+    assert (decision.verdict, decision.left) == ("unlike anything", ())
+    assert decision.point == (POINT, ())
+    assert names(decision.steps) == [""]
 
 
 @pytest.mark.parametrize(
-    ("known", "beside"),
-    [(found(100.0, 99.0, 0.0), "clamp_inertia"), (found(9999.0, 9998.0, 0.0), "the base model")],
+    ("left_out", "helps"),
+    [
+        ((HELPS + 0.01, 1.0), False),
+        ((HELPS - 0.01, 1.0), True),
+        ((1.0, HELPS - 0.01), True),  # of damping alone
+        ((np.nan, 1.0), False),
+        ((np.nan, np.nan), True),  # where none can be left out, evidence decides
+    ],
 )
-def test_what_is_left_at_one_point_is_unlike_anything_however_likely_the_whole(looked_at, known, beside):
-    looked_at["chance"] = 0.0004
-    decision = decide(known)
-    assert decision.verdict == "unlike anything"
-    assert decision.left == ()
-    assert _at_a_point(decision.point) == (
-        f"This is unlike anything in the catalogue: what {beside} leaves looks like 12 g less mass at or near point 12 "
-        "in the measured direction, which lowers the squared misfit by 24. Where nothing is missing, some point does "
-        "as much in 4 of 10000 cases. Look there."
-    )
+def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(left_out, helps):
+    decision = decide(found(explanation("a", 50.0, left_out=left_out)))
+    assert decision.verdict == ("identified" if helps else "unlike anything")
+    assert names(decision.left) == (["a"] if helps else [])
 
 
-@pytest.mark.parametrize(("left", "told"), [(0.5, True), (0.01, False)])
-def test_a_point_is_told_of_a_model_that_is_not_adequate_if_it_explains_all_that_is_left(
-    looked_at, monkeypatch, left, told
-):
-    monkeypatch.setattr(verdict, "p_value", lambda own: 1e-9)
-    looked_at.update(chance=0.0004, p_value=left)
-    decision = decide(found(100.0, 79.0, form=0.0))
-    assert decision.verdict == "unlike anything"
-    assert decision.left == ()
-    assert (decision.point is not None) == told
-    assert not told or decision.point.beside == ()  # the fewest effects beside it
+def test_partly_explained_where_what_remains_is_more_than_a_right_model_leaves():
+    decision = decide(found(explanation("a", 50.0, left=6.0), explanation("b", 49.0)))
+    assert decision.verdict == "partly explained"
+    assert names(decision.left) == ["a", "b"]
+    assert decision.point == (POINT, ("a",))
 
 
-def test_what_the_form_of_a_strong_effect_may_be_off_by_is_nothing_at_a_point(looked_at):
-    """1.645 times 5 % of what brings 9900, squared: 67, more than the 24 of the point."""
-    looked_at["chance"] = 0.0004
-    assert decide(found(100.0, 99.0, form=0.05)).verdict == "identified"
+@pytest.mark.parametrize(
+    ("fitted", "base", "expected"),
+    [((), FINE, "unlike anything"), ((explanation("a", 9.0),), BASE, "partly explained")],
+)
+def test_a_model_that_lacks_a_measured_mode_is_not_complete(fitted, base, expected):
+    assert decide(found(*fitted, base=base, lacking=((0, 2),))).verdict == expected
+
+
+def test_a_weak_effect_beside_a_strong_one_may_be_no_more_than_the_error_of_its_form():
+    """The strong one brings 9000 of the misfit; 9 % of that may be left by its form."""
+    for beside, left, verdict_of, first in (
+        (300.0, 1.0, "identified", "a"), (300.0, 6.0, "partly explained", "a"), (100.0, 1.0, "identified", "ab")
+    ):  # fmt: skip
+        strong = explanation("a", 500.0, misfit=1000.0, left=left)
+        decision = decide(found(strong, explanation("ab", 530.0, misfit=beside)))
+        assert decision.verdict == verdict_of
+        assert names(decision.left)[0] == first
+        assert names(decision.steps) == ["", "a", "ab"]
+
+
+def test_the_error_of_form_is_a_share_of_what_is_explained_and_the_base_model_has_none():
+    least = MODEL_FORM**2 * 9000.0
+    strong = explanation("a", 500.0, misfit=1000.0)
+    assert is_form(BASE, strong, explanation("ab", 0.0, misfit=1000.0 - 0.99 * least))
+    assert not is_form(BASE, strong, explanation("ab", 0.0, misfit=1000.0 - 1.01 * least))
+    assert not is_form(BASE, BASE, explanation("a", 0.0, misfit=9999.0))
+
+
+def test_the_way_goes_by_the_effect_that_raises_the_odds_most():
+    fitted = [explanation("a", 20.0, misfit=6000.0), explanation("b", 5.0, misfit=7000.0)]
+    fitted += [explanation("ab", 40.0, misfit=3000.0), explanation("bc", 35.0, misfit=3100.0)]
+    decision = decide(found(*fitted, explanation("abc", 60.0, misfit=10.0)))
+    assert names(decision.steps) == ["", "a", "ab", "abc"]
+    assert decision.verdict == "identified"
 
 
 def test_a_mode_counts_as_lacking_amid_those_that_the_model_has():

@@ -46,7 +46,9 @@ def diagnose(
     OUT.print(diagnosis_table(found))
     for sentence in measurement_findings(campaign, output, OUT):
         OUT.print(sentence, highlight=False, markup=False)
-    added = next_command(found, str(campaign), str(output))
+    options = [("--effect-file", str(path)) for path in effect_file or ()]
+    options += [] if scatter is None else [("--scatter", str(scatter))]
+    added = next_command(found, str(campaign), str(output), options)
     if added is not None:
         OUT.print(f"Add it and see the error fall: {added}", highlight=False, markup=False, soft_wrap=True)
     OUT.print(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,11 +14,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel, read_campaign
-from model import Stack, catalogue, find_effects, read_stack
+from model import Effect, Stack, catalogue, find_effects, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_findings
-from updating.commands.options import CampaignFile, Cluster, Folder, SharedEffects
+from updating.commands.options import CampaignFile, Cluster, EffectFiles, Folder, ScatterFile, SharedEffects
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
@@ -63,6 +64,8 @@ def fit(
         float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")
     ] = 0.8,
     effect: SharedEffects = None,
+    effect_file: EffectFiles = None,
+    scatter: ScatterFile = None,
     cluster: Cluster = None,
 ) -> None:
     """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
@@ -72,14 +75,15 @@ def fit(
 
     With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
     contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
-    held out.
+    held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers.
     """
-    find_effects(effect or [], catalogue())  # before hours of work
+    known = catalogue(effect_file or [])
+    find_effects(effect or [], known)  # before hours of work
     if is_modal_table(campaign):
         rows = fit_modal_table(campaign, output, OUT, cluster)
         OUT.print(modal_table(rows))
         if effect:
-            OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster)))
+            OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
         OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
         return
     fits, n_done, failed = [], 0, []
@@ -94,7 +98,8 @@ def fit(
         if effect:  # without, a campaign of any length takes the same memory
             fits.append(one)
     if fits and effect:
-        OUT.print(ledger_table(campaign_ledger(fits, effect, campaign, output, cluster)))
+        asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file or ()), scatter_file=scatter)
+        OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
     if n_done:
         OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
     require_none(failed, n_done + len(failed))
@@ -149,9 +154,18 @@ def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Pat
     return kept(path, TableFit, partial(fit_row, row, shape_class), inputs=inputs, options={})
 
 
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """Effects that are to be added, with the files that they and what a laboratory knows are in."""
+
+    effects: tuple[str, ...]
+    effect_files: tuple[Path, ...] = ()
+    scatter_file: Path | None = None
+
+
 def campaign_ledger(
     fits: Sequence[tuple[Identified, Fit]],
-    effects: Sequence[str],
+    asked: Asked,
     campaign: Path,
     output: Path,
     cluster: str | None = None,
@@ -161,14 +175,17 @@ def campaign_ledger(
     Configurations of one height are one stack, with one G_f and one d_f for all its torques. One stack is fitted as a
     diagnosis does it, and with the same numbers; several, which share the effects alone, are fitted together.
     """
-    heights = {fitted.stack.height for _, fitted in fits}
+    heights, effects = {fitted.stack.height for _, fitted in fits}, asked.effects
     if len(heights) == 1:
-        asked = [*((name,) for name in effects), *([tuple(effects)] if len(effects) > 1 else [])]
-        found = diagnose_campaign(campaign, output, (), OUT, asked=asked)
-        entries = tuple(_entry(found.ranked(names)) for names in ((), *asked))
+        together = [*((name,) for name in effects), *([effects] if len(effects) > 1 else [])]
+        found = diagnose_campaign(
+            campaign, output, asked.effect_files, OUT, scatter_file=asked.scatter_file, asked=together
+        )
+        entries = tuple(_entry(found.ranked(names)) for names in ((), *together))
     else:
-        entries = _shared(fits, effects, heights, cluster)
-    write_ledger(entries, {"effects": list(effects)}, (campaign,), output)
+        added = find_effects(effects, catalogue(asked.effect_files))
+        entries = _shared(fits, added, heights, cluster)
+    write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files), output)
     return entries
 
 
@@ -190,19 +207,23 @@ def _entry(own: Ranked) -> Entry:
 
 
 def _shared(
-    fits: Sequence[tuple[Identified, Fit]], effects: Sequence[str], heights: set[float], cluster: str | None
+    fits: Sequence[tuple[Identified, Fit]],
+    effects: Sequence[Effect],
+    heights: set[float],
+    cluster: str | None,
 ) -> tuple[Entry, ...]:
     """Fit effects that several stacks share."""
     targets = [
         target_of_modes(
-            fitted.stack.with_effects(*find_effects(effects)),
+            fitted.stack.with_effects(*effects),
             found.modal_model,
             specimen=specimen_name(fitted.stack.name, fitted.stack.height, heights),
         )
         for found, fitted in fits
     ]
-    with workers(1 + len(effects), cluster) as executor:
-        return ledger(prepare(targets), effects, FitSettings(scatter=TORQUE_SCATTER), executor=executor)
+    names = [effect.name for effect in effects]
+    with workers(1 + len(names), cluster) as executor:
+        return ledger(prepare(targets), names, FitSettings(scatter=TORQUE_SCATTER), executor=executor)
 
 
 def table_ledger(
@@ -211,12 +232,13 @@ def table_ledger(
     campaign: Path,
     output: Path,
     cluster: str | None = None,
+    known: dict[str, Effect] | None = None,
 ) -> tuple[Entry, ...]:
     """Fit effects that all rows of a modal table share, and write ledger.json and ledger.csv."""
     table = read_modal_table(campaign)
     targets = [
         target_of_table(
-            fit.row.stack.with_effects(*find_effects(effects)),
+            fit.row.stack.with_effects(*find_effects(effects, known)),
             table.shape_class,
             fit.row.frequency,
             name=fit.row.name,

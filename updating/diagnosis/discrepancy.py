@@ -35,7 +35,8 @@ SPREAD = float(np.log(5.0) / 1.645)
 """Standard deviation of the logarithm of a size: nine of ten lie within a factor of 5 of the median."""
 CORRELATION = 0.9
 """Of the discrepancy of one mode between two configurations."""
-_SMALLEST, _LARGEST, _N_SIZE = 1.0 / 50.0, 20.0, 9  # of the sizes that are tried, over their medians
+RANGE = (1.0 / 60.0, 20.0)
+"""Smallest and largest size that is supposed, over the median."""
 CLOSEST = 2000.0
 """k_rs of modes so close that any mixture of them is possible."""
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
@@ -55,21 +56,10 @@ class Sizes:
         return np.asarray(sum((kind == name) * getattr(self, name) for name in KINDS), dtype=float)
 
 
-def sizes_tried(kind: Kind, stated: float | None) -> tuple[Vector, Vector]:
-    """Return the sizes that are tried of a kind and the logarithms of their prior probabilities, (n,) each.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    stated : float or None
-        What a laboratory states, which is taken as it is; None estimates the size.
-    """
-    if stated is not None:
-        return np.array([stated]), np.zeros(1)
-    size = MEDIAN[kind] * np.geomspace(_SMALLEST, _LARGEST, _N_SIZE)
-    log_prior = -0.5 * (np.log(size / MEDIAN[kind]) / SPREAD) ** 2
-    return size, log_prior - np.logaddexp.reduce(log_prior)
+def log_density(kind: Kind, size: Vector) -> Vector:
+    """Return the logarithm of the prior density of the logarithms of sizes of one of `KINDS`."""
+    away = np.log(size / MEDIAN[kind]) / SPREAD
+    return np.asarray(-0.5 * away**2 - np.log(SPREAD * np.sqrt(2.0 * np.pi)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Effect, Parameter
+from model import Effect, Parameter, SolveError
 from model.effects.parts import every_lamina, mean_over, square
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
@@ -200,9 +200,15 @@ def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tupl
     for experiment in EXPERIMENTS:
         if any(name == "test_clamps_moved" for name, _ in experiment.known) and not evidence.stack.clamps:
             continue
-        apart = [
-            _distance(evidence, experiment, a, b) for a in explanations for b in explanations if a is not b
-        ]
+        try:
+            apart = [
+                _distance(evidence, experiment, a, b)
+                for a in explanations
+                for b in explanations
+                if a is not b
+            ]
+        except SolveError:  # clamps that are moved and sit elsewhere than stated, for instance
+            continue
         found.append(
             NextTest(
                 name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=float(now)
@@ -242,6 +248,8 @@ def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Ex
     modes = solved(alone, 0, {**theta, **a.effect_values}, (), N_MODEL)
     top = max(float(t.modes.frequency.max()) for t in evidence.tested)
     seen = np.flatnonzero(modes.frequency < 1.05 * top)
+    if not seen.size:  # a test without a mode in the band tells nothing
+        return 0.0
     shape = modes.shape[:, seen]
     large = np.sqrt(np.mean(shape**2, axis=0))
     seen = seen[large > 0.2 * large.max()]  # what z sensors hardly see is not identified

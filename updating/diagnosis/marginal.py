@@ -1,17 +1,27 @@
-"""Marginal likelihood of an explanation: over its parameters by Laplace, over the sizes of the discrepancy by sum."""
+"""Marginal likelihood of an explanation: over its parameters by Laplace, over the sizes of the discrepancy by sum.
+
+Many data tell a size to some per cent and few to a factor of two, so the sum is over points that are placed by the
+posterior itself: on a grid that is the same for all, the evidence would depend on where a size falls between points.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.discrepancy import KINDS, Kind, Sizes, sizes_tried
+from updating.diagnosis.discrepancy import KINDS, MEDIAN, RANGE, Kind, Sizes, log_density
 
 Vector = NDArray[np.float64]
 
-_COUNTS = 0.02  # of the largest weight, from which sizes count for the covariance
+_COUNTS = 0.1  # of the largest weight, from which sizes count for the covariance
+_N_LOOKED, _N_TRIED = 11, 7  # sizes of a kind at which its posterior is looked for, and over which the sum is
+_ZOOMED = 1.25  # steps of a look to either side of the best size, which the next look is at
+_RESOLVED = 0.6  # standard deviations over steps, from which a look is fine enough
+_MOST_LOOKS, _MOST_ROUNDS = 5, 4
+_SETTLED = 0.3  # standard deviations that a size may still move from round to round
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,19 +96,52 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
     stated_kinds : tuple of str
         The kinds for which it does.
     """
-    tried, prior, parts = [], [], []
-    for kind in KINDS:
-        size, log_prior = sizes_tried(
-            kind, getattr(stated, kind) if stated is not None and kind in stated_kinds else None
-        )
-        tried.append(size)
-        prior.append(log_prior)
-        parts.append(_normal_equations(own, kind, size))
-    n = [size.size for size in tried]
-    index = np.stack(np.meshgrid(*map(np.arange, n), indexing="ij"), axis=-1).reshape(-1, 3)
-    gram = sum(part[0][i] for part, i in zip(parts, index.T, strict=True))
-    slope = sum(part[1][i] for part, i in zip(parts, index.T, strict=True))
-    constant = sum(part[2][i] for part, i in zip(parts, index.T, strict=True))
+    known = {kind: float(getattr(stated, kind)) for kind in stated_kinds} if stated is not None else {}
+    size, log_step = _placed(own, known)
+    found = _tried(own, size)
+    log_posterior = found.log_likelihood + _log_prior(found.size, known) + log_step
+    top = float(np.max(log_posterior))
+    weight = np.exp(log_posterior - top)
+    total = float(weight.sum())
+    weight /= total
+    logs = np.log(found.size)
+    mean = weight @ logs
+    spread = np.sqrt(weight @ (logs - mean) ** 2)
+    counts = weight > _COUNTS * weight.max()
+    at = int(np.argmax(weight))
+    weight, step = weight[counts] / weight[counts].sum(), found.step[counts]
+    inverse = np.linalg.pinv(found.precision[counts], hermitian=True)
+    middle = weight @ step
+    covariance = np.einsum("i,ijk->jk", weight, inverse)
+    covariance += np.einsum("i,ij,ik->jk", weight, step - middle, step - middle)
+    return Marginal(
+        log_evidence=top + float(np.log(total) + _log_volume(own)),
+        likeliest=_sizes(found.size[at]),
+        mean=_sizes(np.exp(mean)),
+        spread=_sizes(spread),
+        covariance=covariance,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """Sizes of all kinds, (n, n_kind), with what a fit says at each; `step` is from where it stands."""
+
+    size: Vector
+    log_likelihood: Vector
+    step: Vector
+    precision: Vector
+
+
+def _tried(own: Linearized, size: Mapping[Kind, Vector]) -> _Tried:
+    """Integrate over the coordinates at every combination of some sizes of each kind."""
+    parts = [_normal_equations(own, kind, size[kind]) for kind in KINDS]
+    index = np.stack(
+        np.meshgrid(*(np.arange(size[kind].size) for kind in KINDS), indexing="ij"), axis=-1
+    ).reshape(-1, len(KINDS))
+    gram, slope, constant = (
+        sum(part[k][i] for part, i in zip(parts, index.T, strict=True)) for k in range(3)
+    )
     precision = np.asarray(gram) + np.diag(own.prior_precision)
     slope = np.asarray(slope) - own.prior_precision * own.prior_value
     constant = np.asarray(constant) + float(np.sum(own.prior_precision * own.prior_value**2))
@@ -108,28 +151,67 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
     step[:, free] = -np.linalg.solve(held[:, free][:, :, free], slope[:, free, None])[..., 0]
     misfit = constant + np.einsum("ij,ij->i", 2.0 * slope + np.einsum("ijk,ik->ij", precision, step), step)
     logdet = np.linalg.slogdet(precision + np.diag(own.unseen))[1]
-    log_likelihood = -0.5 * (misfit + logdet) + sum(p[i] for p, i in zip(prior, index.T, strict=True))
-    top = float(np.max(log_likelihood))
-    weight = np.exp(log_likelihood - top)
-    total = float(weight.sum())
-    weight /= total
-    at = index[int(np.argmax(log_likelihood))]
-    logs = [np.log(size)[i] for size, i in zip(tried, index.T, strict=True)]
-    mean = [float(weight @ log) for log in logs]
-    spread = [float(np.sqrt(max(weight @ (log - m) ** 2, 0.0))) for log, m in zip(logs, mean, strict=True)]
-    counts = weight > _COUNTS * weight.max()
-    weight, step = weight[counts] / weight[counts].sum(), step[counts]
-    inverse = np.linalg.pinv(precision[counts], hermitian=True)
-    middle = weight @ step
-    covariance = np.einsum("i,ijk->jk", weight, inverse)
-    covariance += np.einsum("i,ij,ik->jk", weight, step - middle, step - middle)
-    return Marginal(
-        log_evidence=top + float(np.log(total) + _log_volume(own)),
-        likeliest=Sizes(**{k: float(s[i]) for k, s, i in zip(KINDS, tried, at, strict=True)}),
-        mean=Sizes(**{k: float(np.exp(m)) for k, m in zip(KINDS, mean, strict=True)}),
-        spread=Sizes(**dict(zip(KINDS, spread, strict=True))),
-        covariance=covariance,
+    return _Tried(
+        size=np.column_stack([size[kind][i] for kind, i in zip(KINDS, index.T, strict=True)]),
+        log_likelihood=-0.5 * (misfit + logdet),
+        step=step,
+        precision=precision,
     )
+
+
+def _placed(own: Linearized, known: Mapping[Kind, float]) -> tuple[dict[Kind, Vector], float]:
+    """Return the sizes of each kind that the sum is over, and the logarithm of the volume between them.
+
+    They lie about the posterior of each size, the others being where theirs are.
+    """
+    center = {kind: known.get(kind, MEDIAN[kind]) for kind in KINDS}
+    spread = dict.fromkeys(KINDS, 0.0)
+    free = [kind for kind in KINDS if kind not in known]
+    for _ in range(_MOST_ROUNDS):
+        moved = 0.0
+        for kind in free:
+            before = center[kind]
+            center[kind], spread[kind] = _looked(own, kind, center, known)
+            moved = max(moved, abs(np.log(center[kind] / before)) / spread[kind])
+        if moved < _SETTLED:
+            break
+    steps = np.arange(_N_TRIED) - (_N_TRIED - 1) / 2.0
+    size = {
+        kind: center[kind] * (np.exp(spread[kind] * steps) if kind in free else np.ones(1)) for kind in KINDS
+    }
+    return size, float(sum(np.log(spread[kind]) for kind in free))
+
+
+def _looked(
+    own: Linearized, kind: Kind, center: Mapping[Kind, float], known: Mapping[Kind, float]
+) -> tuple[float, float]:
+    """Return where the posterior of a kind's size is, and the standard deviation of its logarithm."""
+    low, high = np.log(MEDIAN[kind] * np.array(RANGE))
+    for _ in range(_MOST_LOOKS):
+        logs = np.linspace(low, high, _N_LOOKED)
+        found = _tried(own, {**{k: np.array([c]) for k, c in center.items()}, kind: np.exp(logs)})
+        log_posterior = found.log_likelihood + _log_prior(found.size, known)
+        weight = np.exp(log_posterior - np.max(log_posterior))
+        weight /= weight.sum()
+        mean, step = float(weight @ logs), float(logs[1] - logs[0])
+        spread = float(np.sqrt(weight @ (logs - mean) ** 2))
+        if spread >= _RESOLVED * step:
+            break
+        best = logs[int(np.argmax(weight))]
+        low, high = best - _ZOOMED * step, best + _ZOOMED * step
+    return float(np.exp(mean)), max(spread, _RESOLVED * step)
+
+
+def _log_prior(size: Vector, known: Mapping[Kind, float]) -> Vector:
+    """Return the logarithm of the prior density of sizes, (n, n_kind), but those that are known."""
+    return np.asarray(
+        sum(log_density(kind, own) for kind, own in zip(KINDS, size.T, strict=True) if kind not in known)
+        + np.zeros(len(size))
+    )
+
+
+def _sizes(of_kind: Vector) -> Sizes:
+    return Sizes(**dict(zip(KINDS, of_kind.tolist(), strict=True)))
 
 
 def _normal_equations(own: Linearized, kind: Kind, size: Vector) -> tuple[Vector, Vector, Vector]:

@@ -3,49 +3,46 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.answer import Diagnosis, Ranked, Strained
+from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.calibration import STRAINED
-from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
-from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.diagnosis.discrepancy import MEDIAN, SPREAD
 from updating.diagnosis.mixed_up import MixedUp
+from updating.diagnosis.nuisance_text import misstated, strained
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.sensor_gain import SensorGain
-from updating.results.text import interval_text, percent, quantity
+from updating.results.text import percent, quantity
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are told in a sentence
-_KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape"}
+_MOST = 0.5  # share of the misfit from which it is most of it
+_KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape's length"}
 
 
 def sentences(found: Diagnosis) -> tuple[str, ...]:
     """Write the verdict, what supports it, what stays open and what to measure next."""
-    text = [_verdict(found), _rests_on(found), *(_mixed_up(own) for own in found.mixed_up)]
-    if len(found.steps) > 2:
-        text.append(_way(found))
+    text = [_verdict(found), *(_mixed_up(own) for own in found.mixed_up)]
     if found.verdict == "one of":
         text += [
-            f"If it is {named(found, effects)}: {_values(found.ranked(effects))}."
+            f"If it is {named(found, effects)}: {values}."
             for effects in found.set[:_LISTED]
-            if found.ranked(effects).parameter
+            if (values := _values(found.ranked(effects)))
         ]
+    if len(found.steps) > 2:
+        text.append(_way(found))
     if found.set:
-        text.append(f"Beyond the noise of the measurement, what remains is {_sizes(found.discrepancy)}.")
-    if found.verdict == "partly explained":
-        text.append(_remains(found))
-    if found.set and (further := [name for name in found.steps[-1].effects if name not in found.set[0]]):
-        text.append(
-            f"That looks like {named(found, further)}, but is no more than what {named(found, found.set[0])} leaves "
-            "where its form differs from the catalogue's."
-        )
-    if found.verdict == "unlike anything":
-        text.append(_where(found))
+        which = "the first" if found.verdict == "one of" else "it"
+        text.append(f"With {which} the model is right to {_sizes(found)}, beyond the noise.")
+    if found.verdict in ("partly explained", "unlike anything"):
+        text += _remains(found)
+    text += _further(found)
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
-    text += [_strained(own) for own in found.strained]
+    text += [strained(own) for own in found.strained]
     text += _at_bounds(found)
     text += _misread(found.sensor_gains)
     text += _next(found)
@@ -55,15 +52,21 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(
             f"Too weak to show in these data at any plausible strength: {_folded(found.not_visible)}."
         )
-    return tuple(text)
+    return (*text, _rests_on(found))
 
 
-def next_command(found: Diagnosis, campaign: str, folder: str) -> str | None:
-    """Return the command that adds what was found and shows the error fall; None where there is nothing to add."""
+def next_command(
+    found: Diagnosis, campaign: str, folder: str, options: Sequence[tuple[str, str]] = ()
+) -> str | None:
+    """Return the command that adds what was found and shows the error fall; None where there is nothing to add.
+
+    `options` are those, with their values, that the diagnosis was made with.
+    """
     effects = [name for name in (found.set[0] if found.set else ()) if name not in found.measurement]
     if not effects:
         return None
-    return " ".join(["lamella fit", campaign, "-o", folder, *(f"--effect {name}" for name in effects)])
+    every = itertools.chain(*(("--effect", name) for name in effects), *options)
+    return shlex.join(["lamella", "fit", campaign, "-o", folder, *every])
 
 
 def named(found: Diagnosis, effects: Sequence[str]) -> str:
@@ -76,54 +79,66 @@ def _verdict(found: Diagnosis) -> str:
     base = found.ranked(())
     if found.verdict == "nothing missing":
         return (
-            "Nothing is missing that these data can show. The model meets the frequencies to "
-            f"{percent(base.frequency_error)} in the mean; beyond noise it is right to {_sizes(found.discrepancy)}."
+            "Nothing is missing that these data can show. The model's frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean; beyond the noise the model is right to "
+            f"{_sizes(found)}."
         )
     if found.verdict == "unlike anything":
         return (
-            f"Unlike anything in the catalogue: the model misses the frequencies by {percent(base.frequency_error)} in "
-            "the mean, and no effect that was tried helps to predict modes that it has not seen."
+            "Something is missing that is unlike anything in the catalogue. The model's frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean, and with none of the effects that were tried does it "
+            "predict better what it was not fitted to."
         )
     own, share = found.ranked(found.set[0]), f"{100.0 * found.explained:.0f} %"
     what = named(found, own.effects)
+    others = "; or ".join(named(found, effects) for effects in found.set[1 : 1 + _LISTED])
     if found.verdict == "one of":
-        every = "; or ".join(named(found, effects) for effects in found.set)
         return (
-            f"One of these, and the data cannot tell which: {every}. {_change(base, own, 'With the first')}"
+            f"One of these, and the data cannot tell which: {what}; or {others}{_more(found.set)}. "
+            f"{_change(base, own, 'With the first')}"
         )
     if found.verdict == "partly explained":
-        others = "; ".join(named(found, effects) for effects in found.set[1 : 1 + _LISTED])
-        near = f" Nearly as likely: {others}." if others else ""
-        return f"Part of the misfit ({share}) is {what}{_said(own)}. {_change(base, own, 'With it')}{near}"
+        near = f" Nearly as likely: {others}{_more(found.set)}." if others else ""
+        start = "Most" if found.explained > _MOST else "Part"
+        return f"{start} of the misfit ({share}) is {what}{_said(own)}. {_change(base, own, 'With it')}{near}"
     where = (
         "Not the model but the measurement" if set(own.effects) <= set(found.measurement) else "Identified"
     )
     return f"{where}: {what}{_said(own)}. It explains {share} of the misfit. {_change(base, own, 'With it')}"
 
 
+def _more(left: Sequence[Sequence[str]]) -> str:
+    """Return how many explanations there are beside those that are told."""
+    return f"; or one of {len(left) - 1 - _LISTED} more" if len(left) > 1 + _LISTED else ""
+
+
 def _said(own: Ranked) -> str:
     values = _values(own)
-    return f": {values}" if values else ""
+    return f", {values}" if values else ""
 
 
 def _values(own: Ranked) -> str:
     """Write the parameters of an explanation with their intervals."""
-    return ", ".join(map(interval_text, own.parameter))
+    return ", ".join(map(misstated, own.parameter))
 
 
 def _change(base: Ranked, own: Ranked, start: str) -> str:
     """Say what the frequency error falls to, also where each mode is predicted from all others."""
     before, after = percent(base.frequency_error), percent(own.frequency_error)
-    if own.frequency_error >= base.frequency_error:
+    if own.frequency_error < base.frequency_error:
+        text = f"{start} the mean frequency error falls from {before} to {after}"
+        if not np.isfinite([base.left_out_error, own.left_out_error]).all():
+            return f"{text}."
+        before, after = percent(base.left_out_error), percent(own.left_out_error)
+        return f"{text}; where each mode is predicted from all others, it goes from {before} to {after}."
+    stays = f"that of frequencies goes from {before} to {after}"
+    if own.damping_error < base.damping_error:
         return (
             f"{start} the mean error of damping ratios falls from {percent(base.damping_error)} to "
-            f"{percent(own.damping_error)}, that of frequencies stays at {after}."
+            f"{percent(own.damping_error)}; {stays}."
         )
-    text = f"{start} the mean frequency error falls from {before} to {after}"
-    if not np.isfinite([base.left_out_error, own.left_out_error]).all():
-        return f"{text}."
-    before, after = percent(base.left_out_error), percent(own.left_out_error)
-    return f"{text}; for modes that are predicted from all others, from {before} to {after}."
+    before, after = percent(base.discrepancy.shape), percent(own.discrepancy.shape)
+    return f"{start} shapes are off by {after} of their length instead of {before}; {stays}."
 
 
 def _rests_on(found: Diagnosis) -> str:
@@ -148,30 +163,50 @@ def _way(found: Diagnosis) -> str:
     for before, after in itertools.pairwise(found.steps):
         added = [name for name in after.effects if name not in before.effects]
         parts.append(
-            f"{named(found, added)} from {percent(before.frequency_error)} to {percent(after.frequency_error)} "
-            f"({percent(before.left_out_error)} to {percent(after.left_out_error)} for modes left out)"
+            f"{named(found, added)} brings it from {percent(before.frequency_error)} to "
+            f"{percent(after.frequency_error)} ({percent(before.left_out_error)} to {percent(after.left_out_error)} "
+            "where each mode is predicted from all others)"
         )
-    return f"Step by step the frequency error goes with {'; with '.join(parts)}."
+    return f"Step by step, of the mean frequency error: {'; '.join(parts)}."
 
 
-def _sizes(own: Sizes) -> str:
-    parts = [f"{percent(getattr(own, kind))} of a {name}" for kind, name in _KINDS.items()]
+def _sizes(found: Diagnosis) -> str:
+    """Write the sizes of the discrepancy; one whose logarithm has no scatter was stated."""
+    parts = [
+        f"{percent(getattr(found.discrepancy, kind))} of a {name}"
+        f"{'' if getattr(found.discrepancy_spread, kind) > 0.0 else ' (as stated)'}"
+        for kind, name in _KINDS.items()
+    ]
     return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _remains(found: Diagnosis) -> str:
-    """Say why what remains is too much."""
+def _remains(found: Diagnosis) -> list[str]:
+    """Say why what remains is too much, and where it is."""
+    text = []
     if found.lacking:
-        return f"The model has no mode like {', '.join(found.lacking)}: what was said is of the others."
-    large = [
-        f"{percent(getattr(found.discrepancy, kind))} of a {_KINDS[kind]}, where right models leave up to "
-        f"{percent(MEDIAN[kind] * float(np.exp(1.645 * SPREAD)))}"
-        for kind in found.too_large
+        others = "; what was said is of the other modes" if found.set else ""
+        text.append(f"The model has no mode like what was measured as {', '.join(found.lacking)}{others}.")
+    if found.too_large:
+        large = [
+            f"{percent(getattr(found.discrepancy, kind))} of a {_KINDS[kind]}, where right models leave "
+            f"{percent(MEDIAN[kind] * float(np.exp(1.645 * SPREAD)))} at most"
+            for kind in found.too_large
+        ]
+        text.append(
+            f"What remains is more than a model leaves to which nothing is missing: {'; '.join(large)}."
+        )
+    return [*text, _where(found)]
+
+
+def _further(found: Diagnosis) -> list[str]:
+    """Say what the rest looks like, but is too little of beside what was found to be named."""
+    further = [name for name in found.steps[-1].effects if found.set and name not in found.set[0]]
+    if not further:
+        return []
+    return [
+        f"What is left looks like {named(found, further)}, but is so little beside {named(found, found.set[0])} that "
+        "it may come from that acting in another form than the catalogue has it; so it is not said to be there."
     ]
-    reason = (
-        f"That is too much for a model to which nothing is missing: {'; '.join(large)}. " if large else ""
-    )
-    return f"{reason}{_where(found)}"
 
 
 def _where(found: Diagnosis) -> str:
@@ -182,41 +217,19 @@ def _where(found: Diagnosis) -> str:
         f"(measured {percent(abs(off[i]))} {'higher' if off[i] > 0 else 'lower'})"
         for i, own in ((int(i), found.errors[int(i)]) for i in np.argsort(-np.abs(off))[:_LISTED])
     ]
-    return f"It fails most at {'; '.join(parts)}."
+    start = "With it the model still" if found.set else "The model"
+    return f"{start} misses these frequencies most: {'; '.join(parts)}."
 
 
 def _at_a_point(found: Diagnosis, own: PointChange) -> str:
     """Say where something is that no effect of the catalogue explains."""
     size = quantity(abs(own.size), "kg" if own.kind == "mass" else "N/m")
     what = f"{size} {'more' if own.size > 0.0 else 'less'} {'mass' if own.kind == 'mass' else 'stiffness'}"
+    which = f"the model with {named(found, own.beside)}" if own.beside else "the model"
     return (
-        f"What {named(found, own.beside)} leaves looks like {what} "
-        f"at or near point {own.node} in the measured direction. Look there."
+        f"The measurement looks as if there were {what} than {which} has, at or near point {own.node} in the measured "
+        "direction. Look there."
     )
-
-
-def _strained(own: Strained) -> str:
-    """Say that something stated would have to be far from what is known of it."""
-    what, _, where = own.name.partition("[")
-    known = f"what is known of it leaves {_off(own, own.std)}"
-    if what in ("G_f", "d_f"):
-        name = {"G_f": "contact stiffness G_f", "d_f": "contact damping d_f"}[what]
-        known = f"reassembly and torque explain {_off(own, own.std)}"
-        text = f"the {name} at {where[:-1]} would have to be off the other torques' by {_off(own, own.value)}"
-    elif what.startswith("clamp"):
-        text = f"clamp {what.split('_')[1]} would have to sit {_off(own, own.value)} farther along {what[-1]}"
-    elif what == POINTS_SHIFT:
-        text = f"all points would have to sit {_off(own, own.value)} farther along x"
-    else:
-        text = f"the stack's {what.replace('_', ' ')} would have to be off by {_off(own, own.value)}"
-    return f"Beware: {text}; {known}."
-
-
-def _off(own: Strained, value: float) -> str:
-    """Write how far a nuisance is off, in its unit or in percent."""
-    if own.name == POINTS_SHIFT or own.name.startswith("clamp"):
-        return quantity(value, "m")
-    return quantity(value, "1/s") if own.name == DECAY else percent(float(np.expm1(value)))
 
 
 def _at_bounds(found: Diagnosis) -> list[str]:
@@ -225,7 +238,7 @@ def _at_bounds(found: Diagnosis) -> list[str]:
         bound = [p.name for p in found.ranked(effects).parameter if p.at_bound]
         if bound:
             text.append(
-                f"Beware: {', '.join(bound)} of {named(found, effects)} lies at the end of its plausible range, so "
+                f"Beware: {', '.join(bound)} of {named(found, effects)} lies at the end of what is plausible, so "
                 "that explanation is doubtful."
             )
     return text
@@ -259,4 +272,4 @@ def _folded(effects: Sequence[str]) -> str:
     """Return how many effects there are, and the first few by their keys."""
     more = len(effects) - _FOLDED
     shown = ", ".join(effects[:_FOLDED])
-    return f"{len(effects)} effects ({shown}{f' and {more} more' if more > 0 else ''})"
+    return f"{len(effects)} effect{'s' if len(effects) > 1 else ''} ({shown}{f' and {more} more' if more > 0 else ''})"

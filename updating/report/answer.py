@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.calibration import SEPARATE
 from updating.report.part import Section, Table
 from updating.report.results import Results
@@ -18,7 +17,7 @@ _SHOWN = 8  # explanations of a diagnosis
 def answer_section(results: Results) -> Section:
     """Say how the model stands to the measurement and, where it was asked, which effect it lacks."""
     if results.diagnosis is not None:
-        text = (_headline(results.diagnosis), *results.diagnosis.sentences)
+        text = results.diagnosis.sentences
         blocks: tuple[Table, ...] = (explanation_table(results), next_test_table(results))
     else:
         text, blocks = _fit_sentences(results), ()
@@ -109,17 +108,6 @@ def next_test_table(results: Results) -> Table:
         rows=tuple((t.instruction, f"{t.distance:.1f}", f"{t.now:.1f}") for t in tests),
         note="Distance between the two explanations that are hardest to tell apart; above 3 they are.",
     )
-
-
-def _headline(diagnosis: Diagnosis) -> str:
-    names = "; ".join(" with ".join(effects) for effects in diagnosis.set)
-    return {
-        "nothing missing": "Nothing is missing that these data can show.",
-        "partly explained": f"What the model lacks is mostly, but not only: {names}.",
-        "identified": f"What the model lacks: {names}.",
-        "one of": f"The model lacks one of these, and the data cannot tell which: {names}.",
-        "unlike anything": "The model lacks something that is unlike anything in the catalogue.",
-    }[diagnosis.verdict]
 
 
 def _fit_sentences(results: Results) -> tuple[str, ...]:

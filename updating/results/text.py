@@ -42,17 +42,24 @@ def percent(share: float) -> str:
     """Write a share as percent with two digits."""
     if not np.isfinite(share):
         return "an unknown share"
+    if abs(share) >= 0.995:
+        return f"{100.0 * share:.0f} %"
     return f"{100.0 * share:#.2g} %".replace(". %", " %")
 
 
 def quantity(value: float, unit: str) -> str:
     """Write a value with three digits in a unit that reads well: 5 g, 1.2 mm, 35 MPa."""
-    if unit == "1":
-        return f"{value:.3g}"
+    if unit in ("", "1"):
+        return _three(value)
     if unit in _PREFIXED:
         name, size = next((own for own in _PREFIXED[unit] if abs(value) < 1e3 * own[1]), _PREFIXED[unit][-1])
-        return f"{value / size:.3g} {name}"
+        return f"{_three(value / size)} {name}"
     if unit[0] in "NP":
         prefix, size = next((own for own in _PREFIXES if abs(value) >= own[1]), ("", 1.0))
-        return f"{value / size:.3g} {prefix}{unit}"
-    return f"{value:.3g} {unit}"
+        return f"{_three(value / size)} {prefix}{unit}"
+    return f"{_three(value)} {unit}"
+
+
+def _three(value: float) -> str:
+    """Write a number with three digits, without an exponent where it need not have one: 1000, not 1e+03."""
+    return f"{float(f'{value:.3g}'):.6g}"

@@ -1,0 +1,73 @@
+"""Nuisances in words: what may have been stated wrongly of a stack or a measurement, and by how much."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from updating.diagnosis.answer import Strained
+from updating.diagnosis.candidates import DIMENSIONS
+from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.fitting.estimate import ParameterEstimate
+from updating.results.text import interval_text, percent, quantity
+
+_STEEL = {
+    "young": "Young's modulus",
+    "density": "density",
+    "normal_modulus": "stiffness of the contact across",
+}
+_CLAMP = re.compile(r"clamp_(\d+)_([xy])")
+
+
+def misstated(p: ParameterEstimate) -> str:
+    """Write what was stated wrongly, such as ``pressure at M1 1.2 times the stated one``; other parameters as usual."""
+    what, _, where = p.name.partition("[")
+    where, clamp = where.rstrip("]"), _CLAMP.fullmatch(p.name)
+    value = quantity(p.value, p.unit)
+    if clamp:
+        text = f"clamp {clamp[1]} sits {value} farther along {clamp[2]}"
+    elif what in DIMENSIONS:
+        text = f"{what} {value} times the stated one"
+    elif what == "G_f" and where:
+        text = f"pressure at {where} {value} times the stated one"
+    elif what == "gain":
+        text = f"{where} reads {value} times what sensor 1 does"
+    elif what == DECAY:
+        text = f"every free vibration decays faster by {value}"
+    elif what == POINTS_SHIFT:
+        text = f"all points sit {value} farther along x"
+    else:
+        return interval_text(p)
+    return f"{text} (95 %: {quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)})"
+
+
+def strained(own: Strained) -> str:
+    """Say that something stated would have to be far from what is known of it."""
+    what, _, where = own.name.partition("[")
+    value, known, clamp = _off(own, own.value), _off(own, own.std), _CLAMP.fullmatch(own.name)
+    if what in ("G_f", "d_f"):
+        name = {"G_f": "stiffness G_f", "d_f": "damping d_f"}[what]
+        return (
+            f"Beware: the contact {name} at {where.rstrip(']')} would have to differ from the other torques' by "
+            f"{value}; reassembly and torque explain {known}."
+        )
+    if clamp:
+        text = f"clamp {clamp[1]} would have to sit {value} farther along {clamp[2]} than the file has it"
+    elif what == POINTS_SHIFT:
+        text = f"all measured points would have to sit {value} farther along x than the file has them"
+    elif what == DECAY:
+        return (
+            f"Beware: every free vibration would have to decay faster by {value}, as an exponential window makes it, "
+            "and the campaign states none."
+        )
+    else:
+        text = f"the stack's {_STEEL.get(what, what)} would have to differ from the file's by {value}"
+    return f"Beware: {text}; what is known of it leaves {known}."
+
+
+def _off(own: Strained, value: float) -> str:
+    """Write how far a nuisance is off, in its unit or in percent."""
+    if own.name == POINTS_SHIFT or _CLAMP.fullmatch(own.name):
+        return quantity(value, "m")
+    return quantity(value, "1/s") if own.name == DECAY else percent(float(np.expm1(value)))
