@@ -106,11 +106,11 @@ def candidate_model(
     small = assemble(replace(base, mesh=replace(base.mesh, n_x=2, n_y=1)))
     possible, impossible = {}, {}
     for name, effect in effects.items():
-        try:
-            effect.terms(small)
+        reason = _why_not(effect, small)
+        if reason is None:
             possible[name] = effect
-        except EffectError as error:
-            impossible[name] = str(error)
+        else:
+            impossible[name] = reason
     finer = distribute(_plain, _finer(base), executor)  # begins at once where there is an executor
     placed = clamp_places(base)
     system = reduce(
@@ -131,6 +131,27 @@ def candidate_model(
         finer=next(finer, None),
         places=tuple(effect.name for effect in placed),
     )
+
+
+def _why_not(effect: Effect, small: Assembly) -> str | None:
+    """Return why a stack cannot have an effect, `small` being its equations on a coarse mesh; None where it can."""
+    try:
+        terms = effect.terms(small)
+    except EffectError as error:
+        return str(error)
+    acting = {
+        term.target
+        for term in terms
+        for kron in term.krons
+        if abs(kron.z).max() > 0.0 and abs(kron.planar).max() > 0.0
+    }
+    single = small.stack.n_lamina == 1
+    if not acting:
+        why = "one lamina has no contact with another" if single else "nothing of this stack changes with it"
+        return f"{effect.name}: {why}"
+    if single and acting == {"C"}:
+        return f"{effect.name}: damping is not compared, for the model of one lamina has no loss of its own"
+    return None
 
 
 def _resized(base: Stack, system: ReducedSystem) -> dict[str, ReducedEquations]:

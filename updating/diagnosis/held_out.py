@@ -66,7 +66,9 @@ def left_out(evidence: Evidence, found: Residual, by: Literal["mode", "configura
                 squares.append(_whitened(evidence, out[own], shift[own]) ** 2)
     if not squares:
         return LeftOut(frequency=float("nan"), damping=float("nan"), misfit=float("nan"))
-    frequency, damping = (float(np.mean(np.concatenate(each))) for each in errors.values())
+    frequency, damping = (
+        float(np.mean(np.concatenate(each))) if each else float("nan") for each in errors.values()
+    )
     return LeftOut(frequency=frequency, damping=damping, misfit=float(np.mean(np.concatenate(squares))))
 
 

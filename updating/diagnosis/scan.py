@@ -179,7 +179,9 @@ def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
     alike = mac(shape, modes.shape)[row, column]
     far = np.log(frequency[row] / modes.frequency[column])
     slope = G_f * modes.frequency_gradient[column, 0] / modes.frequency[column]
-    ratio = float(np.clip(np.median(far / slope), -_STEP, _STEP))  # of log G_f, for most modes at once
+    follows = slope > 0.0  # none does of one lamina
+    ratio = float(np.median(far[follows] / slope[follows])) if np.any(follows) else 0.0
+    ratio = float(np.clip(ratio, -_STEP, _STEP))  # of log G_f, for most modes at once
     far = (far - ratio * slope) / _FAR
     cost = float(np.sum(far**2 / (1.0 + far**2) + 1.0 - alike))
     return Place(effect=name, cost=cost, G_f=float(G_f * np.exp(ratio)), coordinate=where)

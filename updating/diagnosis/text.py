@@ -128,7 +128,12 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
 
 def _rests_on(found: Diagnosis) -> str:
     parts = [f"{used} of {n} modes of {name}" for name, (used, n) in found.n_used.items()]
-    return f"The answer rests on {', '.join(parts)}."
+    left_out = (
+        ""
+        if np.isfinite(found.discrepancy.damping)
+        else " Damping is not compared: one lamina has no contact, and its model no loss of its own."
+    )
+    return f"The answer rests on {', '.join(parts)}.{left_out}"
 
 
 def _mixed_up(own: MixedUp) -> str:
@@ -155,7 +160,8 @@ def _way(found: Diagnosis) -> str:
 
 
 def _sizes(own: Sizes) -> str:
-    parts = [f"{percent(getattr(own, kind))} of a {name}" for kind, name in _KINDS.items()]
+    compared = [kind for kind in _KINDS if np.isfinite(getattr(own, kind))]
+    parts = [f"{percent(getattr(own, kind))} of a {_KINDS[kind]}" for kind in compared]
     return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
