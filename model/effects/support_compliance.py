@@ -66,6 +66,7 @@ EFFECT = Effect(
             upper=_RIGID["edge_translation"],
             neutral=_RIGID["edge_translation"],
             scale="log",
+            sampled=True,
             source="from a free edge to a vice; a steel jaw of 10 mm gives way by 1e11 N/m per m",
         ),
         Parameter(
@@ -76,6 +77,7 @@ EFFECT = Effect(
             upper=_RIGID["edge_rotation"],
             neutral=_RIGID["edge_rotation"],
             scale="log",
+            sampled=True,
             source="from a hinge to a vice; a plate of 1 to 10 mm has 20 to 20 000 N m, over its length",
         ),
     ),

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from model import (
     Effect,
     EffectError,
     Instruments,
+    Parameter,
     ReducedEquations,
     ReducedSystem,
     Stack,
@@ -119,7 +121,7 @@ def candidate_model(
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
     )
-    sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
+    sampled = [effect for effect in possible.values() if effect.n_sampled]
     system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
     system = truncated(system, _corners([*possible.values(), *placed]), N_MODEL, _TRUNCATED)
     return CandidateModel(
@@ -222,6 +224,7 @@ def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:
     """Return parameters with one effect at a time over its range, each at two contact stiffnesses."""
     stiffness = np.geomspace(*G_F_RANGE, 6)
     for i, effect in enumerate(effects):
-        for j, corner in enumerate(effect.combinations(lambda p: p.trials(_PLACES))):
+        places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
+        for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
             for G_f in stiffness[(i + j) % 3 :: 3]:
                 yield {"G_f": float(G_f), **corner}
