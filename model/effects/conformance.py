@@ -24,7 +24,7 @@ from model.modes.modes import solve_modes
 from model.modes.observation import Observation
 from model.reduction.assemble import assemble
 from model.reduction.reduction import reduce
-from model.stack.effect import OMEGA_REFERENCE, Effect
+from model.stack.effect import OMEGA_REFERENCE, Effect, Parameter
 from model.stack.errors import EffectError
 from model.stack.material import Material
 from model.stack.parts import Clamp, Contact, EdgeSupport, Mesh
@@ -224,13 +224,14 @@ def _frequency(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[s
 
 
 def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
-    spans = {p.name: p.upper - p.lower for p in effect.parameters}
+    of = {p.name: p for p in effect.parameters}
     for theta, term in itertools.product(_inside(effect, assembly), _own(assembly, base)):
         for name, value in theta.items():
-            step = _STEP * spans.get(name, value)
+            span = _span(of[name], value) if name in of else value
+            step = _STEP * span
             at = [term.factor({**theta, name: value + sign * step}) for sign in (1.0, -1.0)]
             difference = (at[0] - at[1]) / (2.0 * step)
-            size = max(abs(difference), abs(term.factor(theta)) / abs(spans.get(name, value)))
+            size = max(abs(difference), abs(term.factor(theta)) / abs(span))
             if not abs(term.factor.derivative(theta, name) - difference) <= _FACTOR_ERROR * size:
                 yield (
                     f"term {term.name!r}: the derivative of its factor by {name} is "
@@ -258,10 +259,10 @@ def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
         )
 
     for share in _INSIDE:
-        values = {p.name: p.lower + share * (p.upper - p.lower) for p in effect.parameters}
+        values = {p.name: _between(p, share) for p in effect.parameters}
         at, gradient = modes(**values)
         for j, parameter in enumerate(effect.parameters):
-            span = parameter.upper - parameter.lower
+            span = _span(parameter, values[parameter.name])
             step = _STEP * span
             moved = [
                 modes(**{**values, parameter.name: values[parameter.name] + s * step})[0] for s in (1, -1)
@@ -295,10 +296,22 @@ def _inside(effect: Effect, assembly: Assembly) -> list[dict[str, float]]:
         {
             **assembly.theta,
             "pressure": 1.3 * _PRESSURES[0],
-            **{p.name: p.lower + share * (p.upper - p.lower) for p in effect.parameters},
+            **{p.name: _between(p, share) for p in effect.parameters},
         }
         for share in _INSIDE
     ]
+
+
+def _between(p: Parameter, share: float) -> float:
+    """Return the value at a share of a parameter's range, by its scale."""
+    if p.scale == "log":
+        return float(p.lower * (p.upper / p.lower) ** share)
+    return p.lower + share * (p.upper - p.lower)
+
+
+def _span(p: Parameter, value: float) -> float:
+    """Return the range of a parameter, by its scale: that of the logarithm, times the value."""
+    return float(value * np.log(p.upper / p.lower)) if p.scale == "log" else p.upper - p.lower
 
 
 def _is_positive(matrix: NDArray[np.float64]) -> bool:

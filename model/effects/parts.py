@@ -116,7 +116,12 @@ def tie(stack: Stack) -> sp.csr_array:
 
 
 def reach(stack: Stack) -> Vector:
-    """Return the row over the laminas, (1, n_lamina), that takes the mean strain over the height times the height."""
+    """Return the row over the laminas, (1, n_lamina), that takes the mean strain over the height times the height.
+
+    One lamina has none: its row is 0.
+    """
+    if stack.n_lamina == 1:
+        return np.zeros((1, 1))
     return np.asarray(stack.lamina_z / np.sum(stack.lamina_z**2) * np.ptp(stack.lamina_z))[None]
 
 

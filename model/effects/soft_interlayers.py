@@ -19,6 +19,7 @@ from model.contact.contact import contact_fields
 from model.effects.parts import again
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter
+from model.stack.errors import EffectError
 
 
 def _change(t: Theta) -> Any:
@@ -27,8 +28,11 @@ def _change(t: Theta) -> Any:
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what the contact of the two interfaces loses."""
-    field = contact_fields(assembly.stack, assembly.plan)
     n = assembly.stack.n_lamina - 1
+    if n < 1:
+        message = "soft_interlayers: the stack has one lamina, and no interface"
+        raise EffectError(message)
+    field = contact_fields(assembly.stack, assembly.plan)
     share = np.zeros(n)
     share[[n // 3, (2 * n) // 3]] = 1.0
     stiffness, damping = (

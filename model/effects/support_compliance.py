@@ -1,13 +1,16 @@
-"""Compliance of a clamped edge: what holds an edge gives way.
+"""Compliance of a held edge: what holds an edge gives way, against moving and against turning apart.
 
-A support that the stack file calls clamped, pinned or elastic has a compliance in series with its stiffness.
+A support that the stack file calls clamped, pinned or elastic has springs of the effect in series with its own, as
+stiff per length of the edge and lamina as a support of the stack file: along and across alike, and against turning
+about the edge. On a patch they count per length of its longer side.
 
-Enters: stiffness of the supports, k / (1 + c k / k_ref) in place of k, where k_ref is the bending stiffness of
-    a lamina over one element of its mesh; not affine in c, but one matrix with a rational factor.
-Range: c from 0 (as the stack file says) to 1.
-Does: lowers all modes of a held stack, eight laminas clamped at one end by 0.04 to 0.24 % at the nominal
-    compliance and by 15 to 23 % at the upper one, no mode much more than another.
-Mistaken for: a lower Young's modulus, temperature.
+Enters: stiffness of the supports, 1 / (1/k + 1/s) in place of k, where s is the effect's; not affine in s, but one
+    matrix with a rational factor for each motion that is held.
+Range: s from next to nothing, a free edge, to so stiff that the edge is as the stack file says; both by their
+    logarithms.
+Does: lowers all modes of a held stack, those most that bend at the edge. A cantilever of L x 1 m whose rotation has
+    10 D / L has its first mode 13 % lower, with D the bending stiffness; one on a tenth of D / L nearly swings.
+Mistaken for: a lower Young's modulus, temperature, a length stated too short.
 """
 
 from __future__ import annotations
@@ -15,42 +18,67 @@ from __future__ import annotations
 from typing import Any
 
 from model.elements.equations import Assembly, Formula, Term, Theta
+from model.elements.support import held_motions
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
+from model.stack.parts import EdgeSupport
 
-_HELD = (
-    1e5  # a held motion's stiffness relative to a lamina's over one element, as in `model.elements.support`
-)
+_RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}  # as the stack file says
 
 
-def _softening(t: Theta) -> Any:
-    return 1.0 / (1.0 + _HELD * t["support_compliance"]) - 1.0
+def _softening(name: str, stiffness: float) -> Formula:
+    """Return the factor by which the compliance beside a stiffness, of which it is a share, takes from it."""
+
+    def factor(t: Theta) -> Any:
+        return 1.0 / (1.0 + stiffness * (1.0 / t[name] - 1.0 / _RIGID[name])) - 1.0
+
+    return Formula(factor)
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what the supports' stiffness loses."""
-    supports = [term for term in assembly.terms if term.name.startswith("support ")]
-    if not supports:
+    stack, found = assembly.stack, []
+    for i, support in enumerate(stack.supports):
+        width = 1.0 if isinstance(support, EdgeSupport) else min(support.size)
+        for motion in held_motions(stack, assembly.plan, support):
+            name = "edge_rotation" if motion.turns else "edge_translation"
+            what = f"support_compliance {i} {'turning' if motion.turns else motion.kron.row}"
+            factor = _softening(name, motion.stiffness * width)
+            found.append(Term(name=what, target="K", factor=factor, krons=(motion.kron,)))
+    if not found:
         message = "support_compliance: the stack has no supports; add [[supports]] to its file"
         raise EffectError(message)
-    krons = tuple(kron for term in supports for kron in term.krons)
-    return (Term(name="support_compliance", target="K", factor=Formula(_softening), krons=krons),)
+    return tuple(found)
 
 
 EFFECT = Effect(
     name="support_compliance",
     label="compliance of a held edge",
     family="boundary",
-    summary="A held edge gives way",
+    summary="A held edge gives way, against moving and against turning",
     description=__doc__,
     parameters=(
         Parameter(
-            name="support_compliance",
-            unit="1",
-            nominal=0.001,
-            lower=0.0,
-            upper=1.0,
-            source="from a rigid vice to rubber jaws; relative to a lamina over one element",
+            name="edge_translation",
+            unit="N/m per m",
+            nominal=1e8,
+            lower=10.0,
+            upper=_RIGID["edge_translation"],
+            neutral=_RIGID["edge_translation"],
+            scale="log",
+            sampled=True,
+            source="from a free edge to a vice; a steel jaw of 10 mm gives way by 1e11 N/m per m",
+        ),
+        Parameter(
+            name="edge_rotation",
+            unit="N m/rad per m",
+            nominal=1e4,
+            lower=0.1,
+            upper=_RIGID["edge_rotation"],
+            neutral=_RIGID["edge_rotation"],
+            scale="log",
+            sampled=True,
+            source="from a hinge to a vice; a plate of 1 to 10 mm has 20 to 20 000 N m, over its length",
         ),
     ),
     terms=terms,

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
 import numpy as np
 import scipy.sparse as sp
 import skfem
@@ -9,7 +13,7 @@ from numpy.typing import NDArray
 
 from model.elements.clamping import footprint_points
 from model.elements.equations import Kron, Monomial, Term
-from model.elements.mesh import FIELDS, Plan
+from model.elements.mesh import FIELDS, Field, Plan
 from model.stack.parts import Edge, EdgeSupport, PatchSupport
 from model.stack.stack import Stack
 
@@ -52,8 +56,28 @@ def edge_matrix(plan: Plan, field: str, edge: Edge, *, slope: bool = False) -> s
     return sp.coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (basis.N, basis.N)).tocsr()
 
 
-def support_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
-    """Return the stiffness of each support; an infinite one is 1e5 times that of a lamina over one element."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HeldMotion:
+    """One motion that a support holds.
+
+    Attributes
+    ----------
+    kron : Kron
+        Its stiffness.
+    stiffness : float
+        Per length of the edge or area of the patch, and lamina; that of a rigid hold is 1e5 times that of a lamina over
+        one element.
+    turns : bool
+        Whether it is turning about the edge.
+    """
+
+    kron: Kron
+    stiffness: float
+    turns: bool
+
+
+def held_motions(stack: Stack, plan: Plan, support: EdgeSupport | PatchSupport) -> tuple[HeldMotion, ...]:
+    """Return the motions that a support holds."""
     t = stack.pitch
     q11 = stack.material.plane_stress()[0]
     size = float(np.sqrt(plan.area / plan.membrane.mesh.t.shape[1]))
@@ -62,35 +86,39 @@ def support_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
         "across": q11 * t**3 / 12.0 / size**3,
         "rotation": q11 * t**3 / 12.0 / size,
     }
+    z = sp.diags_array(_held_laminas(support.laminas, stack.n_lamina)).tocsr()
+    per = 1.0 if isinstance(support, EdgeSupport) else size
+    found = []
 
-    def finite(value: float, name: str, per: float = 1.0) -> float:
-        return _HELD * held[name] / per if np.isinf(value) else value
+    def hold(field: Field, name: str, planar: Callable[[], sp.csr_matrix]) -> None:
+        stiffness = getattr(support, name)
+        stiffness = _HELD * held[name] / per if np.isinf(stiffness) else stiffness
+        if stiffness > 0.0:
+            kron = Kron(row=field, column=field, z=stiffness * z, planar=planar())
+            found.append(HeldMotion(kron=kron, stiffness=stiffness, turns=name == "rotation"))
 
-    terms = []
-    for i, support in enumerate(stack.supports):
-        parts: list[tuple[str, float, sp.csr_matrix]] = []
+    for f in FIELDS:
+        name = "across" if f == "w" else "along"
         if isinstance(support, EdgeSupport):
-            for f in FIELDS:
-                name = "across" if f == "w" else "along"
-                stiffness = finite(getattr(support, name), name)
-                if stiffness > 0.0:
-                    parts.append((f, stiffness, edge_matrix(plan, f, support.edge)))
-            if support.rotation > 0.0:
-                slope = edge_matrix(plan, "w", support.edge, slope=True)
-                parts.append(("w", finite(support.rotation, "rotation"), slope))
+            hold(f, name, partial(edge_matrix, plan, f, support.edge))
         else:
-            for f in FIELDS:
-                name = "across" if f == "w" else "along"
-                stiffness = finite(getattr(support, name), name, size)
-                if stiffness > 0.0:
-                    parts.append((f, stiffness, _patch_matrix(plan, f, support)))
-        z = sp.diags_array(_held_laminas(support.laminas, stack.n_lamina)).tocsr()
-        krons = tuple(
-            Kron(row=f, column=f, z=stiffness * z, planar=matrix)  # type: ignore[arg-type]
-            for f, stiffness, matrix in parts
+            hold(f, name, partial(_patch_matrix, plan, f, support))
+    if isinstance(support, EdgeSupport):
+        hold("w", "rotation", partial(edge_matrix, plan, "w", support.edge, slope=True))
+    return tuple(found)
+
+
+def support_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
+    """Return the stiffness of each support; an infinite one is 1e5 times that of a lamina over one element."""
+    return tuple(
+        Term(
+            name=f"support {i}",
+            target="K",
+            factor=Monomial(exponent={}),
+            krons=tuple(motion.kron for motion in held_motions(stack, plan, support)),
         )
-        terms.append(Term(name=f"support {i}", target="K", factor=Monomial(exponent={}), krons=krons))
-    return tuple(terms)
+        for i, support in enumerate(stack.supports)
+    )
 
 
 def _patch_matrix(plan: Plan, field: str, support: PatchSupport) -> sp.csr_matrix:

@@ -24,7 +24,7 @@ from model.modes.modes import reduced_eigenpairs
 from model.reduction.projection import projected_columns
 from model.reduction.reduced_equations import ReducedTerm
 from model.reduction.reduction import ReducedSystem, acting, leading, shifted_factor
-from model.reduction.through_thickness import N_RIGID, SOFT, shear_shift
+from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.solvers.eigen import orthonormalize
 from model.solvers.low_rank import Factor
 from model.stack.effect import Effect
@@ -94,7 +94,7 @@ def with_attachment_modes(
     acting_there = [term.krons for term in assembly.terms if term.factor.names(system.theta) & own]
     for sample in samples if acting_there else ():
         theta = {**system.theta, **sample}
-        modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, N_RIGID:n_mode]
+        modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, n_rigid(system.stack) : n_mode]
         forces = np.hstack([la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there])
         factor = shifted_factor(assembly, theta)
         for _ in range(_DEPTH):
@@ -163,7 +163,7 @@ class _Correction:
         self._assembly = acting(system.assembly, [theta])
         self._stiffness, self._inertia = (self._assembly.krons(target, theta) for target in ("K", "M"))
         self._soft = SOFT * shear_shift(system.assembly.stack, theta)
-        self._elastic = slice(N_RIGID, n_mode)
+        self._elastic = slice(n_rigid(system.stack), n_mode)
         self._now, modes = values[self._elastic], system.basis @ vectors[:, self._elastic]
         start = np.hstack([system.basis[:, :N_RIGID], modes])
         self._space, self._mass_space = orthonormalize(start, self._mass)

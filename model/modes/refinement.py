@@ -164,6 +164,8 @@ def _without_motion(
     system: ReducedSystem, theta: Mapping[str, float], correct: Callable[[Vector], Vector], rigid: Vector
 ) -> Callable[[Vector], Vector]:
     """Return a preconditioner whose results have no part in rigid-body motion, in reduced coordinates (n, n_rigid)."""
+    if not rigid.shape[1]:  # a stack that is held has none
+        return correct
     motion = _from_phi(system, system.basis @ rigid)
     mass_motion = system.laminas.apply(system.laminas.krons("M", theta), motion)
 

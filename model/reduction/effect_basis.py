@@ -14,7 +14,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.elements.equations import Assembly, Kron, Term, ratio
-from model.reduction.through_thickness import N_RIGID, shear_shift
+from model.reduction.through_thickness import FREE, n_rigid, shear_shift
 from model.solvers.stack_solver import Solver
 from model.stack.effect import Effect
 
@@ -105,8 +105,11 @@ def effect_answers(
         return np.empty((assembly.size, 0))
     stiffness, mass = (basis.T @ assembly.apply(assembly.krons(t, theta), basis) for t in ("K", "M"))
     values, vectors = la.eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
-    values, modes = values[N_RIGID:n_mode], basis @ vectors[:, N_RIGID:n_mode]
-    factor = solver.factor(theta, shear_shift(stack, theta))
+    shift = shear_shift(stack, theta)
+    elastic = np.arange(n_rigid(stack), min(n_mode, values.size))
+    elastic = elastic[values[elastic] > FREE * shift]
+    values, modes = values[elastic], basis @ vectors[:, elastic]
+    factor = solver.factor(theta, shift)
     unit_energy = modes / np.sqrt(values)
     forces, seen = [], set()
     for term, strength in _strengths(assembly, effects, theta):

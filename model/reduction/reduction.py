@@ -26,7 +26,15 @@ from model.reduction.effect_basis import effect_answers, effect_samples
 from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
 from model.reduction.sobol import sobol
-from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, shear_shift, through_thickness_basis
+from model.reduction.through_thickness import (
+    FREE,
+    N_RIGID,
+    SOFT,
+    SPARE,
+    n_rigid,
+    shear_shift,
+    through_thickness_basis,
+)
 from model.solvers.eigen import Block, Product, orthonormalize
 from model.solvers.low_rank import Factor
 from model.solvers.stack_solver import Solver, solver_over_plan
@@ -191,7 +199,7 @@ def _from_snapshots(
     with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
     over_z = through_thickness_basis(stack, laminas, [*outer, *with_effects], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
-    starts = [snapshot[:, N_RIGID:] for snapshot in over_z.snapshots[: len(outer)]]
+    starts = [snapshot[:, n_rigid(stack) :] for snapshot in over_z.snapshots[: len(outer)]]
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
     basis = _snapshot_basis(assembly, samples, starts, rigid, kinds, n_mode)
     return ReducedSystem(
@@ -271,7 +279,7 @@ def _snapshot_modes(
                 _symmetric(space[0].T @ assembly.apply(assembly.krons(target, sample), space[0]))
                 for target in ("K", "M")
             )
-            start = space[0] @ la.eigh(stiffness, inertia)[1][:, N_RIGID:n_mode]
+            start = space[0] @ la.eigh(stiffness, inertia)[1][:, n_rigid(assembly.stack) : n_mode]
         shift = shear_shift(assembly.stack, sample)
         values, vectors = solver.modes(
             sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, _MIN_STEPS

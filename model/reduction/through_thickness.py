@@ -61,10 +61,24 @@ class ThroughThicknessBasis:
     snapshots: tuple[NDArray[np.float64], ...]
 
 
+def n_rigid(stack: Stack) -> int:
+    """Return how many rigid-body modes come before those that are strained: none where supports hold the stack.
+
+    What its supports leave free is sought like any other mode.
+    """
+    return 0 if stack.supports else N_RIGID
+
+
 def shear_shift(stack: Stack, theta: Mapping[str, float]) -> float:
-    """Return the squared angular frequency, (rad/s)**2, at which half a shear wave fits the length."""
-    shear = theta["G_f"] * theta["pressure"]
-    return float(shear / (theta["density"] * stack.material.density) * (np.pi / stack.length) ** 2)
+    """Return the squared angular frequency, (rad/s)**2, at which half a shear wave fits the length.
+
+    Of one lamina, in which no contact shears, half a bending wave.
+    """
+    density, wave = theta["density"] * stack.material.density, np.pi / stack.length
+    if stack.n_lamina == 1:
+        bending = theta["young"] * stack.material.plane_stress()[0] * stack.pitch**2 / 12.0
+        return float(bending / density * wave**4)
+    return float(theta["G_f"] * theta["pressure"] / density * wave**2)
 
 
 def _is_symmetric(assembly: Assembly) -> bool:
@@ -138,11 +152,12 @@ def _smooth_modes(
 ) -> list[tuple[Vector, Vector]]:
     """Return roughly converged eigenvalues and vectors with a smooth thickness basis, one pair for each sample."""
     solver, rigid = solver_over_plan(reduced), rigid_body_modes(reduced, stack, phi)
-    start = np.random.default_rng(0).standard_normal((reduced.size, n_mode - N_RIGID + SPARE))
+    first = n_rigid(stack)
+    start = np.random.default_rng(0).standard_normal((reduced.size, n_mode - first + SPARE))
     found = []
     for theta in thetas:
         found.append(solver.modes(theta, shear_shift(stack, theta), start, n_mode, _ROUGH, rigid))
-        start = found[-1][1][:, N_RIGID:]
+        start = found[-1][1][:, first:]
     return found
 
 
@@ -199,7 +214,7 @@ def through_thickness_basis(
     solver = solver_over_laminas(full)
     eigenvalues, snapshots = [], []
     for theta, shift, rough in zip(thetas, shifts, modes, strict=True):
-        start = _on_shapes(reduced, shapes, smooth, rough[:, N_RIGID:])
+        start = _on_shapes(reduced, shapes, smooth, rough[:, n_rigid(stack) :])
         exact, vectors = solver.modes(theta, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
         eigenvalues.append(exact)
         snapshots.append(vectors[:, :n_mode])
@@ -211,7 +226,7 @@ def through_thickness_basis(
         reduced_solver = solver_over_plan(full.project_z(phi))
         errors = []
         for theta, shift, exact, snapshot in zip(thetas, shifts, eigenvalues, snapshots, strict=True):
-            start = _over_phi(full, phi, snapshot[:, N_RIGID:])
+            start = _over_phi(full, phi, snapshot[:, n_rigid(stack) :])
             over_phi = _over_phi(full, phi, rigid)
             approximate, _ = reduced_solver.modes(theta, shift, start, n_mode, _TOLERANCE, over_phi)
             errors.append(np.max((approximate - exact) / (2.0 * np.maximum(exact, SOFT * shift))))

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 
 from model.reduction.reduction import ReducedSystem
-from model.reduction.through_thickness import N_RIGID, SOFT, shear_shift
+from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.stack.errors import SolveError
 
 
@@ -36,14 +36,14 @@ def truncated(
         The stiffness is negative at all samples.
     """
     shift = SOFT * shear_shift(system.stack, system.theta)
-    modes = []
+    first, modes = n_rigid(system.stack), []
     for sample in samples:
         theta = {**system.theta, **sample}
         value, vector = la.eigh(
             system.matrix("K", theta), system.matrix("M", theta), subset_by_index=(0, n_mode - 1)
         )
         if value[0] > -1e-6 * value[-1]:
-            modes.append(vector[:, N_RIGID:] / np.sqrt(np.maximum(value[N_RIGID:], shift)))
+            modes.append(vector[:, first:] / np.sqrt(np.maximum(value[first:], shift)))
     if not modes:
         message = "truncated: the stiffness is negative at all samples"
         raise SolveError(message)

@@ -88,7 +88,8 @@ class Parameter:
     def trials(self, n: int) -> tuple[float, ...]:
         """Return values to try: n over the range where the parameter is sampled, else the ends and the nominal one."""
         if self.sampled:
-            return tuple(np.linspace(self.lower, self.upper, n).tolist())
+            spaced = np.geomspace if self.scale == "log" else np.linspace
+            return tuple(np.clip(spaced(self.lower, self.upper, n), self.lower, self.upper).tolist())
         return (self.lower, self.nominal, self.upper)
 
 
@@ -146,6 +147,11 @@ class Effect:
     def printed(self) -> str:
         """The effect as a person reads it, the key beside the label."""
         return f"{self.label} ({self.name})"
+
+    @property
+    def n_sampled(self) -> int:
+        """Number of its parameters that are sampled."""
+        return sum(p.sampled for p in self.parameters)
 
     def combinations(self, values: Callable[[Parameter], Iterable[float]]) -> Iterator[dict[str, float]]:
         """Return all combinations of some values of each parameter."""

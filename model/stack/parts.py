@@ -74,6 +74,10 @@ class Contact:
             raise StackError(message)
 
 
+NO_CONTACT = Contact(G_f=1000.0, d_f=0.0, pressure=1e5, normal_modulus=1e9)
+"""What stands for the contact of one lamina, which has none: nothing depends on it."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Clamp:
     """Effective mass of one clamp, moving with the laminas in all three directions.

@@ -19,6 +19,7 @@ from model.stack.errors import EffectError, StackError
 from model.stack.material import Material
 from model.stack.outline import Outline, Triangulation
 from model.stack.parts import (
+    NO_CONTACT,
     Clamp,
     Contact,
     EdgeSupport,
@@ -51,7 +52,7 @@ class Stack:
     material : Material
         The sheets.
     contact : Contact
-        What joins them.
+        What joins them; one lamina needs none.
     clamps : tuple of Clamp
         Masses that ride on the stack.
     mesh : Mesh
@@ -76,7 +77,7 @@ class Stack:
     height: float
     n_lamina: int
     material: Material
-    contact: Contact
+    contact: Contact = NO_CONTACT
     clamps: tuple[Clamp, ...] = ()
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
     interlayers: tuple[Interlayer, ...] = ()
@@ -89,6 +90,7 @@ class Stack:
 
     def __post_init__(self) -> None:
         require_positive("stack", self, "length", "width", "height", "n_lamina")
+        _check_contact(self)
         _check_outline(self)
         _check_interlayers(self)
         _check_pressure(self)
@@ -169,6 +171,15 @@ class Stack:
         return dataclasses.replace(
             self, effects=tuple(chosen.values()), effect_values={**neutral, **self.effect_values, **values}
         )
+
+
+def _check_contact(stack: Stack) -> None:
+    if stack.n_lamina > 1 and stack.contact is NO_CONTACT:
+        message = f"stack: contact is missing; {stack.n_lamina} laminas need it"
+        raise StackError(message)
+    if stack.n_lamina == 1 and stack.pressing is not None:
+        message = "pressing: one lamina has no other that it could be pressed against"
+        raise StackError(message)
 
 
 def _check_outline(stack: Stack) -> None:

@@ -17,6 +17,7 @@ from model.stack.curve import read_curve
 from model.stack.errors import StackError
 from model.stack.material import Material
 from model.stack.parts import (
+    NO_CONTACT,
     Clamp,
     Contact,
     Distribution,
@@ -46,8 +47,8 @@ class _Material(_Table):
 
 
 class _Contact(_Table):
-    G_f: float
-    d_f_s_per_Pa: float
+    G_f: float | None = None
+    d_f_s_per_Pa: float | None = None
     pressure_kPa: float | None = None
     torque_Nm: float | None = None
     torque_table: str | None = None
@@ -117,7 +118,7 @@ class _Stack(_Table):
     height_mm: float
     n_lamina: int
     material: _Material
-    contact: _Contact
+    contact: _Contact = Field(default_factory=_Contact)
     clamps: list[_Clamp] = Field(default_factory=list)
     mesh: _Mesh = Field(default_factory=_Mesh)
     outline: _Outline = Field(default_factory=_Outline)
@@ -160,7 +161,8 @@ def read_stack(path: str | Path) -> Stack:
     """Read a stack from a TOML file.
 
     Every key names its unit. Tables: `material`, `contact`, any number of `[[clamps]]`, and optionally `mesh`,
-    `outline`, `pressing`, `[[interlayers]]` and `[[supports]]`. Files that it names are relative to it.
+    `outline`, `pressing`, `[[interlayers]]` and `[[supports]]`. Files that it names are relative to it. A stack of one
+    lamina needs no `contact`.
 
     The mean pressure is `contact.pressure_kPa`, or follows from `contact.torque_Nm` by the table
     `contact.torque_table`, or from the force of every clamp.
@@ -213,20 +215,11 @@ def stack_inputs(path: Path) -> tuple[Path, ...]:
 
 
 def _to_si(given: _Stack, folder: Path) -> Stack:
-    material, contact = given.material, given.contact
+    material = given.material
     mesh = Mesh(n_x=given.mesh.n_x, n_y=given.mesh.n_y)
     length, width, shape = _outline(given, folder)
-    forces = [clamp.force_N for clamp in given.clamps]
     area = length * width if shape is None else shape.area
-    if given.pressing is None and contact.normal_modulus_GPa is None:
-        message = "contact.normal_modulus_GPa is missing; it, or a curve in [pressing], must be given"
-        raise StackError(message)
     pressing = None if given.pressing is None else _pressing(given.pressing, folder)
-    pressure = _pressure(contact, forces, area, folder)
-    if contact.normal_modulus_GPa is not None:
-        normal_modulus = contact.normal_modulus_GPa * 1e9
-    elif pressing is not None:
-        normal_modulus = float(pressing.curve.evaluate(np.array(pressing.curve.strain_at(pressure)))[1])
     return Stack(
         name=given.name,
         length=length,
@@ -240,9 +233,7 @@ def _to_si(given: _Stack, folder: Path) -> Stack:
             transverse_ratio=material.transverse_ratio,
             shear_ratio=material.shear_ratio,
         ),
-        contact=Contact(
-            G_f=contact.G_f, d_f=contact.d_f_s_per_Pa, pressure=pressure, normal_modulus=normal_modulus
-        ),
+        contact=NO_CONTACT if given.n_lamina == 1 else _contact(given, area, pressing, folder),
         clamps=tuple(
             Clamp(
                 mass=clamp.mass_kg,
@@ -268,6 +259,26 @@ def _to_si(given: _Stack, folder: Path) -> Stack:
         pressing=pressing,
         supports=tuple(_support(i, support) for i, support in enumerate(given.supports)),
         outline=shape,
+    )
+
+
+def _contact(given: _Stack, area: float, pressing: Pressing | None, folder: Path) -> Contact:
+    """Return the contact between laminas; `area` is that of the plan, m2."""
+    contact = given.contact
+    if contact.G_f is None or contact.d_f_s_per_Pa is None:
+        name = "G_f" if contact.G_f is None else "d_f_s_per_Pa"
+        message = f"key contact.{name} is missing; it must be given"
+        raise StackError(message)
+    if pressing is None and contact.normal_modulus_GPa is None:
+        message = "contact.normal_modulus_GPa is missing; it, or a curve in [pressing], must be given"
+        raise StackError(message)
+    pressure = _pressure(contact, [clamp.force_N for clamp in given.clamps], area, folder)
+    if contact.normal_modulus_GPa is not None:
+        normal_modulus = contact.normal_modulus_GPa * 1e9
+    elif pressing is not None:
+        normal_modulus = float(pressing.curve.evaluate(np.array(pressing.curve.strain_at(pressure)))[1])
+    return Contact(
+        G_f=contact.G_f, d_f=contact.d_f_s_per_Pa, pressure=pressure, normal_modulus=normal_modulus
     )
 
 

@@ -16,6 +16,7 @@ from model.contact.pressure import PressureSummary
 from model.modes.verified import Verification, solve_verified
 from model.plot.pressure import pressure_figure
 from model.plot.shapes import mode_png
+from model.reduction.through_thickness import n_rigid
 from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
 from updating.commands.effect_option import with_named_effects
@@ -102,7 +103,7 @@ def solve(
             write_bytes(output / "pressure.png", as_png(pressure_figure(field)))
         progress.advance(task)
         system, every, verification = solve_verified(
-            stack, n_mode=6 + n_mode, observation=class_grid(stack), tolerance=tolerance
+            stack, n_mode=n_rigid(stack) + n_mode, observation=class_grid(stack), tolerance=tolerance
         )
         modes = every.elastic()
         verification = replace(verification, error=verification.error[every.n_rigid :])
@@ -129,11 +130,11 @@ def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification
         origin = (
             f"[bold red]The tolerance of {100 * verification.tolerance:.2g} % is not met.[/bold red] {origin}"
         )
+    laminas = "the lamina" if stack.n_lamina == 1 else f"all {stack.n_lamina} laminas"
     table = Table(
         title=f"{stack.name}: {modes.frequency.size} elastic modes",
         title_justify="left",
-        caption="Errors of f are estimated from the residual of the equations of all "
-        f"{stack.n_lamina} laminas. {origin}",
+        caption=f"Errors of f are estimated from the residual of the equations of {laminas}. {origin}",
         caption_justify="left",
     )
     for name in ("mode", "f [Hz]", "error of f [%]", "damping [%]"):

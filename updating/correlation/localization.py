@@ -119,8 +119,8 @@ class ErrorMap:
         """
         error, strain = self.error.sum(axis=0), self.strain.sum(axis=0)
         mean = strain.mean(axis=(1, 2, 3), keepdims=True)
-        ratio = error / (strain + _FLOOR * mean)
-        return np.asarray(ratio * (mean / error.mean(axis=(1, 2, 3), keepdims=True)))
+        ratio = _over(error, strain + _FLOOR * mean)
+        return ratio * _over(mean, error.mean(axis=(1, 2, 3), keepdims=True))
 
     @property
     def contrast(self) -> Vector:
@@ -130,7 +130,7 @@ class ErrorMap:
         wrong everywhere alike, towards 1 where it sits in one place.
         """
         error, strain = (a.sum(axis=0).reshape(a.shape[1], -1) for a in (self.error, self.strain))
-        shares = [a / a.sum(axis=1, keepdims=True) for a in (error, strain)]
+        shares = [_over(a, a.sum(axis=1, keepdims=True)) for a in (error, strain)]
         return np.asarray(np.abs(shares[0] - shares[1]).sum(axis=1) / 2.0)
 
     def peak(self, kind: str) -> tuple[Vector, Vector]:
@@ -341,4 +341,9 @@ def _common_changes(found: list[_Fields]) -> tuple[Vector, Vector]:
     share = np.array([[f.u @ f.matrices[kind] @ f.u for kind in KINDS[:-1]] for f in found])
     columns = np.column_stack([share, -inertia])
     cross, norm = columns.T @ error, np.sum(columns**2, axis=0)
-    return cross**2 / (norm * (error @ error)), cross / norm
+    return _over(cross**2, norm * (error @ error)), _over(cross, norm)
+
+
+def _over(value: Vector, size: Vector) -> Vector:
+    """Return values over sizes, and 0 where there is nothing: one lamina has no contact to strain."""
+    return np.where(size == 0.0, 0.0, value / np.where(size == 0.0, 1.0, size))

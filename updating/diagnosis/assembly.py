@@ -184,7 +184,7 @@ def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[float, tuple[Vecto
     nodes = np.unique(np.concatenate([observed.node for observed in evidence.observed]))
     for c, (tested, used) in enumerate(zip(evidence.tested, evidence.used, strict=True)):
         base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, ())
-        known = la.orth(ModeSpace.of(base, evidence.observed[c]).shape, _RANK)
+        known = la.orth(ModeSpace.of(base, evidence.observed[c], evidence.stack).shape, _RANK)
         if len(known) - known.shape[1] - evidence.n_gain <= _FREE * len(known):
             usual = tuple(np.full(t.modes.frequency.size, _USUAL_SCATTER) for t in evidence.tested)
             return USUAL if stated is None else stated, usual
@@ -277,6 +277,8 @@ def _started(evidence: Assembled) -> Assembled:
         message = "no measured mode resembles one of the model; check points, directions and signs"
         raise FitError(message)
     start = np.zeros(len(evidence.nuisances))
+    if not evidence.touching:
+        return replace(evidence, used=used, start=start)
     start[0] = np.log(G_f / evidence.stack.contact.G_f)
     start[1] = np.log(D_F_START / evidence.stack.contact.d_f) if evidence.stack.contact.d_f > 0 else 0.0
     return replace(evidence, used=used, start=start)

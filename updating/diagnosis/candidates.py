@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from model import (
     Effect,
     EffectError,
     Instruments,
+    Parameter,
     ReducedEquations,
     ReducedSystem,
     Stack,
@@ -106,11 +108,11 @@ def candidate_model(
     small = assemble(replace(base, mesh=replace(base.mesh, n_x=2, n_y=1)))
     possible, impossible = {}, {}
     for name, effect in effects.items():
-        try:
-            effect.terms(small)
+        reason = _why_not(effect, small)
+        if reason is None:
             possible[name] = effect
-        except EffectError as error:
-            impossible[name] = str(error)
+        else:
+            impossible[name] = reason
     finer = distribute(_plain, _finer(base), executor)  # begins at once where there is an executor
     placed = clamp_places(base)
     system = reduce(
@@ -119,7 +121,7 @@ def candidate_model(
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
     )
-    sampled = [effect for effect in possible.values() if any(p.sampled for p in effect.parameters)]
+    sampled = [effect for effect in possible.values() if effect.n_sampled]
     system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
     system = truncated(system, _corners([*possible.values(), *placed]), N_MODEL, _TRUNCATED)
     return CandidateModel(
@@ -131,6 +133,27 @@ def candidate_model(
         finer=next(finer, None),
         places=tuple(effect.name for effect in placed),
     )
+
+
+def _why_not(effect: Effect, small: Assembly) -> str | None:
+    """Return why a stack cannot have an effect, `small` being its equations on a coarse mesh; None where it can."""
+    try:
+        terms = effect.terms(small)
+    except EffectError as error:
+        return str(error)
+    acting = {
+        term.target
+        for term in terms
+        for kron in term.krons
+        if abs(kron.z).max() > 0.0 and abs(kron.planar).max() > 0.0
+    }
+    single = small.stack.n_lamina == 1
+    if not acting:
+        why = "one lamina has no contact with another" if single else "nothing of this stack changes with it"
+        return f"{effect.name}: {why}"
+    if single and acting == {"C"}:
+        return f"{effect.name}: damping is not compared, for the model of one lamina has no loss of its own"
+    return None
 
 
 def _resized(base: Stack, system: ReducedSystem) -> dict[str, ReducedEquations]:
@@ -201,6 +224,7 @@ def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:
     """Return parameters with one effect at a time over its range, each at two contact stiffnesses."""
     stiffness = np.geomspace(*G_F_RANGE, 6)
     for i, effect in enumerate(effects):
-        for j, corner in enumerate(effect.combinations(lambda p: p.trials(_PLACES))):
+        places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
+        for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
             for G_f in stiffness[(i + j) % 3 :: 3]:
                 yield {"G_f": float(G_f), **corner}

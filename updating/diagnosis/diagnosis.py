@@ -106,7 +106,7 @@ def conclude(
         measurement=tuple(evidence.hypotheses),
         explained=of[first.effects].explained,
         steps=tuple(of[x.effects] for x in decision.steps),
-        discrepancy=first.mean,
+        discrepancy=first.mean if evidence.touching else replace(first.mean, damping=np.nan),
         discrepancy_spread=first.spread,
         too_large=too_large(evidence, first),
         mixed_up=found.mixed_up,

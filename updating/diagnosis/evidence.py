@@ -32,6 +32,7 @@ POINTS_SHIFT = "points_x"
 DECAY = "window"
 """Nuisance: the rate, 1/s, by which an exponential window that nobody stated makes everything decay faster."""
 _NO_WINDOW = 1e-3  # standard deviation of that rate where no window is supposed, 1/s
+_FIXED = 1e-3  # standard deviation of the logarithm of what nothing depends on
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
@@ -254,6 +255,11 @@ class Evidence:
     released: tuple[str, ...] = ()
 
     @property
+    def touching(self) -> bool:
+        """Whether laminas touch: one alone has no contact, so nothing tells its parameters, nor its damping."""
+        return self.stack.n_lamina > 1
+
+    @property
     def lacking(self) -> tuple[tuple[int, int], ...]:
         """Configuration and number, from 0, of measured modes that the model lacks amid those that it has."""
         return tuple(
@@ -271,8 +277,9 @@ class Evidence:
         shape = {}
         for c, (own, used, identity) in enumerate(zip(self.tested, self.used, self.identity, strict=True)):
             n_dof = own.modes.shape.shape[0]
-            kind += ["frequency"] * used.size + ["damping"] * used.size + ["shape"] * (used.size * n_dof)
-            mode += [*identity[used], *identity[used], *np.repeat(identity[used], n_dof)]
+            damped = used if self.touching else used[:0]
+            kind += ["frequency"] * used.size + ["damping"] * damped.size + ["shape"] * (used.size * n_dof)
+            mode += [*identity[used], *identity[damped], *np.repeat(identity[used], n_dof)]
             configuration += [c] * (len(kind) - len(configuration))
             for i in range(used.size):
                 first = len(kind) - (used.size - i) * n_dof
@@ -324,13 +331,15 @@ class Evidence:
 
     @property
     def prior_std(self) -> Vector:
-        """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f."""
+        """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f of laminas that touch."""
         s, n = self.scatter, len(self.tested)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
+        contact = [np.inf, np.inf, s.young, s.density, s.normal_modulus]
+        if not self.touching:
+            each, contact = [_FIXED] * len(each), [_FIXED, _FIXED, s.young, s.density, _FIXED]
         size, gain = [getattr(s, name) for name in self.dimensions], [s.gain] * self.n_gain
         places = [s.clamp_place] * len(self.places)
-        steel = [s.young, s.density, s.normal_modulus]
-        std = np.array([np.inf, np.inf, *steel, *places, *size, *gain, s.points_shift, _NO_WINDOW, *each])
+        std = np.array([*contact, *places, *size, *gain, s.points_shift, _NO_WINDOW, *each])
         for name in self.released:
             for nuisance, wide in self.hypotheses[name].items():
                 std[self.nuisances.index(nuisance)] = wide
@@ -384,7 +393,7 @@ def solved(
         evidence.equations.acting(moved),
         G_f=theta["G_f"],
         d_f=theta["d_f"],
-        n_mode=n_mode,
+        n_mode=min(n_mode, evidence.equations.size),  # one lamina without effects has few
         observation=evidence.observed[configuration],
         parameters={k: v for k, v in moved.items() if k not in ("G_f", "d_f")},
         by=tuple(by),

@@ -200,6 +200,8 @@ def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tupl
     for experiment in EXPERIMENTS:
         if any(name == "test_clamps_moved" for name, _ in experiment.known) and not evidence.stack.clamps:
             continue
+        if experiment.pressure_ratio != 1.0 and not evidence.touching:
+            continue
         try:
             apart = [
                 _distance(evidence, experiment, a, b)

@@ -266,11 +266,13 @@ class _Residuals:
 def _bounds(evidence: Evidence, parameters: Sequence[Parameter]) -> tuple[Vector, Vector]:
     """Return how far coordinates go: G_f over the range of the reduction, d_f a hundredfold, others by their priors.
 
+    G_f and d_f of one lamina, on which nothing depends, have priors too.
     A first step from a model that lacks an effect can ask for far more, and then the contact turns negative.
     """
     reach = _FARTHEST * evidence.prior_std
     low, high = -reach, reach.copy()
-    low[0], high[0] = np.log(np.array(G_F_RANGE) / evidence.stack.contact.G_f)
-    low[1], high[1] = evidence.start[1] - np.log(100.0), evidence.start[1] + np.log(100.0)
+    if evidence.touching:
+        low[0], high[0] = np.log(np.array(G_F_RANGE) / evidence.stack.contact.G_f)
+        low[1], high[1] = evidence.start[1] - np.log(100.0), evidence.start[1] + np.log(100.0)
     ends = bounds_of(parameters)
     return np.concatenate([low, ends[0]]), np.concatenate([high, ends[1]])

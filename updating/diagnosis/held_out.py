@@ -63,7 +63,8 @@ def left_out(evidence: Evidence, own: Explanation, by: Literal["mode", "configur
             continue
         for kind, each in errors.items():
             off = shift[rows.kind[out] == kind]
-            each.append(np.abs(np.expm1(np.clip(-off, -_FARTHEST, _FARTHEST))))
+            if off.size:
+                each.append(np.abs(np.expm1(np.clip(-off, -_FARTHEST, _FARTHEST))))
     mean = {
         kind: float(np.mean(np.concatenate(each))) if each else float("nan") for kind, each in errors.items()
     }

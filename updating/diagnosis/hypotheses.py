@@ -34,7 +34,7 @@ _WINDOW = 3.0  # 1/s, of a window that falls to a hundredth in 1.5 s
 def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
     """Return the hypotheses that these data allow: of each, the standard deviations that nuisances then have."""
     found: dict[str, Mapping[str, float]] = {}
-    if len(evidence.tested) > 1:
+    if len(evidence.tested) > 1 and evidence.touching:
         found[STATED_PRESSURE] = {f"G_f[{own.name}]": _PRESSURE for own in evidence.tested}
     if evidence.dimensions:
         found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, _SIZE)
@@ -43,5 +43,6 @@ def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]
     if evidence.n_gain:
         found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": _GAIN for i in range(evidence.n_gain)}
     found[STATED_POINTS] = {POINTS_SHIFT: _PLACE}
-    found[WINDOW] = {DECAY: _WINDOW}
+    if evidence.touching:  # else damping is not compared
+        found[WINDOW] = {DECAY: _WINDOW}
     return found

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Modes, Observed
-from model.reduction.through_thickness import N_RIGID
+from model import Modes, Observed, Stack
+from model.reduction.through_thickness import N_RIGID, n_rigid
 
 Vector = NDArray[np.float64]
 
@@ -32,8 +32,13 @@ class ModeSpace:
     frequency: Vector
 
     @classmethod
-    def of(cls, modes: Modes, observed: Observed) -> ModeSpace:
-        """Return the elastic `modes` with the rigid-body motion of the sensors, but what is elastic on a suspension."""
+    def of(cls, modes: Modes, observed: Observed, stack: Stack) -> ModeSpace:
+        """Return the elastic `modes` with the rigid-body motion of the sensors, but what is elastic on a suspension.
+
+        A stack that supports hold has no rigid-body motion.
+        """
+        if not n_rigid(stack):
+            return cls(shape=modes.shape, frequency=modes.frequency)
         held = modes.coordinate[:N_RIGID]  # the basis begins with rigid-body modes
         share, turn = la.eigh(np.eye(N_RIGID) - held @ held.T)
         rigid = observed.reduced_rows[:, :N_RIGID] @ turn[:, share > _HALF]

@@ -46,7 +46,7 @@ class Residual:
     rotated, rotated_jacobian : (n_data,) and (n_data, n_coordinate) float
         Before they were divided, without the priors.
     log_frequency, log_damping : (n_frequency,) float
-        Logarithms of measured over modelled values, configuration by configuration.
+        Logarithms of measured over modelled values, configuration by configuration; damping of laminas that touch.
     partner : (n_frequency,) int
         The model's elastic modes that they are of.
     """
@@ -67,8 +67,8 @@ class Residual:
 
     @property
     def damping_error(self) -> float:
-        """Mean relative error of the model's damping ratios over all modes that are used."""
-        return float(np.mean(np.abs(np.expm1(-self.log_damping))))
+        """Mean relative error of the model's damping ratios over all modes used; NaN where none is compared."""
+        return float(np.mean(np.abs(np.expm1(-self.log_damping)))) if self.log_damping.size else float("nan")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -177,7 +177,7 @@ def covariance_of(
         own = _compared(evidence, c, nuisance, effect)
         point = np.searchsorted(nodes, evidence.observed[c].node)
         used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
-        space = ModeSpace.of(own.modes, evidence.observed[c])
+        space = ModeSpace.of(own.modes, evidence.observed[c], evidence.stack)
         resolved = np.hypot(measured.frequency_std[used] / measured.frequency[used], _RESOLVED)
         std["frequency"].append(np.hypot(resolved, s.mesh * shift.mesh[used]))
         std["damping"].append(np.hypot(measured.damping_std[used] / measured.damping[used], _REPEATED))
@@ -263,6 +263,8 @@ def _compared(
     damping, damping_rows = logarithms("damping", damped, modes.damping_gradient)
     least = np.maximum(damped[column], _LEAST * measured.damping[used])
     damping_rows[:, n_common - 1] = -by_decay[column] / least
+    if not evidence.touching:  # the model of one lamina has no loss to compare
+        damping, damping_rows = damping[:0], damping_rows[:0]
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
     along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length
     v = v + shift.mesh_shape[:, used] + moved * along[:, 0]

@@ -29,7 +29,7 @@ N_NEAREST = 6
 MESSAGES = 8
 """In which work is sent to other processes: each holds the equations, some 40 MB."""
 _SHARES = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the way from neutral to an end of the range
-_PLACES = 11
+_PLACES, _PLACES_OF_EACH = 11, 7  # of a parameter over which modes change much, of each of several
 _STIFFNESS = 3
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
 _SETTLE = 0.15  # of a range, by which a place of the scan is varied
@@ -179,7 +179,9 @@ def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
     alike = mac(shape, modes.shape)[row, column]
     far = np.log(frequency[row] / modes.frequency[column])
     slope = G_f * modes.frequency_gradient[column, 0] / modes.frequency[column]
-    ratio = float(np.clip(np.median(far / slope), -_STEP, _STEP))  # of log G_f, for most modes at once
+    follows = slope > 0.0  # none does of one lamina
+    ratio = float(np.median(far[follows] / slope[follows])) if np.any(follows) else 0.0
+    ratio = float(np.clip(ratio, -_STEP, _STEP))  # of log G_f, for most modes at once
     far = (far - ratio * slope) / _FAR
     cost = float(np.sum(far**2 / (1.0 + far**2) + 1.0 - alike))
     return Place(effect=name, cost=cost, G_f=float(G_f * np.exp(ratio)), coordinate=where)
@@ -187,10 +189,11 @@ def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
 
 def _grid(own: tuple[Parameter, ...]) -> Iterator[Vector]:
     low, high = bounds_of(own)
+    places = _PLACES if sum(p.sampled for p in own) < 2 else _PLACES_OF_EACH
     axes = []
     for i, p in enumerate(own):
         if p.sampled:
-            axes.append(np.linspace(low[i], high[i], _PLACES))
+            axes.append(np.linspace(low[i], high[i], places))
         else:
             axes.append(np.array([s * end for end in (low[i], high[i]) if end for s in _SHARES]))
     for values in itertools.product(*axes):

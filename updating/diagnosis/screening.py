@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ Vector = NDArray[np.float64]
 
 _SILENT = 1e-9  # relative length of a change that is none
 _SHAPES = 6  # values tried of a parameter that shapes an effect but has no strength of its own
+_DECADES = 10  # values tried of a parameter that begins at an end of a logarithmic range
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,6 +94,11 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
     found = []
     for name in names:
         own = evidence.parameters([name])
+        if any(_begins_far_off(p) for p in own):
+            best, turned, most = _from_trials(evidence, at, name, r)
+            gain = _log_gain(evidence, at, best, turned)
+            found.append(replace(best, log_gain=gain, detectability=most))
+            continue
         columns = [place[p.name] for p in own]
         raw, rotated = every[:, columns], every_rotated[:, columns]
         strength = np.flatnonzero(np.linalg.norm(raw, axis=0) > _SILENT * size)
@@ -119,6 +126,47 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
             )
         )
     return tuple(found)
+
+
+def _begins_far_off(p: Parameter) -> bool:
+    """Tell whether a parameter is neutral at an end of a logarithmic range, where a step changes next to nothing."""
+    return p.scale == "log" and p.neutral in (p.lower, p.upper)
+
+
+def _from_trials(evidence: Evidence, at: Explanation, name: str, r: Vector) -> tuple[Screened, Vector, float]:
+    """Return an effect whose changes are taken between neutral and trial values, not as slopes at neutral.
+
+    Beside it its change before projection and whitening, and its largest detectability. Each parameter is tried alone,
+    their changes are added, and a step stays near the values that it was taken at.
+    """
+    own, projected = evidence.parameters([name]), _projection(at)
+    low, high = bounds_of(own)
+    end = np.where(-low > high, low, high)
+    step = np.abs(end) / _DECADES
+
+    def changed(where: Vector) -> tuple[Vector, Vector]:
+        both, coordinate = (*at.parameter, *own), np.concatenate([at.coordinate, where])
+        found = residual(evidence, at.nuisance, both, coordinate)
+        return found.value, found.rotated
+
+    neutral, neutral_rotated = changed(np.zeros(len(own)))
+    tried: list[list[tuple[float, Vector, Vector]]] = []
+    for i, far in enumerate(end):
+        tried.append([(0.0, 0.0 * r, 0.0 * neutral_rotated)])
+        for z in np.linspace(0.0, far, _DECADES + 1)[1:]:
+            with contextlib.suppress(SolveError):
+                value, rotated = changed(z * np.eye(len(own))[i])
+                tried[-1].append((z, projected((value - neutral) / z), (rotated - neutral_rotated) / z))
+    all_of_it, trials = np.arange(len(own)), []
+    for combination in itertools.product(*tried):
+        where = np.array([z for z, _, _ in combination])
+        near = (np.maximum(low, where - step), np.minimum(high, where + step))
+        column = np.column_stack([c for _, c, _ in combination])
+        trial = _screened(name, own, np.zeros(len(own)), column, all_of_it, r, near)
+        trials.append((trial, np.column_stack([c for _, _, c in combination])))
+    best, turned = max(trials, key=lambda trial: trial[0].gain)
+    most = max(float(np.linalg.norm(z * c)) for own_trials in tried for z, c, _ in own_trials)
+    return best, turned, most
 
 
 def _log_gain(evidence: Evidence, at: Explanation, own: Screened, column: Vector) -> float:
@@ -192,9 +240,15 @@ def _projection(at: Explanation) -> Callable[[Vector], Vector]:
 
 
 def _screened(
-    name: str, own: tuple[Parameter, ...], at: Vector, columns: Vector, strength: NDArray[np.intp], r: Vector
+    name: str,
+    own: tuple[Parameter, ...],
+    at: Vector,
+    columns: Vector,
+    strength: NDArray[np.intp],
+    r: Vector,
+    near: tuple[Vector, Vector] | None = None,
 ) -> Screened:
-    low, high = bounds_of(own)
+    low, high = bounds_of(own) if near is None else near
     c = columns[:, strength]
     step = _bounded(c, r, low[strength], high[strength])
     start = at.copy()

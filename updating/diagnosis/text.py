@@ -143,7 +143,12 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
 
 def _rests_on(found: Diagnosis) -> str:
     parts = [f"{used} of {n} modes of {name}" for name, (used, n) in found.n_used.items()]
-    return f"The answer rests on {', '.join(parts)}."
+    left_out = (
+        ""
+        if np.isfinite(found.discrepancy.damping)
+        else " Damping is not compared: one lamina has no contact, and its model no loss of its own."
+    )
+    return f"The answer rests on {', '.join(parts)}.{left_out}"
 
 
 def _mixed_up(own: MixedUp) -> str:
@@ -171,11 +176,12 @@ def _way(found: Diagnosis) -> str:
 
 
 def _sizes(found: Diagnosis) -> str:
-    """Write the sizes of the discrepancy; one whose logarithm has no scatter was stated."""
+    """Write the sizes of the discrepancy of what is compared; one whose logarithm has no scatter was stated."""
     parts = [
         f"{percent(getattr(found.discrepancy, kind))} of a {name}"
         f"{'' if getattr(found.discrepancy_spread, kind) > 0.0 else ' (as stated)'}"
         for kind, name in _KINDS.items()
+        if np.isfinite(getattr(found.discrepancy, kind))
     ]
     return f"{', '.join(parts[:-1])} and {parts[-1]}"
 

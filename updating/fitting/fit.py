@@ -31,6 +31,9 @@ D_F_BOUNDS = (0.0, 1e-8)
 N_SNAPSHOT = 6
 """Values of G_f at which the reduction is exact; six over two decades keep frequencies within 1e-5 between them."""
 
+_N_MODE = 22  # that are solved for pairing, rigid-body modes included
+_N_SNAPSHOT_MODE = 18  # of each snapshot; over the range of G_f they span more
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
@@ -44,7 +47,7 @@ class Estimate:
         Estimate and standard deviation. The latter propagates the standard deviations of the measured values
         and the scatter that the model leaves unexplained, so it grows with the misfit.
     lower, upper : float
-        Bounds of the search.
+        Bounds of the search; both the value of a parameter that is kept, because nothing depends on it.
     at_bound : bool
         Whether the estimate lies on a bound: then the data ask for a value outside, and `std` means nothing.
     objective : float
@@ -114,6 +117,8 @@ def fit(
 ) -> Fit:
     """Fit G_f to the measured frequencies and then d_f to the measured damping ratios.
 
+    One lamina has no contact: it is put beside the measurement as it is.
+
     Modes are paired by MAC. The set of measured modes that takes part is the one that pairs best over a scan of
     the bounds; it is kept during the descent, so that the objective never gains or loses a term.
 
@@ -139,7 +144,9 @@ def fit(
     """
     require_points(measured)
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
-    system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=N_SNAPSHOT)
+    single = stack.n_lamina == 1
+    n_mode = _N_MODE if single else _N_SNAPSHOT_MODE  # no G_f gives one lamina other modes
+    system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=1 if single else N_SNAPSHOT, n_mode=n_mode)
     observed = observe(system, registration.observation)
     used = _modes_that_pair(system, observed, measured, threshold, G_f_bounds)
     G_f, d_f = _estimates(system, observed, measured, used, (G_f_bounds, d_f_bounds))
@@ -166,6 +173,14 @@ def _estimates(
 ) -> tuple[Estimate, Estimate]:
     """Return G_f from the frequencies of the modes used, and d_f from their damping ratios."""
     shape = measured.shape[:, used]
+    contact = system.stack.contact
+    if system.stack.n_lamina == 1:
+        found = _elastic(system, observed, contact.G_f, contact.d_f)
+        column = _assign(shape, found)
+        return (
+            _kept("G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], found.frequency[column])),
+            _kept("d_f", "s/Pa", contact.d_f, opt_d(measured.damping[used], found.damping[column])),
+        )
 
     def frequencies(value: float) -> Prediction:
         modes = _elastic(system, observed, value, 0.0)
@@ -179,6 +194,21 @@ def _estimates(
     slope = reference.damping[_assign(shape, reference)] / 1e-10
     d_f = estimate_damping(slope, measured.damping[used], measured.damping_std[used], bounds=bounds[1])
     return G_f, d_f
+
+
+def _kept(name: str, unit: str, value: float, objective: float) -> Estimate:
+    """Return a parameter that nothing depends on, at its value."""
+    return Estimate(
+        name=name,
+        unit=unit,
+        value=value,
+        std=0.0,
+        lower=value,
+        upper=value,
+        at_bound=False,
+        objective=objective,
+        history=np.array([[value, objective]]),
+    )
 
 
 def estimate_stiffness(
@@ -313,7 +343,7 @@ def _modes_that_pair(
 
 
 def _elastic(system: ReducedSystem, observed: Observed, G_f: float, d_f: float) -> Modes:
-    return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=22, observation=observed).elastic()
+    return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=_N_MODE, observation=observed).elastic()
 
 
 def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:

@@ -95,7 +95,8 @@ def parameter_figure(fitted: Sequence[Tested]) -> Figure:
             markersize=5, capsize=4,
         )  # fmt: skip
         axes.set(xlabel=label, ylabel=name)
-        axes.set_ylim(0.0, 1.15 * max(factor * (e.value + _T * e.std) for e in own))
+        top = max(factor * (e.value + _T * e.std) for e in own)
+        axes.set_ylim(0.0, 1.15 * top if top > 0.0 else 1.0)
         axes.margins(x=0.15)
         axes.spines[["top", "right"]].set_visible(False)
     return figure

@@ -16,6 +16,8 @@ _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3))
 
 def parameter_text(estimate: Estimate) -> str:
     """Write one fitted parameter with its name, half of its 95 % interval and unit."""
+    if estimate.lower == estimate.upper:
+        return f"{estimate.name} is not fitted, for nothing depends on it"
     bound = " (at the bound of its range)" if estimate.at_bound else ""
     return f"{estimate.name} = {estimate_text(estimate)} {estimate.unit}{bound}"
 
