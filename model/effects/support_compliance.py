@@ -8,8 +8,8 @@ Enters: stiffness of the supports, 1 / (1/k + 1/s) in place of k, where s is the
     matrix with a rational factor for each motion that is held.
 Range: s from next to nothing, a free edge, to so stiff that the edge is as the stack file says; both by their
     logarithms.
-Does: lowers all modes of a held stack, those most that bend at the edge. A cantilever of L x 1 m whose rotation has
-    10 D / L has its first mode 13 % lower, with D the bending stiffness; one on a tenth of D / L nearly swings.
+Does: lowers all modes of a held stack, those most that bend at the edge. A cantilever of length L and bending
+    stiffness D per width, held against turning by 10 D / L, has its first mode 16 % lower; by a tenth of D / L, 85 %.
 Mistaken for: a lower Young's modulus, temperature, a length stated too short.
 """
 

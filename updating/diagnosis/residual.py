@@ -263,8 +263,6 @@ def _compared(
     damping, damping_rows = logarithms("damping", damped, modes.damping_gradient)
     least = np.maximum(damped[column], _LEAST * measured.damping[used])
     damping_rows[:, n_common - 1] = -by_decay[column] / least
-    if not evidence.touching:  # the model of one lamina has no loss to compare
-        damping, damping_rows = damping[:0], damping_rows[:0]
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
     along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length
     v = v + shift.mesh_shape[:, used] + moved * along[:, 0]
@@ -276,7 +274,7 @@ def _compared(
         rows.append(-slope)
     return _Compared(
         frequency=(frequency, frequency_rows),
-        damping=(damping, damping_rows),
+        damping=(damping, damping_rows) if evidence.touching else (damping[:0], damping_rows[:0]),
         shape=((u - v).T, np.stack(rows)),
         u=u,
         v=v,

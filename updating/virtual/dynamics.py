@@ -21,6 +21,7 @@ _LINES_AT_ONCE = 128
 _STEP = 1e-6  # relative, of the derivative that only steers the iteration
 _MOST_STEPS = 40
 _CONVERGED = 1e-11
+_ROUNDED = 1e-6  # relative step that may be rounding beside stiff supports, if it does not fall any more
 _ASIDE = 1e-13  # relative step aside
 
 
@@ -45,6 +46,15 @@ class Dynamics:
         total: NDArray[Any] = s**2 * self.steady["M"] + s * self.steady["C"] + self.steady["K"]
         for target, factor, matrix in self.following:
             total = total + s ** _POWER[target] * factor(s / 1j) * matrix
+        return np.asarray(total, dtype=complex)
+
+    def slope(self, s: complex) -> NDArray[np.complex128]:
+        """Return the derivative of the dynamic stiffness by `s`; a difference would drown in the supports."""
+        total: NDArray[Any] = 2.0 * s * self.steady["M"] + self.steady["C"]
+        h = _STEP * abs(s)
+        for target, factor, matrix in self.following:
+            ends = [z ** _POWER[target] * factor(z / 1j) for z in (s + h, s - h)]
+            total = total + (ends[0] - ends[1]) / (2.0 * h) * matrix
         return np.asarray(total, dtype=complex)
 
     def with_parts(self, rows: NDArray[np.float64], mass: float, stiffness: float = 0.0) -> Dynamics:
@@ -106,10 +116,9 @@ def poles(
     found, shapes = np.empty(start.size, complex), np.empty(vectors.shape, complex)
     for r, given in enumerate(start):
         s, x = complex(given), vectors[:, r].astype(complex)
-        v = x.conj()  # real modes are their own left vectors
+        v, last = x.conj(), np.inf  # real modes are their own left vectors
         for _ in range(_MOST_STEPS):
-            h = _STEP * abs(s)
-            slope = (of.at(s + h) - of.at(s - h)) / (2.0 * h)
+            slope = of.slope(s)
             try:
                 u = np.linalg.solve(of.at(s), slope @ x)  # at the pole nearly singular, and meant to be
             except np.linalg.LinAlgError:  # the pole to the last bit
@@ -117,8 +126,10 @@ def poles(
                 u = np.linalg.solve(of.at(s), slope @ x)
             gain = (v @ u) / (v @ x)
             s, x = s - 1.0 / gain, u / gain
-            if abs(1.0 / gain) < _CONVERGED * abs(s):
+            step = abs(1.0 / gain)
+            if step < _CONVERGED * abs(s) or last <= step < _ROUNDED * abs(s):
                 break
+            last = step
         else:
             message = f"the damped mode near {abs(given) / 2 / np.pi:.6g} Hz does not converge"
             raise SolveError(message)
