@@ -308,6 +308,18 @@ def _check(frf: FRF, name: str) -> None:
             raise MeasurementError(message)
 
 
+def _as_measured(
+    fit: Fit, frf: FRF, quantity: Quantity
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return noise, correlation and relative error (n_output, n_input) of a fit of `frf` in the measured quantity."""
+    fitted = replace(frf, value=frf.value - fit.residual.reshape(frf.value.shape)).convert(quantity).value
+    measured = frf.convert(quantity).value
+    square = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
+    change = np.sqrt(square / np.sum(np.abs(fit.residual) ** 2, axis=-1).reshape(square.shape))
+    noise = fit.noise.reshape(square.shape) * change
+    return noise, frac(measured, fitted), np.sqrt(square / np.sum(np.abs(measured) ** 2, axis=-1))
+
+
 def _model(
     fit: Fit,
     runs: RunPoles,
@@ -332,10 +344,7 @@ def _model(
     shapes = shapes_from_residues(
         pole, constant.reshape(n_output, n_input, n_mode), variance, frf.output, frf.input
     )
-    fitted = replace(frf, value=frf.value - fit.residual.reshape(frf.value.shape)).convert(quantity).value
-    measured = frf.convert(quantity).value
-    square = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
-    change = np.sqrt(square / np.sum(np.abs(fit.residual) ** 2, axis=-1).reshape(square.shape))
+    noise, correlation, error = _as_measured(fit, frf, quantity)
     return ModalModel(
         name=name,
         frequency=np.abs(pole) / (2.0 * np.pi),
@@ -360,9 +369,9 @@ def _model(
         quantity=quantity,
         covariance=covariance[: 2 * n_mode, : 2 * n_mode],
         residue_std=np.sqrt(variance),
-        noise=fit.noise.reshape(n_output, n_input) * change,
-        correlation=frac(measured, fitted),
-        error=np.sqrt(square / np.sum(np.abs(measured) ** 2, axis=-1)),
+        noise=noise,
+        correlation=correlation,
+        error=error,
         run=runs.run,
         run_pole=runs.pole[:, :n_mode],
         run_frequency_std=runs.frequency_std[:, :n_mode],

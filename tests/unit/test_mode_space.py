@@ -13,7 +13,7 @@ ROWS = np.random.default_rng(3).normal(size=(N_DOF, N_BASIS))
 
 def space(coordinate, frequency):
     modes = SimpleNamespace(shape=ROWS @ coordinate, frequency=np.array(frequency), coordinate=coordinate)
-    return ModeSpace.of(modes, SimpleNamespace(reduced_rows=ROWS))
+    return ModeSpace.of(modes, SimpleNamespace(reduced_rows=ROWS), SimpleNamespace(supports=()))
 
 
 def test_a_free_stack_has_all_six_rigid_body_motions_behind_its_elastic_modes():

@@ -37,7 +37,9 @@ FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0))
 def predicted(monkeypatch):
     """What is left out is said by `left_out` of each explanation, and every residual looks like one point."""
     monkeypatch.setattr(
-        verdict, "left_out", lambda _, said: SimpleNamespace(frequency=said[0], damping=said[1])
+        verdict,
+        "left_out",
+        lambda _, own: SimpleNamespace(frequency=own.residual[0], damping=own.residual[1]),
     )
     monkeypatch.setattr(verdict, "point_change", lambda _, at: (POINT, at.effects))
 

@@ -51,24 +51,31 @@ def left_out(evidence: Evidence, own: Explanation, by: Literal["mode", "configur
         What is left out at a time.
     """
     evidence = replace(evidence.supposing(own.effects), sizes=own.likeliest)
-    found, rows = reweighed(own.residual, evidence), evidence.rows
+    found = reweighed(own.residual, evidence)
     free = free_coordinates(evidence, np.concatenate([own.nuisance, own.coordinate]), own.at_bound)
-    span = span_of(found.jacobian[:, free])
+    return mispredicted(evidence, found.value, found.jacobian[:, free], by)
+
+
+def mispredicted(
+    evidence: Evidence, value: Vector, jacobian: Vector, by: Literal["mode", "configuration"] = "mode"
+) -> LeftOut:
+    """Return `left_out` of a whitened residual (n,) and its derivatives by the coordinates that are free."""
+    rows, span = evidence.rows, span_of(jacobian)
     errors: dict[str, list[Vector]] = {"frequency": [], "damping": []}
     group = rows.mode if by == "mode" else rows.configuration
     for number in np.unique(group):
         out = np.flatnonzero(group == number)
-        shift = _shift(evidence, found.value, span, out)
+        shift = _shift(evidence, value, span, out)
         if shift is None:
             continue
         for kind, each in errors.items():
             off = shift[rows.kind[out] == kind]
             if off.size:
                 each.append(np.abs(np.expm1(np.clip(-off, -_FARTHEST, _FARTHEST))))
-    mean = {
-        kind: float(np.mean(np.concatenate(each))) if each else float("nan") for kind, each in errors.items()
-    }
-    return LeftOut(frequency=mean["frequency"], damping=mean["damping"])
+    frequency, damping = (
+        float(np.mean(np.concatenate(each))) if each else float("nan") for each in errors.values()
+    )
+    return LeftOut(frequency=frequency, damping=damping)
 
 
 def _shift(evidence: Evidence, value: Vector, span: Vector, out: NDArray[np.intp]) -> Vector | None:

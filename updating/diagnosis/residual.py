@@ -226,13 +226,6 @@ def _compared(
     by = (*theta, *effect)
     modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
     place = [modes.parameter.index(name) for name in by]
-    per = np.array(
-        [
-            *(theta[name] for name in SHARED),
-            *(1.0 for _ in evidence.places),
-            *(slope for _, slope in effect.values()),
-        ]
-    )
     by_gain = evidence.by_gain(c)
     gain = np.exp(by_gain @ nuisance[n_sized : n_common - 2])
     moved, decay = nuisance[n_common - 2 : n_common]
@@ -241,14 +234,7 @@ def _compared(
     _, column = pair(measured.shape[:, used], measured.frequency[used], replace(modes, shape=shape))
 
     def spread(derivative: Vector) -> Vector:
-        """Return derivatives by the coordinates from those by the model's parameters."""
-        own = derivative[..., place] * per
-        full = np.zeros((*own.shape[:-1], len(evidence.nuisances) + len(effect)))
-        full[..., :n_shared], full[..., len(evidence.nuisances) :] = own[..., :n_shared], own[..., n_shared:]
-        if len(evidence.tested) > 1:
-            full[..., n_common + c] = own[..., 0]
-            full[..., n_common + len(evidence.tested) + c] = own[..., 1]
-        return full
+        return _by_coordinates(evidence, c, theta, effect, derivative[..., place])
 
     def logarithms(kind: str, modelled: Vector, slope: Vector) -> tuple[Vector, Vector]:
         value = getattr(measured, kind)[used]
@@ -282,6 +268,29 @@ def _compared(
         modes=modes,
         column=column,
     )
+
+
+def _by_coordinates(
+    evidence: Evidence,
+    c: int,
+    theta: Mapping[str, float],
+    effect: Mapping[str, tuple[float, float]],
+    derivative: Vector,
+) -> Vector:
+    """Return derivatives by the coordinates, (..., n_coordinate), from those by model parameters, nuisances first."""
+    per = [
+        *(theta[name] for name in SHARED),
+        *(1.0 for _ in evidence.places),
+        *(slope for _, slope in effect.values()),
+    ]
+    n_shared, n_common, n_nuisance = len(evidence.shared), evidence.n_common, len(evidence.nuisances)
+    own = derivative * np.array(per)
+    full = np.zeros((*own.shape[:-1], n_nuisance + len(effect)))
+    full[..., :n_shared], full[..., n_nuisance:] = own[..., :n_shared], own[..., n_shared:]
+    if len(evidence.tested) > 1:
+        full[..., n_common + c] = own[..., 0]
+        full[..., n_common + len(evidence.tested) + c] = own[..., 1]
+    return full
 
 
 def _without_twins(gradient: Vector, shape: Vector, frequency: Vector, m: int) -> Vector:

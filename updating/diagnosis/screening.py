@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,44 +88,53 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
         return found.jacobian[:, n_fitted:], found.rotated_jacobian[:, n_fitted:]
 
     parameters = evidence.parameters(names)
-    every, every_rotated = changes(parameters, np.zeros(len(parameters)))
+    every = changes(parameters, np.zeros(len(parameters)))
     place = {p.name: i for i, p in enumerate(parameters)}
-    r, size = projected(at.residual.value), float(np.abs(every).max(initial=0.0))
+    r = projected(at.residual.value)
+    silent = _SILENT * float(np.abs(every[0]).max(initial=0.0))
     found = []
     for name in names:
         own = evidence.parameters([name])
         if any(_begins_far_off(p) for p in own):
             best, turned, most = _from_trials(evidence, at, name, r)
-            gain = _log_gain(evidence, at, best, turned)
-            found.append(replace(best, log_gain=gain, detectability=most))
-            continue
-        columns = [place[p.name] for p in own]
-        raw, rotated = every[:, columns], every_rotated[:, columns]
-        strength = np.flatnonzero(np.linalg.norm(raw, axis=0) > _SILENT * size)
-        shaping = np.setdiff1d(np.arange(len(own)), strength)
-        trials = []
-        low, high = bounds_of(own)
-        for values in itertools.product(*(np.linspace(low[i], high[i], _SHAPES) for i in shaping)):
-            where = np.zeros(len(own))
-            where[shaping] = values
-            try:
-                slope, turned = changes(own, where) if shaping.size else (raw, rotated)
-            except SolveError:  # with what is fitted already, there is no such stack
+        else:
+            columns = [place[p.name] for p in own]
+            trials = []
+            for where, slope, rotated in _slopes(
+                own, (every[0][:, columns], every[1][:, columns]), changes, silent
+            ):
+                strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > silent)
+                trials.append((_screened(name, own, where, projected(slope), strong, r), rotated[:, strong]))
+            if not trials:
                 continue
-            strong = np.flatnonzero(np.linalg.norm(slope, axis=0) > _SILENT * size)
-            strong = np.setdiff1d(strong, shaping)
-            trials.append((_screened(name, own, where, projected(slope), strong, r), turned[:, strong]))
-        if not trials:
-            continue
-        best, turned = max(trials, key=lambda trial: trial[0].gain)
-        found.append(
-            replace(
-                best,
-                log_gain=_log_gain(evidence, at, best, turned),
-                detectability=max(s.detectability for s, _ in trials),
-            )
-        )
+            best, turned = max(trials, key=lambda trial: trial[0].gain)
+            most = max(screened.detectability for screened, _ in trials)
+        found.append(replace(best, log_gain=_log_gain(evidence, at, best, turned), detectability=most))
     return tuple(found)
+
+
+def _slopes(
+    own: Sequence[Parameter],
+    neutral: tuple[Vector, Vector],
+    changes: Callable[[Sequence[Parameter], Vector], tuple[Vector, Vector]],
+    silent: float,
+) -> Iterator[tuple[Vector, Vector, Vector]]:
+    """Yield where an effect is taken and how the residual changes there, whitened and rotated only.
+
+    A parameter that changes nothing at neutral shapes the effect, and is tried over its range.
+    """
+    shaping = np.flatnonzero(np.linalg.norm(neutral[0], axis=0) <= silent)
+    low, high = bounds_of(own)
+    for values in itertools.product(*(np.linspace(low[i], high[i], _SHAPES) for i in shaping)):
+        where = np.zeros(len(own))
+        where[shaping] = values
+        try:
+            slope, rotated = changes(own, where) if shaping.size else neutral
+        except SolveError:  # with what is fitted already, there is no such stack
+            continue
+        slope = slope.copy()
+        slope[:, shaping] = 0.0
+        yield where, slope, rotated
 
 
 def _begins_far_off(p: Parameter) -> bool:
