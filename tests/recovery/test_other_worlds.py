@@ -1,0 +1,55 @@
+"""The diagnosis on tests that an independent model made: part of `make blind`, resumable."""
+
+import json
+from dataclasses import asdict
+
+import pytest
+
+from tests.recovery.other_worlds_study import OtherCase, figures, median_fall, planned, recorded, study
+
+OUT = "out/blind/other_worlds.jsonl"
+NUMBER = 300
+
+
+def case(kind="single", **given):
+    made = {
+        "seed": 1, "kind": kind, "world": "layered", "planted": {"clamp_mass": {"mass": 0.5}}, "faults": (),
+        "truth": ("clamp_mass",), "verdict": "identified", "named": (("clamp_mass",),), "steps": ("clamp_mass",),
+        "mixed_up": 0, "before": (0.02, 0.1), "after": (0.002, 0.1), "best": (0.002, 0.1), "odds": (50.0, 50.0),
+        "said": 1e-3, "real": 1e-3, "covered": (True,),
+    }  # fmt: skip
+    return OtherCase(**(made | given))
+
+
+def share(name, cases):
+    return next((own.hits, own.total) for own in figures(cases) if own.name.startswith(name))
+
+
+def test_a_wrong_name_first_is_counted():
+    wrong = case(named=(("fill_factor",),), steps=("fill_factor",))
+    assert share("a wrong name", [case(), wrong]) == (1, 2)
+    assert share("effects that show: lead", [case(), wrong]) == (1, 2)
+
+
+def test_an_effect_that_does_not_show_is_not_asked_for():
+    weak = case(best=(0.015, 0.1), verdict="nothing missing", named=(), steps=())
+    assert share("effects that show: lead", [case(), weak]) == (1, 1)
+    assert share("a wrong name", [weak]) == (0, 1)
+
+
+def test_the_record_goes_on_after_the_last_whole_line(tmp_path):
+    record = tmp_path / "cases.jsonl"
+    line = json.dumps(asdict(case())) + "\n"
+    record.write_text(line + line[:40], encoding="utf-8")
+    assert recorded(record) == [case()]
+    assert median_fall([case()]) == pytest.approx(0.1)
+
+
+@pytest.mark.blind
+def test_other_worlds(capsys, request):
+    """Every figure is printed; of false alarms no more are left than chance explains."""
+    with capsys.disabled():
+        cases = study(planned(NUMBER), "layered", request.config.rootpath / OUT)
+        print("\n".join(own.row for own in figures(cases)))
+        print(f"median ratio of the left-out error after what leads over before: {median_fall(cases):.2f}")
+    assert share("a wrong name", cases)[0] <= 0.15 * share("a wrong name", cases)[1]
