@@ -7,12 +7,15 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint docs picture benchmark blind published clean
+.PHONY: demo test test-all lint docs picture benchmark blind published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
 
 test: $(READY)
+	$(BIN)/python -m pytest -n auto --dist loadfile
+
+test-all: $(READY)
 	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile
 
 lint: $(READY)

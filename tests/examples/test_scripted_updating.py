@@ -9,6 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_the_script_runs_and_finds_the_pressure_law(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
     names = runpy.run_path("tests/examples/scripted_updating.py")

@@ -123,7 +123,9 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
         assert np.abs(own(corrected)).max() < bound < np.abs(own(plain)).max()
 
 
-@pytest.mark.parametrize("name", ["length", "width", "height"])
+@pytest.mark.parametrize(
+    "name", ["length", *(pytest.param(n, marks=pytest.mark.slow) for n in ("width", "height"))]
+)
 def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, name):
     """The influence is a Rayleigh quotient of the nominal stack's modes; the data are those of another stack."""
     test = blind_test(SPECIFICATION, 14, (), {})
@@ -203,7 +205,7 @@ def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
     assert shown(0.02, point_place=3e-4)[0] == 3e-4
 
 
-@pytest.mark.parametrize("seed", [31, 32])
+@pytest.mark.parametrize("seed", [31, pytest.param(32, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("each", ["one of two sensors", "every point"])
 def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidates, catalogue, seed, each):
     test = blind_test(SPECIFICATION, seed, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
