@@ -19,10 +19,10 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model.elements.equations import OMEGA
+from model.elements.equations import OMEGA, Target
 from model.modes.mode_derivatives import Derivatives, mode_derivatives, own_derivatives
 from model.modes.observation import Observation, Observed, observe
-from model.reduction.reduced_equations import ReducedEquations
+from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
 from model.reduction.through_thickness import shear_shift
 from model.solvers.eigen import inverse_iterated
 from model.stack.arrays import readonly
@@ -211,17 +211,76 @@ def _elastic_derivatives(
     if OMEGA not in theta:
         return mode_derivatives(system, theta, names, eigenvalues, vectors, elastic)
     if any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
+        moving = _OverFrequency.of(system, theta)
         return Derivatives.joined(
-            [_at_own_frequency(system, theta, names, eigenvalues, vectors, r) for r in elastic]
+            [_at_own_frequency(system, moving, names, eigenvalues, vectors, r) for r in elastic]
         )
     # only damping follows frequency: the undamped modes are the same for all
     at = np.sqrt(eigenvalues[elastic.start : elastic.stop])
     return mode_derivatives(system, theta, (*names, OMEGA), eigenvalues, vectors, elastic, at).without_omega()
 
 
+@dataclass(frozen=True, eq=False)
+class _OverFrequency:
+    """M and K at any frequency: `steady` ones, and a few terms that follow it, with their own factors."""
+
+    theta: Mapping[str, float]
+    steady: Mapping[Target, NDArray[np.float64]]
+    following: tuple[ReducedTerm, ...]
+
+    @classmethod
+    def of(cls, system: ReducedEquations, theta: Mapping[str, float]) -> _OverFrequency:
+        """Sort the terms of a system at some parameters."""
+        follows = tuple(
+            t
+            for t in system.terms
+            if t.target != "C"
+            and OMEGA in t.factor.names(theta)
+            and (t.factor(theta) or t.factor.derivative(theta, OMEGA))
+        )
+        rest = dataclasses.replace(system.equations, terms=tuple(t for t in system.terms if t not in follows))
+        return cls(theta, {target: rest.matrix(target, theta) for target in ("M", "K")}, follows)
+
+    def matrix(self, target: Target, omega: float) -> NDArray[np.float64]:
+        """Return M or K at an angular frequency, (n, n)."""
+        here, total = {**self.theta, OMEGA: omega}, self.steady[target].copy()
+        for term in self.following:
+            if term.target == target:
+                total += term.factor(here) * term.matrix
+        return total
+
+    def rayleigh(self, shape: NDArray[np.float64], omega: float) -> float:
+        """Return the frequency near `omega`, rad/s, at which shape' (K - omega**2 M) shape vanishes, by Newton.
+
+        Raises
+        ------
+        SolveError
+            The stiffness is negative there.
+        """
+        steady = {target: float(shape @ own @ shape) for target, own in self.steady.items()}
+        shares = [(t.target, t.factor, float(shape @ t.matrix @ shape)) for t in self.following]
+        for _ in range(_MOST_STEPS):
+            here = {**self.theta, OMEGA: omega}
+            value, slope = dict(steady), dict.fromkeys(steady, 0.0)
+            for target, factor, share in shares:
+                value[target] += factor(here) * share
+                slope[target] += factor.derivative(here, OMEGA) * share
+            if not min(value.values()) > 0.0:
+                hertz = omega / 2.0 / np.pi
+                message = f"the stiffness at {here} is negative for a mode near {hertz:.6g} Hz"
+                raise SolveError(message)
+            next_one = float(np.sqrt(value["K"] / value["M"]))
+            growth = 0.5 * next_one * (slope["K"] / value["K"] - slope["M"] / value["M"])
+            stretch = (next_one - omega) / (1.0 - min(growth, _MOST_GROWTH))
+            last, omega = omega, max(omega + stretch, omega / 2.0)
+            if abs(omega - last) < _CONVERGED * omega:
+                break
+        return omega
+
+
 def _at_own_frequency(
     system: ReducedEquations,
-    theta: Mapping[str, float],
+    moving: _OverFrequency,
     names: tuple[str, ...],
     eigenvalues: NDArray[np.float64],
     vectors: NDArray[np.float64],
@@ -239,9 +298,8 @@ def _at_own_frequency(
     """
     omega, shape = float(np.sqrt(eigenvalues[mode])), vectors[:, mode]
     for _ in range(_MOST_STEPS):
-        last, omega = omega, _rayleigh(system, theta, shape, omega)
-        here = {**theta, OMEGA: omega}
-        mass, stiffness = system.matrix("M", here), system.matrix("K", here)
+        last, omega = omega, moving.rayleigh(shape, omega)
+        mass, stiffness = moving.matrix("M", omega), moving.matrix("K", omega)
         if abs(omega - last) < _CONVERGED * omega:
             break
         better = inverse_iterated(stiffness - omega**2 * mass, mass @ shape)
@@ -251,6 +309,7 @@ def _at_own_frequency(
             f"mode {mode}: its frequency-dependent stiffness does not settle near {omega / 2 / np.pi:.6g} Hz"
         )
         raise SolveError(message)
+    here = {**moving.theta, OMEGA: omega}
     if np.count_nonzero(np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]) > 1:
         values, basis = la.eigh(stiffness, mass)  # only beside all modes are twins resolved from it
         index = int(np.argmax(np.abs(basis.T @ (mass @ shape))))
@@ -258,34 +317,6 @@ def _at_own_frequency(
     else:
         own = own_derivatives(system, here, (*names, OMEGA), shape, mass, stiffness)
     return own.without_omega()
-
-
-def _rayleigh(
-    system: ReducedEquations, theta: Mapping[str, float], shape: NDArray[np.float64], omega: float
-) -> float:
-    """Return the frequency near `omega`, rad/s, at which shape' (K - omega**2 M) shape vanishes, by Newton.
-
-    Raises
-    ------
-    SolveError
-        The stiffness is negative there.
-    """
-    shares = [(t.target, t.factor, float(shape @ t.matrix @ shape)) for t in system.terms if t.target != "C"]
-    for _ in range(_MOST_STEPS):
-        here = {**theta, OMEGA: omega}
-        value, slope = {"K": 0.0, "M": 0.0}, {"K": 0.0, "M": 0.0}
-        for target, factor, share in shares:
-            value[target] += factor(here) * share
-            slope[target] += factor.derivative(here, OMEGA) * share
-        if not min(value.values()) > 0.0:
-            message = f"the stiffness at {here} is negative for a mode near {omega / 2.0 / np.pi:.6g} Hz"
-            raise SolveError(message)
-        next_one = float(np.sqrt(value["K"] / value["M"]))
-        growth = 0.5 * next_one * (slope["K"] / value["K"] - slope["M"] / value["M"])
-        last, omega = omega, max(omega + (next_one - omega) / (1.0 - min(growth, _MOST_GROWTH)), omega / 2.0)
-        if abs(omega - last) < _CONVERGED * omega:
-            break
-    return omega
 
 
 def reduced_eigenpairs(
