@@ -1,4 +1,4 @@
-"""Whole vibration tests played on a second model, as FRFs in a campaign folder or as modes with their scatter.
+"""Whole vibration tests simulated on a second model, as FRFs in a campaign folder or as modes with their scatter.
 
 A stack that deviates from its file by tolerances is assembled once and tightened to each torque. One force, two sensors
 that rove from run to run and load the stack where they sit, noise on both; perhaps something planted, perhaps a fault.
@@ -77,13 +77,13 @@ class Tolerances:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play:
-    """A test to be played.
+class Plan:
+    """A test to be simulated.
 
     Attributes
     ----------
     seed : int
-        Of all that `play` draws.
+        Of all that `simulate` draws.
     band, step : Hz
         Of the FRFs.
     planted : dict
@@ -121,7 +121,7 @@ class Play:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Played:
+class Simulated:
     """What was measured, and what is true.
 
     Attributes
@@ -146,7 +146,7 @@ class Played:
         Which point the files' reading of each point is.
     """
 
-    play: Play
+    plan: Plan
     frequency: Array
     frf: list[NDArray[np.complex128]]
     noise: list[Array]
@@ -188,7 +188,7 @@ class ModalTable:
     shape_std: Array
 
 
-def draw(seed: int, kind: Kind, model_key: str) -> Play:
+def draw(seed: int, kind: Kind, model_key: str) -> Plan:
     """Return a test of a kind with all that is planted or disturbed drawn from the seed."""
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     known = sorted({**SAME, **OTHER_FORM})
@@ -203,7 +203,7 @@ def draw(seed: int, kind: Kind, model_key: str) -> Play:
     planted = {key: draw_strength(rng, key) for key in keys}
     faults = (DISTURBANCES[rng.integers(len(DISTURBANCES))],) if kind == "disturbed" else ()
     sensor = float(np.exp(rng.uniform(np.log(0.3e-3), np.log(5e-3))))
-    return Play(
+    return Plan(
         seed=seed,
         model_key=model_key,
         kind=kind,
@@ -223,30 +223,30 @@ def nominal_points(bench: Bench) -> Array:
     return np.array([*edges, [-0.210, 0.020, -half[2]]])
 
 
-def play(play: Play, second_model: SecondModel) -> Played:
-    """Return the test as played on a second model."""
-    rng = np.random.default_rng([play.seed, KINDS.index(play.kind), 1])
-    stated = read_bench(play.stack)
+def simulate(plan: Plan, second_model: SecondModel) -> Simulated:
+    """Return the test as simulated on a second model."""
+    rng = np.random.default_rng([plan.seed, KINDS.index(plan.kind), 1])
+    stated = read_bench(plan.stack)
     nominal = nominal_points(stated)
-    stack, point = _deviating(play, stated, nominal, rng)
-    benches = [_tightened(play, stack, i, rng) for i in range(len(play.configurations))]
-    modes = [_damped(second_model.modes(bench, play.n_mode)) for bench in benches]
-    frequency = np.arange(play.band[0], play.band[1] + play.step / 2.0, play.step)
-    gain = 1.0 + play.tolerances.gain * rng.standard_normal(SENSORS)
-    if "gain_off" in play.disturbances:
+    stack, point = _deviating(plan, stated, nominal, rng)
+    benches = [_tightened(plan, stack, i, rng) for i in range(len(plan.configurations))]
+    modes = [_damped(second_model.modes(bench, plan.n_mode)) for bench in benches]
+    frequency = np.arange(plan.band[0], plan.band[1] + plan.step / 2.0, plan.step)
+    gain = 1.0 + plan.tolerances.gain * rng.standard_normal(SENSORS)
+    if "gain_off" in plan.disturbances:
         gain[1] *= 1.05
-    measured = [_measured(play, one, point, frequency, gain, rng) for one in modes]
+    measured = [_measured(plan, one, point, frequency, gain, rng) for one in modes]
     first = SENSORS * int(rng.integers((len(nominal) - 1) // SENSORS))
     sign, row = np.ones(len(nominal) - 1), np.arange(len(nominal) - 1)
-    if "sensor_turned" in play.disturbances:
+    if "sensor_turned" in plan.disturbances:
         sign[first] = -1.0
-    if "channels_exchanged" in play.disturbances:
+    if "channels_exchanged" in plan.disturbances:
         row[first], row[first + 1] = first + 1, first
     for values in (array for pair in measured for array in pair):
         values[:] = values.reshape(len(row), -1)[row].reshape(values.shape)
     measured = [(frf * sign.reshape(-1, SENSORS, 1), noise) for frf, noise in measured]
-    return Played(
-        play=play,
+    return Simulated(
+        plan=plan,
         frequency=frequency,
         frf=[frf for frf, _ in measured],
         noise=[noise for _, noise in measured],
@@ -259,9 +259,9 @@ def play(play: Play, second_model: SecondModel) -> Played:
     )
 
 
-def _deviating(play: Play, stated: Bench, nominal: Array, rng: np.random.Generator) -> tuple[Bench, Array]:
+def _deviating(plan: Plan, stated: Bench, nominal: Array, rng: np.random.Generator) -> tuple[Bench, Array]:
     """Return the true stack and the true places of the points."""
-    spread, faults = play.tolerances, play.disturbances
+    spread, faults = plan.tolerances, plan.disturbances
     sizes = {
         name: getattr(stated, name) + getattr(spread, name) * rng.standard_normal()
         for name in ("length", "width", "height")
@@ -279,7 +279,7 @@ def _deviating(play: Play, stated: Bench, nominal: Array, rng: np.random.Generat
     clamps = tuple(_moved(clamp, spread.clamp_place, off, rng) for clamp in stated.clamps)
     x, y, z = (float(value) for value in point[-1])
     bench = dataclasses.replace(
-        stated, **sizes, **factors, clamps=clamps, planted=play.planted, shaker=(x, y, z)
+        stated, **sizes, **factors, clamps=clamps, planted=plan.planted, shaker=(x, y, z)
     )
     return bench, point
 
@@ -290,10 +290,10 @@ def _moved(clamp: Clamp, spread: float, off: float, rng: np.random.Generator) ->
     return dataclasses.replace(clamp, x=clamp.x + x + off, y=clamp.y + y)
 
 
-def _tightened(play: Play, bench: Bench, index: int, rng: np.random.Generator) -> Bench:
+def _tightened(plan: Plan, bench: Bench, index: int, rng: np.random.Generator) -> Bench:
     """Return the true stack as assembled at a torque."""
-    spread, stated = play.tolerances, play.configurations[index].pressure
-    wrong = "pressure_wrong" in play.disturbances and index == len(play.configurations) - 1
+    spread, stated = plan.tolerances, plan.configurations[index].pressure
+    wrong = "pressure_wrong" in plan.disturbances and index == len(plan.configurations) - 1
     pressure, contact = np.exp([spread.pressure, spread.reassembly] * rng.standard_normal(2))
     return dataclasses.replace(
         bench, pressure=stated * pressure * (1.25 if wrong else 1.0), G_f=bench.G_f * contact
@@ -339,23 +339,23 @@ def _loaded(modes: BenchModes, shape: Array, run: int, mass: float, dummies: boo
     )
 
 
-def _runs(play: Play, modes: BenchModes, point: Array) -> list[_Loaded]:
+def _runs(plan: Plan, modes: BenchModes, point: Array) -> list[_Loaded]:
     """Return the modes of each run."""
     shape = modes.shape_at(point)
     count = range((len(point) - 1) // SENSORS)
-    return [_loaded(modes, shape, run, play.sensor_mass, play.dummies) for run in count]
+    return [_loaded(modes, shape, run, plan.sensor_mass, plan.dummies) for run in count]
 
 
 def _measured(
-    play: Play, modes: BenchModes, point: Array, frequency: Array, gain: Array, rng: np.random.Generator
+    plan: Plan, modes: BenchModes, point: Array, frequency: Array, gain: Array, rng: np.random.Generator
 ) -> tuple[NDArray[np.complex128], Array]:
     """Return the FRFs of all runs of a configuration and the standard deviation of their parts."""
-    true = np.stack([one.frf(frequency) for one in _runs(play, modes, point)]) * gain[:, None]
+    true = np.stack([one.frf(frequency) for one in _runs(plan, modes, point)]) * gain[:, None]
     force = _complex(rng, (len(true), 1, len(frequency)))
     response = _complex(rng, true.shape)
-    level = play.response_noise * np.sqrt(np.mean(np.abs(true) ** 2, axis=2, keepdims=True))
-    noise = np.sqrt((play.force_noise * np.abs(true)) ** 2 + level**2) / np.sqrt(2.0)
-    return true * (1.0 + play.force_noise * force) + level * response, noise
+    level = plan.response_noise * np.sqrt(np.mean(np.abs(true) ** 2, axis=2, keepdims=True))
+    noise = np.sqrt((plan.force_noise * np.abs(true)) ** 2 + level**2) / np.sqrt(2.0)
+    return true * (1.0 + plan.force_noise * force) + level * response, noise
 
 
 def _complex(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
@@ -363,31 +363,31 @@ def _complex(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.com
     return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)
 
 
-def modal_tables(played: Played, noise: TableNoise | None = None) -> list[ModalTable]:
+def modal_tables(simulated: Simulated, noise: TableNoise | None = None) -> list[ModalTable]:
     """Return the visible modes in the band of each configuration, run by run loaded, without FRFs between.
 
     Frequencies and damping are means over the runs; each point's shape is of its own run.
     """
     noise = noise or TableNoise()
-    rng = np.random.default_rng([played.play.seed, KINDS.index(played.play.kind), 2])
-    pairs = zip(played.play.configurations, played.modes, strict=True)
-    return [_table(played, configuration, modes, noise, rng) for configuration, modes in pairs]
+    rng = np.random.default_rng([simulated.plan.seed, KINDS.index(simulated.plan.kind), 2])
+    pairs = zip(simulated.plan.configurations, simulated.modes, strict=True)
+    return [_table(simulated, configuration, modes, noise, rng) for configuration, modes in pairs]
 
 
 def _table(
-    played: Played,
+    simulated: Simulated,
     configuration: Configuration,
     modes: BenchModes,
     noise: TableNoise,
     rng: np.random.Generator,
 ) -> ModalTable:
     """Return the modes of one configuration."""
-    play = played.play
-    runs = _runs(play, modes, played.point)
-    keep = _visible(modes, played.point, play.band)
+    plan = simulated.plan
+    runs = _runs(plan, modes, simulated.point)
+    keep = _visible(modes, simulated.point, plan.band)
     omega = np.array([run.omega[keep] for run in runs])
     shape = np.concatenate([run.sensor[:, keep] for run in runs])
-    shape = (played.factor[:, None] * shape)[played.row]
+    shape = (simulated.factor[:, None] * shape)[simulated.row]
     frequency, damping = omega.mean(axis=0) / (2.0 * np.pi), np.array([run.damping[keep] for run in runs])
     n, count = int(keep.sum()), len(runs)
     roving = omega.std(axis=0) / (2.0 * np.pi * np.sqrt(count))
@@ -419,21 +419,22 @@ def _visible(modes: BenchModes, point: Array, band: tuple[float, float]) -> NDAr
     return seen
 
 
-def write_campaign(played: Played, folder: Path) -> Path:
+def write_campaign(simulated: Simulated, folder: Path) -> Path:
     """Write the campaign with its stack file, points, FRFs and `truth.json`; return the campaign file."""
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(played.play.stack, folder / "stack.toml")
+    shutil.copyfile(simulated.plan.stack, folder / "stack.toml")
     rows = [
-        f"{node},{','.join(f'{1e3 * c:.3f}' for c in place)}" for node, place in enumerate(played.nominal, 1)
+        f"{node},{','.join(f'{1e3 * c:.3f}' for c in place)}"
+        for node, place in enumerate(simulated.nominal, 1)
     ]
     (folder / "points.csv").write_text("\n".join(["node,x,y,z", *rows]) + "\n", encoding="utf-8")
-    for i, configuration in enumerate(played.play.configurations):
+    for i, configuration in enumerate(simulated.plan.configurations):
         (folder / configuration.name).mkdir(exist_ok=True)
-        for run, (frf, noise) in enumerate(zip(played.frf[i], played.noise[i], strict=True)):
-            _write_run(folder / _run_file(configuration, run), played.frequency, frf, noise)
+        for run, (frf, noise) in enumerate(zip(simulated.frf[i], simulated.noise[i], strict=True)):
+            _write_run(folder / _run_file(configuration, run), simulated.frequency, frf, noise)
     file = folder / "campaign.toml"
-    file.write_text(_campaign_text(played), encoding="utf-8")
-    (folder / "truth.json").write_text(json.dumps(truth(played)), encoding="utf-8")
+    file.write_text(_campaign_text(simulated), encoding="utf-8")
+    (folder / "truth.json").write_text(json.dumps(truth(simulated)), encoding="utf-8")
     return file
 
 
@@ -451,11 +452,11 @@ def _write_run(file: Path, frequency: Array, frf: NDArray[np.complex128], noise:
     np.savetxt(file, np.vstack([frequency, columns]).T, fmt=line, delimiter=",", header=header, comments="")
 
 
-def _campaign_text(played: Played) -> str:
+def _campaign_text(simulated: Simulated) -> str:
     """Return the campaign file."""
-    play = played.play
+    plan = simulated.plan
     text = f"""[campaign]
-name = "{play.kind} {play.seed} of {play.model_key}"
+name = "{plan.kind} {plan.seed} of {plan.model_key}"
 
 [structure]
 stack = "stack.toml"
@@ -474,33 +475,35 @@ header_rows = 1
 columns = [[2, 3], [5, 6]]
 coherence_columns = [4, 7]
 """
-    for i, one in enumerate(play.configurations):
+    for i, one in enumerate(plan.configurations):
         text += f'\n[[configuration]]\nname = "{one.name}"\ntorque_Nm = {one.torque:g}\n'
         text += f"pressure_kPa = {1e-3 * one.pressure:g}\n"
-        for run in range(len(played.frf[i])):
+        for run in range(len(simulated.frf[i])):
             nodes = ", ".join(f'"{node}+z"' for node in (SENSORS * run + 1, SENSORS * run + 2))
             text += f'\n[[configuration.run]]\nfiles = ["{_run_file(one, run)}"]\n'
             text += f'output = [{nodes}]\ninput = ["{SHAKER}+z"]\n'
     return text
 
 
-def truth(played: Played) -> dict[str, object]:
+def truth(simulated: Simulated) -> dict[str, object]:
     """Return what is true as plain values, SI: shapes (44, n) along z at the nominal points, without sensor mass."""
-    play = played.play
+    plan = simulated.plan
     found = []
-    for configuration, bench, modes in zip(play.configurations, played.bench, played.modes, strict=True):
+    for configuration, bench, modes in zip(
+        plan.configurations, simulated.bench, simulated.modes, strict=True
+    ):
         half = np.array([bench.length, bench.width, bench.height]) / 2.0
-        place = np.clip(played.nominal[: SHAKER - 1], -half, half)
-        keep = (modes.frequency > play.band[0]) & (modes.frequency < play.band[1])
+        place = np.clip(simulated.nominal[: SHAKER - 1], -half, half)
+        keep = (modes.frequency > plan.band[0]) & (modes.frequency < plan.band[1])
         found.append(
             {
                 "name": configuration.name,
                 "frequency": modes.frequency[keep].tolist(),
                 "damping": modes.damping[keep].tolist(),
-                "visible": _visible(modes, played.point, play.band)[keep].tolist(),
+                "visible": _visible(modes, simulated.point, plan.band)[keep].tolist(),
                 "shape": modes.shape_at(place)[:, 2, keep].tolist(),
                 "bench": dataclasses.asdict(bench),
             }
         )
-    given = dataclasses.asdict(play) | {"stack": play.stack.name}
-    return {"play": given, "configurations": found, "point": played.point.tolist()}
+    given = dataclasses.asdict(plan) | {"stack": plan.stack.name}
+    return {"plan": given, "configurations": found, "point": simulated.point.tolist()}

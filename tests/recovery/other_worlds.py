@@ -1,4 +1,4 @@
-"""Tests that a second model plays, as the modal models that a diagnosis reads."""
+"""Tests that a second model simulates, as the modal models that a diagnosis reads."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import numpy as np
 
 import ema
 from ema.types.geometry import Dofs, Geometry
-from tests.independent.campaign import SHAKER, Play, TableNoise, draw, modal_tables, play
+from tests.independent.campaign import SHAKER, Plan, TableNoise, draw, modal_tables, simulate
 
 BAND = (100.0, 1150.0)
 """Hz: eight to fourteen modes of the stack of `data/hidden_effect`."""
 
 
-def simulated(test: Play, second_model, noise: TableNoise | None = None):
-    """Return what is played, and of each configuration name, stated pressure and identified modes."""
-    played = play(replace(test, band=BAND, step=25.0), second_model)
+def simulated(test: Plan, second_model, noise: TableNoise | None = None):
+    """Return what is simulated, and of each configuration name, stated pressure and identified modes."""
+    made = simulate(replace(test, band=BAND, step=25.0), second_model)
     geometry = Geometry(
         node=np.arange(1, SHAKER + 1),
-        coordinate=played.nominal,
+        coordinate=made.nominal,
         line=np.empty((0, 2), dtype=int),
     )
-    tables = modal_tables(played, noise or TableNoise())
-    return played, [
+    tables = modal_tables(made, noise or TableNoise())
+    return made, [
         (table.configuration.name, table.configuration.pressure, _modal_model(table, geometry))
         for table in tables
     ]

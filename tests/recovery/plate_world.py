@@ -1,6 +1,6 @@
 """A thin plate that `model` did not make: quintic triangles (Argyris) of scikit-fem, with springs along an edge.
 
-Nothing here uses `model`: what it plays is what a laboratory would measure of such a plate.
+Nothing here uses `model`: what it makes is what a laboratory would measure of such a plate.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Diagnoses of one lamina, free and held, against tests that quintic plate elements played and not `model`."""
+"""Diagnoses of one lamina, free and held, against tests that quintic plate elements made and not `model`."""
 
 from __future__ import annotations
 

@@ -11,12 +11,12 @@ from tests.independent.bench import BenchModes
 from tests.independent.campaign import (
     DISTURBANCES,
     KINDS,
-    Play,
+    Plan,
     TableNoise,
     Tolerances,
     draw,
     modal_tables,
-    play,
+    simulate,
     truth,
     write_campaign,
 )
@@ -46,46 +46,47 @@ class Bar:
 
 def short(**other):
     given = {"seed": 1, "model_key": "bar", "kind": "null", "tolerances": EXACT, **SHORT, **FREE, **other}
-    return Play(**given)
+    return Plan(**given)
 
 
-def last(played):
-    return played.frf[-1]
+def last(simulated):
+    return simulated.frf[-1]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_draws_hold_what_their_kind_says(kind):
-    plays = [draw(seed, kind, "bar") for seed in range(30)]
-    assert {len(one.planted) for one in plays} == {{"single": 1, "lacking": 1, "pair": 2}.get(kind, 0)}
-    assert {len(one.disturbances) for one in plays} == {int(kind == "disturbed")}
-    keys = {key for one in plays for key in one.planted}
+    plans = [draw(seed, kind, "bar") for seed in range(30)]
+    assert {len(one.planted) for one in plans} == {{"single": 1, "lacking": 1, "pair": 2}.get(kind, 0)}
+    assert {len(one.disturbances) for one in plans} == {int(kind == "disturbed")}
+    keys = {key for one in plans for key in one.planted}
     assert all((TABLE[key].kind == "lacking") == (kind == "lacking") for key in keys)
-    assert draw(7, kind, "bar") == plays[7]
+    assert draw(7, kind, "bar") == plans[7]
 
 
 def test_one_seed_gives_one_test():
-    first, again = (play(short(tolerances=Tolerances(), response_noise=1e-3), Bar()) for _ in range(2))
-    other = play(short(seed=2, tolerances=Tolerances(), response_noise=1e-3), Bar())
+    first, again = (simulate(short(tolerances=Tolerances(), response_noise=1e-3), Bar()) for _ in range(2))
+    other = simulate(short(seed=2, tolerances=Tolerances(), response_noise=1e-3), Bar())
     np.testing.assert_array_equal(first.frf, again.frf)
     assert not np.allclose(first.frf, other.frf)
 
 
 def test_accelerance_is_that_of_the_modes():
-    played = play(short(), Bar())
-    modes, omega = played.modes[-1], 2 * np.pi * played.frequency[:, None]
-    shape = modes.shape_at(played.nominal)[:, 2]
+    simulated = simulate(short(), Bar())
+    modes, omega = simulated.modes[-1], 2 * np.pi * simulated.frequency[:, None]
+    shape = modes.shape_at(simulated.nominal)[:, 2]
     own = 2 * np.pi * modes.frequency
     modal = shape[44] * -(omega**2) / (own**2 - omega**2 + 2j * modes.damping * own * omega)
-    np.testing.assert_allclose(last(played).reshape(44, -1), shape[:44] @ modal.T, rtol=1e-9)
+    np.testing.assert_allclose(last(simulated).reshape(44, -1), shape[:44] @ modal.T, rtol=1e-9)
 
 
 def test_a_sensor_lowers_frequencies_of_its_run_and_dummies_of_all():
     mass = 0.01
     runs = modal_tables(
-        play(short(sensor_mass=mass), Bar()), TableNoise(frequency=0.0, damping=0.0, shape=0.0)
+        simulate(short(sensor_mass=mass), Bar()), TableNoise(frequency=0.0, damping=0.0, shape=0.0)
     )
     all_on = modal_tables(
-        play(short(sensor_mass=mass, dummies=True), Bar()), TableNoise(frequency=0.0, damping=0.0, shape=0.0)
+        simulate(short(sensor_mass=mass, dummies=True), Bar()),
+        TableNoise(frequency=0.0, damping=0.0, shape=0.0),
     )
     square = 2.0 / MASS * np.mean(np.cos(np.pi * np.linspace(0, 1, 11)[:, None] * [1, 2, 3]) ** 2, axis=0)
     np.testing.assert_allclose(runs[1].frequency / FREQUENCY[1:4] - 1, -mass * square, rtol=0.02)
@@ -94,14 +95,14 @@ def test_a_sensor_lowers_frequencies_of_its_run_and_dummies_of_all():
 
 
 def test_noise_is_what_is_said_of_it():
-    clean, noisy = play(short(), Bar()), play(short(force_noise=1e-2, response_noise=1e-2), Bar())
+    clean, noisy = simulate(short(), Bar()), simulate(short(force_noise=1e-2, response_noise=1e-2), Bar())
     error = (noisy.frf[0] - clean.frf[0]) / noisy.noise[0]
     np.testing.assert_allclose([error.real.std(), error.imag.std()], 1.0, atol=0.02)
 
 
 @pytest.mark.parametrize("fault", DISTURBANCES)
 def test_each_disturbance_shows_in_what_is_measured(fault):
-    right, wrong = (play(short(disturbances=faults), Bar()) for faults in ((), (fault,)))
+    right, wrong = (simulate(short(disturbances=faults), Bar()) for faults in ((), (fault,)))
     same = [np.allclose(a, b) for a, b in zip(last(right), last(wrong), strict=True)]
     if fault in ("sensor_turned", "channels_exchanged"):
         assert same.count(False) <= 1
@@ -116,7 +117,7 @@ def test_each_disturbance_shows_in_what_is_measured(fault):
 def test_modal_tables_have_the_scatter_that_they_state():
     noise = TableNoise(frequency=2e-4, damping=0.02, shape=5e-3)
     exact, found = (
-        modal_tables(play(short(), Bar()), one)[0]
+        modal_tables(simulate(short(), Bar()), one)[0]
         for one in (TableNoise(frequency=0.0, damping=0.0, shape=0.0), noise)
     )
     error = (found.shape - exact.shape) / found.shape_std
@@ -126,19 +127,19 @@ def test_modal_tables_have_the_scatter_that_they_state():
 
 
 def test_modes_that_nobody_sees_are_left_out():
-    assert len(modal_tables(play(short(band=(200.0, 2500.0)), Bar()))[0].frequency) == 4
-    assert len(modal_tables(play(short(), Bar()))[0].frequency) == 3
+    assert len(modal_tables(simulate(short(band=(200.0, 2500.0)), Bar()))[0].frequency) == 4
+    assert len(modal_tables(simulate(short(), Bar()))[0].frequency) == 3
 
 
 def test_what_is_written_reads_as_what_was_played(tmp_path):
-    played = play(short(tolerances=Tolerances(), response_noise=1e-3, force_noise=1e-3), Bar())
-    file = write_campaign(played, tmp_path / "test")
+    simulated = simulate(short(tolerances=Tolerances(), response_noise=1e-3, force_noise=1e-3), Bar())
+    file = write_campaign(simulated, tmp_path / "test")
     campaign = ema.read_campaign(file)
     assert [one.name for one in campaign.configurations] == ["M1", "M2"]
     given = json.loads((tmp_path / "test" / "truth.json").read_text())
-    assert given["configurations"] == json.loads(json.dumps(truth(played)))["configurations"]
+    assert given["configurations"] == json.loads(json.dumps(truth(simulated)))["configurations"]
     assert np.shape(given["configurations"][0]["shape"]) == (44, 3)
     rows = np.loadtxt(tmp_path / "test" / "M2" / "run_03.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(rows[:, 1] + 1j * rows[:, 2], played.frf[1][2, 0], rtol=1e-5)
+    np.testing.assert_allclose(rows[:, 1] + 1j * rows[:, 2], simulated.frf[1][2, 0], rtol=1e-5)
     assert np.all((rows[:, 3] > 0.0) & (rows[:, 3] <= 1.0))
     assert np.median(rows[:, 3]) > 0.99

@@ -38,7 +38,7 @@ def block(value):
         output=Dofs(node=np.arange(1, n + 1), direction=axis),
         input=Dofs(node=np.array([1]), direction=axis[:1]),
         run=np.zeros(n, dtype=int),
-        source=("played",) * n,
+        source=("simulated",) * n,
     )
 
 

@@ -206,7 +206,7 @@ def test_the_scatter_of_h1_is_that_of_its_coherence(test):
     assert np.mean(relative[good]) == pytest.approx(np.mean(predicted[good]), rel=0.1)
 
 
-def test_files_are_read_back_as_played_and_the_same_seed_gives_the_same_bytes(folder, test):
+def test_files_are_read_back_as_simulated_and_the_same_seed_gives_the_same_bytes(folder, test):
     test = replace(test, configurations=test.configurations[:1], deviation={})
     write_virtual_test(test, folder / "one")
     write_virtual_test(test, folder / "two")
