@@ -15,8 +15,8 @@ def case(kind="single", **given):
     made = {
         "seed": 1, "kind": kind, "world": "layered", "planted": {"clamp_mass": {"mass": 0.5}}, "faults": (),
         "truth": ("clamp_mass",), "verdict": "identified", "named": (("clamp_mass",),), "steps": ("clamp_mass",),
-        "mixed_up": 0, "before": (0.02, 0.1), "after": (0.002, 0.1), "best": (0.002, 0.1), "odds": (50.0, 50.0),
-        "said": 1e-3, "real": 1e-3, "covered": (True,),
+        "mixed_up": 0, "before": (0.02, 0.1), "after": (0.002, 0.1), "best": (0.002, 0.1), "alone": (),
+        "odds": (50.0, 50.0), "said": 1e-3, "real": 1e-3, "whole": None, "covered": (True,),
     }  # fmt: skip
     return OtherCase(**(made | given))
 

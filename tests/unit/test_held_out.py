@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.linalg as la
+from scipy.stats import multivariate_normal
 
 from updating.diagnosis.discrepancy import Discrepancy, Sizes, alike, block_of
 from updating.diagnosis.held_out import mispredicted
@@ -63,15 +64,22 @@ def problem(seed=5, n_coordinate=3, column=None):
         log_damping=np.zeros(first.size),
         partner=np.zeros(first.size, dtype=int),
     )
-    rows = SimpleNamespace(kind=kind, mode=mode, configuration=configuration)
-    evidence = SimpleNamespace(rows=rows, covariance=discrepancy, sizes=SIZES)
+    row = {
+        (c, m): np.flatnonzero((kind == "shape") & (mode == m) & (configuration == c))
+        for c in range(N_CONFIGURATION)
+        for m in range(N_MODE)
+    }
+    rows = SimpleNamespace(kind=kind, mode=mode, configuration=configuration, shape=row)
+    along = {key: rng.normal(size=N_DOF) for key in row}
+    unit_shapes = {key: own / np.linalg.norm(own) for key, own in along.items()}
+    evidence = SimpleNamespace(rows=rows, covariance=discrepancy, sizes=SIZES, unit_shapes=unit_shapes)
     return evidence, found, data, jacobian, covariance
 
 
 def refitted(evidence, data, jacobian, covariance, by):
-    """Return the errors of rows that are left out, predicted by fits to all others and by what correlates with them."""
+    """Return the errors of rows that are left out, predicted by fits to all others, and the densities of each group."""
     group = getattr(evidence.rows, by)
-    left = np.full(data.size, np.nan)
+    left, score = np.full(data.size, np.nan), []
     for number in np.unique(group):
         out = group == number
         inside = covariance[np.ix_(~out, ~out)]
@@ -81,9 +89,13 @@ def refitted(evidence, data, jacobian, covariance, by):
         if np.linalg.cond(gram) > 1e12:
             continue
         best = la.solve(gram, weighted.T @ data[~out])
-        beside = covariance[np.ix_(out, ~out)] @ la.solve(inside, data[~out] - jacobian[~out] @ best)
-        left[out] = data[out] - jacobian[out] @ best - beside
-    return left
+        pull = covariance[np.ix_(out, ~out)] @ la.inv(inside)
+        left[out] = data[out] - jacobian[out] @ best - pull @ (data[~out] - jacobian[~out] @ best)
+        slope = jacobian[out] - pull @ jacobian[~out]
+        spread = covariance[np.ix_(out, out)] - pull @ covariance[np.ix_(~out, out)]
+        spread += slope @ la.solve(gram, slope.T)
+        score.append(multivariate_normal(cov=spread).logpdf(left[out]))
+    return left, score
 
 
 def mean_error(left):
@@ -94,10 +106,16 @@ def mean_error(left):
 @pytest.mark.parametrize("seed", range(3))
 def test_it_is_what_fits_to_all_other_data_leave(seed, by):
     evidence, found, *known = problem(seed)
-    left, kind = refitted(evidence, *known, by), evidence.rows.kind
+    (left, score), kind = refitted(evidence, *known, by), evidence.rows.kind
     said = mispredicted(evidence, found.value, found.jacobian, by)
     assert said.frequency == pytest.approx(mean_error(left[kind == "frequency"]), rel=1e-6)
     assert said.damping == pytest.approx(mean_error(left[kind == "damping"]), rel=1e-6)
+    across = [
+        np.linalg.norm(left[row] - along * (along @ left[row]))
+        for row, along in ((row, evidence.unit_shapes[key]) for key, row in evidence.rows.shape.items())
+    ]
+    np.testing.assert_allclose(said.score, score, rtol=1e-6)
+    assert said.shape == pytest.approx(np.mean(np.minimum(across, 1.0)), rel=1e-6)
 
 
 def test_what_correlates_with_a_configuration_helps_to_predict_it():
@@ -116,7 +134,7 @@ def test_what_other_data_do_not_determine_is_passed_over(by):
         return ((group == 1) & (kind == "frequency")).astype(float)
 
     evidence, found, *known = problem(6, column=alone)
-    left, kind = refitted(evidence, *known, by), evidence.rows.kind
+    (left, _), kind = refitted(evidence, *known, by), evidence.rows.kind
     passed = getattr(evidence.rows, by) == 1
     assert np.isnan(left[passed]).all()
     assert np.isfinite(left[~passed]).all()
@@ -128,7 +146,7 @@ def test_what_other_data_do_not_determine_is_passed_over(by):
 def test_where_nothing_can_be_predicted_nothing_is_said():
     evidence, found, *_ = problem(7, column=lambda kind, mode, _: np.eye(N_MODE)[mode])
     said = mispredicted(evidence, found.value, found.jacobian)
-    assert np.isnan([said.frequency, said.damping]).all()
+    assert np.isnan([said.frequency, said.damping, said.shape]).all()
 
 
 def test_a_prediction_that_fails_altogether_has_an_error_all_the_same():

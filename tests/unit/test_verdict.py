@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from updating.diagnosis import verdict
-from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS
+from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, STRAINED
 from updating.diagnosis.discrepancy import MEDIAN, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
+from updating.diagnosis.held_out import LeftOut
 from updating.diagnosis.search import Search, is_form, log_odds
 from updating.diagnosis.verdict import decide
 
@@ -18,19 +19,20 @@ PRICE = float(np.log(0.5 / len(EFFECTS)))
 POINT = "a change at one point"
 
 
-def explanation(effects, odds, *, misfit=100.0, left_out=(0.5, 1.0), left=1.0):
+def explanation(effects, odds, *, misfit=100.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0):
     """An explanation with the logarithm of its odds against the base model, and so many times the usual size left."""
     return SimpleNamespace(
         effects=tuple(effects),
         log_evidence=odds - PRICE * len(effects),
         misfit=misfit,
         mean=Sizes(frequency=left * MEDIAN["frequency"]),
-        residual=left_out,
+        residual=(*left_out, score),
+        strain=strain,
     )
 
 
-BASE = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0), left=20.0)
-FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0))
+BASE = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=20.0)
+FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0, 1.0), strain=12.0)
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +41,9 @@ def predicted(monkeypatch):
     monkeypatch.setattr(
         verdict,
         "left_out",
-        lambda _, own: SimpleNamespace(frequency=own.residual[0], damping=own.residual[1]),
+        lambda _, own: LeftOut(
+            **dict(zip(("frequency", "damping", "shape"), own.residual, strict=False)), score=own.residual[3:]
+        ),
     )
     monkeypatch.setattr(verdict, "point_change", lambda _, at: (POINT, at.effects))
 
@@ -99,17 +103,20 @@ def test_unlike_anything_where_much_is_left_and_no_effect_shows():
 
 
 @pytest.mark.parametrize(
-    ("left_out", "helps"),
+    ("given", "helps"),
     [
-        ((HELPS + 0.01, 1.0), False),
-        ((HELPS - 0.01, 1.0), True),
-        ((1.0, HELPS - 0.01), True),  # of damping alone
-        ((np.nan, 1.0), False),
-        ((np.nan, np.nan), True),  # where none can be left out, evidence decides
+        ({"left_out": (HELPS + 0.01, 1.0, 1.0)}, False),
+        ({"left_out": (HELPS - 0.01, 1.0, 1.0)}, True),
+        ({"left_out": (1.0, HELPS - 0.01, 1.0)}, True),  # of damping alone
+        ({"left_out": (1.0, 1.0, HELPS - 0.01)}, True),  # of shapes alone
+        ({"left_out": (np.nan, 1.0, 1.0)}, False),
+        ({"left_out": (np.nan, np.nan, np.nan)}, True),  # where none can be left out, evidence decides
+        ({"left_out": (1.0, 1.0, 1.0), "strain": 12.0 - STRAINED**2 - 0.1}, True),
+        ({"left_out": (0.1, 1.0, 1.0), "score": -SHOWS - 0.1}, False),  # in all, it predicts worse
     ],
 )
-def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(left_out, helps):
-    decision = decide(found(explanation("a", 50.0, left_out=left_out)))
+def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(given, helps):
+    decision = decide(found(explanation("a", 50.0, **({"strain": 12.0} | given))))
     assert decision.verdict == ("identified" if helps else "unlike anything")
     assert names(decision.left) == (["a"] if helps else [])
 

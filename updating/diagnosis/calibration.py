@@ -7,11 +7,13 @@ the other one, which took no part (`make blind`, `data/blind`).
 
 from __future__ import annotations
 
-SHOWS = 3.0
-"""Logarithm of the posterior odds against the base model from which an effect is believed: 20 to 1."""
+SHOWS = 5.0
+"""Logarithm of the posterior odds against the base model from which an effect is believed: 150 to 1."""
 HELPS = 0.9
-"""Ratio of the errors, of frequencies or of damping ratios, of modes that are predicted from all others, below which an
-explanation helps to predict."""
+"""Ratio of the errors, of frequencies, damping ratios or shapes, of modes that are predicted from all others, below
+which an explanation helps to predict."""
+MOST_JUDGED = 8
+"""Explanations that are judged by what they predict, the most probable first."""
 SEPARATE = 3.0
 """Difference of such logarithms below which two explanations are an ambiguity."""
 STEP = 3.0

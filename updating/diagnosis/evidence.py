@@ -291,6 +291,15 @@ class Evidence:
             shape=shape,
         )
 
+    @cached_property
+    def unit_shapes(self) -> dict[tuple[int, int], Vector]:
+        """Measured shapes at unit length, (n_dof,), by configuration and place among the modes that are used."""
+        return {
+            (c, i): unit_shape(tested.modes.shape[:, [r]])[:, 0]
+            for c, (tested, used) in enumerate(zip(self.tested, self.used, strict=True))
+            for i, r in enumerate(used)
+        }
+
     @property
     def modes(self) -> tuple[tuple[int, int], ...]:
         """Configuration and number, from 0, of every mode that is used."""
@@ -407,3 +416,9 @@ def pair(
     far = np.abs(np.log(frequency[:, None] / modes.frequency))
     row, column = linear_sum_assignment(mac(shape, modes.shape) - np.minimum(far, 0.5), maximize=True)
     return row, column
+
+
+def unit_shape(measured: NDArray[np.complex128] | Vector) -> Vector:
+    """Return measured shapes, (n_dof, n_mode), turned real and at unit length."""
+    turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
+    return np.asarray(turned / np.linalg.norm(measured, axis=0))

@@ -84,6 +84,11 @@ class Explanation:
     residual: Residual
 
     @property
+    def strain(self) -> float:
+        """Squared deviations of the nuisances from what is known of them, over its variances."""
+        return float(np.sum(self.residual.value[self.residual.kind == "prior"] ** 2))
+
+    @property
     def effect_values(self) -> dict[str, float]:
         """The estimates by the parameters' names."""
         return dict(zip((p.name for p in self.parameter), self.value.tolist(), strict=True))
@@ -135,20 +140,20 @@ def explain(
         ]
     )
     first = np.clip(first, bounds[0] + 1e-9, bounds[1] - 1e-9)
-    if np.mean(_Residuals(evidence, parameters)(first).value ** 2) > _ASTRAY:
+    at = _Residuals(evidence, parameters)
+    if np.mean(at(first).value ** 2) > _ASTRAY:
         # modes that are still taken for others must not decide
         first = _minimum(_Residuals(evidence.rough, parameters), first, bounds, most, "cauchy")
-    weighed, solution = evidence, first
+    solution = first
     for _ in range(_REWEIGHED if most > 1 else 1):
-        at = _Residuals(weighed, parameters)
         solution = _minimum(at, solution, bounds, most, "linear")
         best, at_bound = at(solution), _at_bound(parameters, solution)
         found = marginal(
             linearized(evidence, best, solution, at_bound), evidence.scatter.sizes, evidence.scatter.stated
         )
-        if _alike(found.likeliest, weighed.sizes):
+        if _alike(found.likeliest, at.evidence.sizes):
             break
-        weighed = replace(weighed, sizes=found.likeliest)
+        at = at.weighed(found.likeliest)
     return _explanation(evidence, tuple(effects), solution, found, reweighed(best, evidence))
 
 
@@ -247,14 +252,21 @@ class _Residuals:
     """Residuals at coordinates, nuisances first; the last is kept, for its value and Jacobian are asked for apart."""
 
     def __init__(self, evidence: Evidence, parameters: Sequence[Parameter]) -> None:
-        self._evidence, self._parameters = evidence, parameters
+        self.evidence, self._parameters = evidence, parameters
         self._last: tuple[bytes, Residual] | None = None
 
+    def weighed(self, sizes: Sizes) -> _Residuals:
+        """Return the same residuals, weighed with a discrepancy of other sizes."""
+        other = _Residuals(replace(self.evidence, sizes=sizes), self._parameters)
+        if self._last is not None:
+            other._last = self._last[0], reweighed(self._last[1], other.evidence)
+        return other
+
     def __call__(self, x: Vector) -> Residual:
-        key, n = x.tobytes(), len(self._evidence.nuisances)
+        key, n = x.tobytes(), len(self.evidence.nuisances)
         if self._last is None or self._last[0] != key:
             try:
-                found = residual(self._evidence, x[:n], self._parameters, x[n:])
+                found = residual(self.evidence, x[:n], self._parameters, x[n:])
             except SolveError:
                 if self._last is None:
                     raise

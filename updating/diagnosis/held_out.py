@@ -26,12 +26,18 @@ class LeftOut:
 
     Attributes
     ----------
-    frequency, damping : float
-        Mean relative errors of frequencies and damping ratios; NaN where none can be predicted.
+    frequency, damping, shape : float
+        Mean relative errors of frequencies and damping ratios, and of shapes the mean length of what is wrong over
+        that of the shape; NaN where none can be predicted.
+    score : (n_group,) float
+        Logarithm of the probability density of each mode, or configuration, given all other data; NaN where these do
+        not determine it.
     """
 
     frequency: float
     damping: float
+    shape: float
+    score: tuple[float, ...] = ()
 
 
 def left_out(evidence: Evidence, own: Explanation, by: Literal["mode", "configuration"] = "mode") -> LeftOut:
@@ -61,25 +67,39 @@ def mispredicted(
 ) -> LeftOut:
     """Return `left_out` of a whitened residual (n,) and its derivatives by the coordinates that are free."""
     rows, span = evidence.rows, span_of(jacobian)
-    errors: dict[str, list[Vector]] = {"frequency": [], "damping": []}
+    errors: dict[str, list[Vector]] = {"frequency": [], "damping": [], "shape": []}
+    score: list[float] = []
     group = rows.mode if by == "mode" else rows.configuration
     for number in np.unique(group):
         out = np.flatnonzero(group == number)
-        shift = _shift(evidence, value, span, out)
-        if shift is None:
+        shift, density = _shift(evidence, value, span, out)
+        score.append(density)
+        if np.isnan(density):
             continue
-        for kind, each in errors.items():
+        for kind in ("frequency", "damping"):
             off = shift[rows.kind[out] == kind]
-            if off.size:
-                each.append(np.abs(np.expm1(np.clip(-off, -_FARTHEST, _FARTHEST))))
-    frequency, damping = (
-        float(np.mean(np.concatenate(each))) if each else float("nan") for each in errors.values()
-    )
-    return LeftOut(frequency=frequency, damping=damping)
+            errors[kind].append(np.abs(np.expm1(np.clip(-off, -_FARTHEST, _FARTHEST))))
+        errors["shape"].append(_turned(evidence, out, shift))
+    found = {kind: np.concatenate(each) if each else np.zeros(0) for kind, each in errors.items()}
+    mean = {kind: float(np.mean(each)) if each.size else float("nan") for kind, each in found.items()}
+    return LeftOut(**mean, score=tuple(score))
 
 
-def _shift(evidence: Evidence, value: Vector, span: Vector, out: NDArray[np.intp]) -> Vector | None:
-    """Return what rows are off by when they are predicted from all others; None where these do not determine them.
+def _turned(evidence: Evidence, out: NDArray[np.intp], shift: Vector) -> Vector:
+    """Return the lengths of what shapes of unit length are off by, 1 at most, without what is along them."""
+    place = {int(row): i for i, row in enumerate(out)}
+    lengths = []
+    for key, own in evidence.rows.shape.items():
+        if int(own[0]) in place:
+            along, off = evidence.unit_shapes[key], shift[[place[int(row)] for row in own]]
+            lengths.append(min(float(np.linalg.norm(off - along * (along @ off))), 1.0))
+    return np.array(lengths)
+
+
+def _shift(evidence: Evidence, value: Vector, span: Vector, out: NDArray[np.intp]) -> tuple[Vector, float]:
+    """Return what rows are off by when they are predicted from all others, and the logarithm of its density.
+
+    Both are NaN where the others do not determine them.
 
     `value` is the whitened residual, and the orthonormal columns of `span` are what coordinates can change of it.
     """
@@ -94,9 +114,14 @@ def _shift(evidence: Evidence, value: Vector, span: Vector, out: NDArray[np.intp
     scale = 1.0 / np.sqrt(np.diag(whole))
     left, whole = left * np.outer(scale, scale), whole * np.outer(scale, scale)
     if la.eigh(left, whole, eigvals_only=True, subset_by_index=(0, 0))[0] < _UNKNOWN:
-        return None
-    pull = columns.T @ value - seen.T @ (span.T @ value)
-    return np.asarray(scale * la.solve(left, scale * pull, assume_a="pos"))
+        return np.full(out.size, np.nan), float("nan")
+    pull = scale * (columns.T @ value - seen.T @ (span.T @ value))
+    root = la.cho_factor(left)
+    shift = la.cho_solve(root, pull)
+    density = (
+        np.sum(np.log(np.diag(root[0])) - np.log(scale) - 0.5 * np.log(2.0 * np.pi)) - 0.5 * pull @ shift
+    )
+    return np.asarray(scale * shift), float(density)
 
 
 def _halves(evidence: Evidence) -> Iterator[tuple[NDArray[np.intp], Vector]]:

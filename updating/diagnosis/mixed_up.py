@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.diagnosis.calibration import MIXED_UP
-from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.residual import Residual, unit_shape
+from updating.diagnosis.evidence import Evidence, unit_shape
+from updating.diagnosis.residual import Residual
 
 Vector = NDArray[np.float64]
 AnyEvidence = TypeVar("AnyEvidence", bound=Evidence)

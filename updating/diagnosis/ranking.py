@@ -13,7 +13,7 @@ from updating.diagnosis.search import Search
 from updating.fitting.estimate import ParameterEstimate
 
 _JUDGED = 16  # explanations whose errors on what is left out are computed
-_NONE = LeftOut(frequency=float("nan"), damping=float("nan"))
+_NONE = LeftOut(frequency=float("nan"), damping=float("nan"), shape=float("nan"))
 
 
 def rank(found: Search, named: Sequence[Explanation] = ()) -> tuple[Ranked, ...]:

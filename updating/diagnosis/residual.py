@@ -21,7 +21,7 @@ from updating.diagnosis.discrepancy import (
     mixing_root,
     shape_block,
 )
-from updating.diagnosis.evidence import SHARED, Evidence, pair, solved
+from updating.diagnosis.evidence import SHARED, Evidence, pair, solved, unit_shape
 from updating.diagnosis.mode_space import ModeSpace
 
 Vector = NDArray[np.float64]
@@ -315,9 +315,3 @@ def unit_shapes(measured: NDArray[np.complex128] | Vector, modelled: Vector) -> 
     u = unit_shape(measured)
     length = np.linalg.norm(modelled, axis=0) * np.where(np.sum(u * modelled, axis=0) < 0.0, -1.0, 1.0)
     return u, modelled / length, length
-
-
-def unit_shape(measured: NDArray[np.complex128] | Vector) -> Vector:
-    """Return measured shapes, (n_dof, n_mode), turned real and at unit length."""
-    turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
-    return np.asarray(turned / np.linalg.norm(measured, axis=0))

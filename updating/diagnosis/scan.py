@@ -33,6 +33,7 @@ _PLACES, _PLACES_OF_EACH = 11, 7  # of a parameter over which modes change much,
 _STIFFNESS = 3
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope
 _SETTLE = 0.15  # of a range, by which a place of the scan is varied
+_LINE = 61  # places over the range of a single parameter: as modes cross, valleys are narrow
 _GENERATIONS, _POPULATION = 12, 12  # of a search over several parameters, the population for each of them
 _MOST, _CLOSE = 60, 1e-3  # evaluations, and change of the cost that ends them
 _VALLEYS, _APART = 4, 0.1  # places of an effect that are returned, and how far apart in units of its ranges
@@ -119,7 +120,8 @@ def _settled(evidence: Evidence, start: Place) -> tuple[Place, ...]:
     """Go from a place of the scan, which is coarse, to one of less cost (Nelder and Mead 1965).
 
     Where an effect has several parameters the valleys are narrow and crooked, and a population looks for them over the
-    whole range first (Storn and Price 1997). The cost is that of one configuration, so others of them may fit better.
+    whole range first (Storn and Price 1997); a single one is looked over at close places. The cost is that of one
+    configuration, so others of them may fit better.
     """
     low, high = bounds_of(evidence.parameters([start.effect]))
     seen = [start]
@@ -128,7 +130,10 @@ def _settled(evidence: Evidence, start: Place) -> tuple[Place, ...]:
         seen.append(_place(evidence, start.effect, G_f, where.copy()))
         return seen[-1].cost
 
-    if start.coordinate.size > 1:
+    if start.coordinate.size == 1:
+        for x in np.linspace(low[0], high[0], _LINE):
+            cost(start.G_f, np.array([x]))
+    else:
         differential_evolution(
             lambda x: cost(start.G_f, x),
             list(zip(low, high, strict=True)),

@@ -287,11 +287,10 @@ def _further_starts(
 
 
 def _promising(screened: Sequence[Screened], most: int) -> list[Screened]:
-    """Return the effects whose linear step promises most, without those that are far behind the best."""
+    """Return the effects whose linear step promises most, without those that promise nothing or are far behind."""
     ordered = sorted(screened, key=lambda s: -s.log_gain)
-    return [
-        s for i, s in enumerate(ordered[:most]) if i < N_ALWAYS or s.log_gain > ordered[0].log_gain - _BEHIND
-    ]
+    least = max(0.0, ordered[0].log_gain - _BEHIND) if ordered else 0.0
+    return [s for i, s in enumerate(ordered[:most]) if i < N_ALWAYS or s.log_gain > least]
 
 
 def _supposed(evidence: Evidence, own: Explanation) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS
+from updating.diagnosis.calibration import HELPS, MOST_JUDGED, SEPARATE, SHOWS, STRAINED
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
@@ -42,9 +42,9 @@ class Decision:
 def decide(found: Search) -> Decision:
     """Give the verdict on what a search found."""
     base = found.base
-    best = max(found.explanations, key=found.odds)
     evidence = found.evidence
-    if found.odds(best) < SHOWS or not _helps(found, best):
+    best = _best(found)
+    if best is None:
         if not too_large(evidence, base) and not evidence.lacking:
             return Decision(verdict="nothing missing", left=(), steps=(base,))
         return Decision(verdict="unlike anything", left=(), steps=(base,), point=point_change(evidence, base))
@@ -57,11 +57,26 @@ def decide(found: Search) -> Decision:
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left, steps=steps)
 
 
+def _best(found: Search) -> Explanation | None:
+    """Return the most probable explanation that shows and helps."""
+    ordered = sorted(found.fitted, key=found.odds, reverse=True)
+    shows = itertools.takewhile(lambda own: found.odds(own) >= SHOWS, ordered)
+    return next((own for own in itertools.islice(shows, MOST_JUDGED) if _helps(found, own)), None)
+
+
 def _helps(found: Search, own: Explanation) -> bool:
-    """Tell whether an explanation predicts modes that it has not seen better than the base model."""
+    """Tell whether an explanation predicts modes that it has not seen better than the base model, or relieves it.
+
+    What changes between configurations alone, such as the law of pressure, predicts no mode better: without it, what
+    is known of assembly and torque is strained. Nothing may predict clearly worse.
+    """
     before, after = (left_out(found.evidence, x) for x in (found.base, own))
-    ratio = np.array([after.frequency / before.frequency, after.damping / before.damping])
-    return bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
+    if np.nansum(np.subtract(after.score, before.score)) < -SHOWS:
+        return False
+    kinds = ("frequency", "damping", "shape")
+    ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
+    better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
+    return better or found.base.strain - own.strain > STRAINED**2
 
 
 def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:
