@@ -9,7 +9,7 @@ from __future__ import annotations
 
 SHOWS = 5.0
 """Logarithm of the posterior odds against the base model from which an effect is believed: 150 to 1."""
-HELPS = 0.9
+HELPS = 0.8
 """Ratio of the errors, of frequencies, damping ratios or shapes, of modes that are predicted from all others, below
 which an explanation helps to predict."""
 MOST_JUDGED = 8

@@ -176,7 +176,7 @@ def search(
     begun = _begun(evidence, starts, executor)
     nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
     singles = _done(begun)
-    if likeliest([base, *singles]).residual.frequency_error > _ASTRAY:
+    if places or likeliest([base, *singles]).residual.frequency_error > _ASTRAY:
         singles += _from_afar(evidence, places, executor)
     best = likeliest([base, *singles])
     evidence = _weighed(_richer(evidence, [best, *singles]), best)
@@ -324,7 +324,11 @@ def _weighed(evidence: Assembled, own: Explanation | None = None) -> Assembled:
 
 
 def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor | None) -> list[Explanation]:
-    """Fit effects from where they come nearest over their whole ranges."""
+    """Fit effects from where they come nearest over their whole ranges.
+
+    They are weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
+    """
+    evidence = replace(evidence, sizes=evidence.scatter.sizes)
     starts: list[Start] = []
     for place in places or nearest(evidence.alone, executor):
         nuisance = evidence.start.copy()
