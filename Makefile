@@ -22,6 +22,7 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/api/build.py
 
 docs: $(READY)
 	$(BIN)/python -W error docs/api/build.py out/docs

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
 
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
@@ -20,7 +21,7 @@ BEFORE, AFTER, REST = "#b9bec6", "#1f5f8b", "#dde1e7"
 CONFIGURATION, MODE = 0, 3  # the shape that is shown, both from 0
 
 
-def draw_shape(axes: Axes, pair: ShapePair, moved: np.ndarray, color: str) -> None:
+def draw_shape(axes: Axes3D, pair: ShapePair, moved: np.ndarray, color: str) -> None:
     """Draw the points of a stack where a mode moves them, over the points at rest."""
     size = 1.2 * SWELL * float(np.ptp(pair.coordinate, axis=0).max())
     for points, shade, width in ((pair.coordinate, REST, 1.0), (pair.coordinate + size * moved, color, 1.6)):

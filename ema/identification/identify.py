@@ -192,31 +192,44 @@ def identify_frf(
     _check(frf, name)
     lower, upper = band if band is not None else (frf.frequency[frf.frequency > 0.0][0], frf.frequency[-1])
     band = float(lower), float(upper)
-    lines = frf.band(max(lower, np.finfo(float).tiny), upper)
+    lines = frf.band(max(band[0], np.finfo(float).tiny), band[1])
     if order is None:
         order = highest_order(lines.frequency.size)
+    _require_lines(lines, frf, order, band, name)
+    white = lines.convert(whitest(lines))
+    fit, runs, left = _fitted(white, order, pole, band, name)
+    model = _model(fit, runs, white, lines.quantity, geometry, name, band)
+    return replace(model, unexplained=_unexplained(left, lines.input.node.size))
+
+
+def _require_lines(lines: FRF, frf: FRF, order: int, band: tuple[float, float], name: str) -> None:
+    """Refuse a band of functions that holds too few lines for a model order."""
     if lines.frequency.size < max(MIN_LINES, 2 * order):
         message = (
-            f"{name}: {lines.frequency.size} lines in {lower:g}-{upper:g} Hz of "
+            f"{name}: {lines.frequency.size} lines in {band[0]:g}-{band[1]:g} Hz of "
             f"{frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz are too few for order {order}: widen the band"
         )
         raise IdentificationError(message)
-    white = lines.convert(whitest(lines))
-    if pole is None:
+
+
+def _fitted(
+    white: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float], name: str
+) -> tuple[Fit, RunPoles, Left]:
+    """Fit the modes that are found or, where poles were chosen by hand, those; refuse a band without any."""
+    if chosen is None:
         candidates = stabilization(white, order=order).chosen
         fit, runs, left = select_modes(_functions(white), candidates, band)
     else:
-        candidates = pole
-        _require_inside(pole, band, name)
-        fit, runs, left = fit_chosen(_functions(white), candidates, band)
+        candidates = chosen
+        _require_inside(chosen, band, name)
+        fit, runs, left = fit_chosen(_functions(white), chosen, band)
     if not inside(fit.pole, band).any():
         message = (
-            f"{name}: none of {candidates.size} stable poles in {lower:g}-{upper:g} Hz stands out of "
+            f"{name}: none of {candidates.size} stable poles in {band[0]:g}-{band[1]:g} Hz stands out of "
             "the noise as a mode: check the data, or give another band"
         )
         raise IdentificationError(message)
-    model = _model(fit, runs, white, lines.quantity, geometry, name, band)
-    return replace(model, unexplained=_unexplained(left, lines.input.node.size))
+    return fit, runs, left
 
 
 def _functions(frf: FRF) -> Functions:

@@ -17,6 +17,7 @@ unstable half-plane (Cauberghe, Guillaume, Verboven, Parloo and Vanlanduit, J. S
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,39 +55,65 @@ def lscf_poles(
     IdentificationError
         Fewer lines than unknowns, or a value that is not finite.
     """
+    half = bool(frequency[0] <= 0.02 * frequency[-1])
+    step = (
+        2 if half else 1
+    )  # powers of z that an order adds: real coefficients have every pole with its conjugate
+    _check(frequency, value, order, step)
+    circle = _Circle.of(frequency, half=half)
+    theta = circle.angle(frequency)
+    found = []
+    for coefficient in _denominators(theta, circle.weight(theta), value, step * order, step, real=half):
+        pole = circle.pole(_roots(coefficient))
+        found.append(pole[pole.imag > 0.0])
+    return found
+
+
+def _check(frequency: NDArray[np.float64], value: NDArray[np.complex128], order: int, step: int) -> None:
+    """Refuse values that are not finite, and fewer lines than unknowns."""
     n_output, n_reference, n_frequency = value.shape
     if not np.all(np.isfinite(value)):
         message = "LSCF needs finite values; a function holds NaN or infinity"
         raise IdentificationError(message)
-    baseband = bool(frequency[0] <= 0.02 * frequency[-1])
-    step = 2 if baseband else 1
-    degree = step * order
-    if n_output * n_frequency * step < (degree + 1) * (n_output + n_reference):
+    if n_output * n_frequency * step < (step * order + 1) * (n_output + n_reference):
         message = (
             f"order {order} needs more lines than the {n_frequency} in "
             f"{frequency[0]:g}-{frequency[-1]:g} Hz: lower the order or widen the band"
         )
         raise IdentificationError(message)
 
-    if baseband:
-        origin, span = 0.0, 2.0 * frequency[-1]
-    else:
-        origin = frequency[0]
-        span = (frequency[-1] - frequency[0]) * n_frequency / (n_frequency - 1)
-    theta = 2.0 * np.pi * (frequency - origin) / span
-    # A line at 0 or pi of the half circle is its own conjugate and counts once where the others count twice.
-    weight = np.where(np.isclose(np.sin(theta), 0.0, atol=1e-12) & baseband, 0.5, 1.0)
 
-    denominators = _denominators(theta, weight, value, degree, step, real=baseband)
-    found = []
-    for coefficient in denominators:
-        logarithm = -np.log(_roots(coefficient))
-        if not baseband:
+@dataclass(frozen=True, kw_only=True)
+class _Circle:
+    """The unit circle that lines are mapped on: `half` of it from 0 Hz on, or all of it."""
+
+    half: bool
+    origin: float  # frequency at z = 1, Hz
+    span: float  # of the whole circle, Hz
+
+    @classmethod
+    def of(cls, frequency: NDArray[np.float64], *, half: bool) -> _Circle:
+        """Return the circle of which lines fill half or all."""
+        first, last, n_frequency = float(frequency[0]), float(frequency[-1]), frequency.size
+        if half:
+            return cls(half=True, origin=0.0, span=2.0 * last)
+        return cls(half=False, origin=first, span=(last - first) * n_frequency / (n_frequency - 1))
+
+    def angle(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the angles of lines, rad."""
+        return 2.0 * np.pi * (frequency - self.origin) / self.span
+
+    def weight(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what lines count: one at 0 or pi of the half circle is its own conjugate, the others count twice."""
+        return np.where(np.isclose(np.sin(theta), 0.0, atol=1e-12) & self.half, 0.5, 1.0)
+
+    def pole(self, root: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the poles, rad/s, of roots in z."""
+        logarithm = -np.log(root)
+        if not self.half:
             # The band fills the whole circle, so its upper half belongs to angles from pi to 2 pi.
             logarithm.imag %= 2.0 * np.pi
-        pole = logarithm * span + 2j * np.pi * origin
-        found.append(pole[pole.imag > 0.0])
-    return found
+        return np.asarray(logarithm * self.span + 2j * np.pi * self.origin)
 
 
 def _denominators(

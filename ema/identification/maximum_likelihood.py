@@ -83,13 +83,49 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class _Target:
+    """What is fitted, whatever the poles that move."""
+
+    frequency: NDArray[np.float64]
+    quantity: Quantity
+    value: NDArray[np.float64]  # (2 n_frequency, n_function)
+    weight: NDArray[np.float64]  # (n_function, 2 n_frequency), or (1, 1) where all lines weigh the same
+    fixed: NDArray[np.float64]  # columns of held poles and residual terms, (2 n_frequency, 2 n_held + 4)
+
+    @classmethod
+    def of(
+        cls,
+        frequency: NDArray[np.float64],
+        value: NDArray[np.complex128],
+        quantity: Quantity,
+        weight: NDArray[np.float64] | None,
+        held: NDArray[np.complex128] = _NONE,
+    ) -> _Target:
+        """Lay functions and weights out as columns and rows; see `refine`."""
+        rows = np.ones((1, 1)) if weight is None or np.all(weight == 1.0) else np.tile(weight, 2)
+        return cls(
+            frequency=frequency,
+            quantity=quantity,
+            value=stack_functions(value),
+            weight=rows,
+            fixed=np.concatenate(
+                [mode_basis(frequency, held, quantity), residual_basis(frequency, quantity)], axis=1
+            ),
+        )
+
+    def modes(self, pole: NDArray[np.complex128], power: int = 1) -> NDArray[np.float64]:
+        """Columns of modes or, with a power of 2, of their derivatives; see `mode_basis`."""
+        return mode_basis(self.frequency, pole, self.quantity, power)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Projection:
     """Linear fit at fixed poles and what Gauss-Newton on the poles needs of it."""
 
+    pole: NDArray[np.complex128]  # those that move, (n_mode,)
     coefficient: NDArray[np.float64]  # (2 n_mode + 4, n_function)
     orthogonal: NDArray[np.float64]  # orthonormal basis, (2 n_frequency, 2 n_mode + 4)
     triangle: NDArray[np.float64]  # R of the basis with its column lengths restored
-    weight: NDArray[np.float64]  # (n_function, 2 n_frequency), or (1, 1) where all lines weigh the same
     inverse: NDArray[
         np.float64
     ]  # of the weighted normal equations in the orthonormal basis, one or (n_function, ...)
@@ -125,45 +161,19 @@ def refine(
     held : (n_held,) complex, optional
         Poles that stay where they are; in the fit they come last.
     """
-    target, rows = stack_functions(value), _row_weights(weight)
-    fixed = np.concatenate(
-        [mode_basis(frequency, held, quantity), residual_basis(frequency, quantity)], axis=1
-    )
-    current = pole.astype(complex)
-    state = _project(frequency, target, fixed, current, quantity, rows)
-    damping = 1e-3
+    target = _Target.of(frequency, value, quantity, weight, held)
+    state, damping = _project(target, pole.astype(complex)), 1e-3
     for _ in range(MAX_STEP):
-        information, pull, _ = _normal_equations(frequency, target, current, quantity, state)
-        gradient = pull.sum(axis=0)
-        scale = np.sqrt(np.diag(information))
-        # The variances move with the poles; without this term functions that disagree slow the steps down.
-        curved = information - (2.0 / target.shape[0]) * pull.T @ pull
-        scaled = (curved if _positive(curved) else information) / np.outer(scale, scale)
-        improved = False
-        while damping < 1e8:
-            step = scipy.linalg.solve(
-                scaled + damping * np.eye(scale.size), gradient / scale, assume_a="sym", check_finite=False
-            )
-            step /= scale
-            trial = current + step[0::2] + 1j * step[1::2]
-            # A step across an axis goes nine tenths of the way to it, pole by pole, so that none stalls the rest.
-            trial = np.minimum(trial.real, 0.1 * current.real) + 1j * np.maximum(
-                trial.imag, 0.1 * current.imag
-            )
-            proposed = _project(frequency, target, fixed, trial, quantity, rows)
-            if proposed.objective <= state.objective:
-                improved = True
-                break
-            damping *= 10.0
-        if not improved:
+        likelier = _likelier(target, state, damping)
+        if likelier is None:
             break
-        gain = state.objective - proposed.objective
-        current, state, damping = trial, proposed, max(damping / 10.0, 1e-12)
+        gain = state.objective - likelier[0].objective
+        state, damping = likelier[0], max(likelier[1] / 10.0, 1e-12)
         if gain < TOLERANCE:
             break
     if held.size:
-        return linear_fit(frequency, value, np.concatenate([current, held]), quantity, weight)
-    return _finish(frequency, target, current, quantity, state)
+        return linear_fit(frequency, value, np.concatenate([state.pole, held]), quantity, weight)
+    return _finish(target, state)
 
 
 def linear_fit(
@@ -174,46 +184,61 @@ def linear_fit(
     weight: NDArray[np.float64] | None = None,
 ) -> Fit:
     """Fit residues and residual terms at fixed poles; the covariance is that of `refine` at these poles."""
-    target = stack_functions(value)
-    fixed = residual_basis(frequency, quantity)
-    state = _project(frequency, target, fixed, pole, quantity, _row_weights(weight))
-    return _finish(frequency, target, pole, quantity, state)
+    target = _Target.of(frequency, value, quantity, weight)
+    return _finish(target, _project(target, pole))
 
 
-def _row_weights(weight: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    return np.ones((1, 1)) if weight is None or np.all(weight == 1.0) else np.tile(weight, 2)
+def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Projection, float] | None:
+    """Return the fit after a step that does not raise the objective, and the damping it took; None where none does."""
+    information, pull, _ = _normal_equations(target, state)
+    gradient = pull.sum(axis=0)
+    scale = np.sqrt(np.diag(information))
+    # The variances move with the poles; without this term functions that disagree slow the steps down.
+    curved = information - (2.0 / target.value.shape[0]) * pull.T @ pull
+    scaled = (curved if _positive(curved) else information) / np.outer(scale, scale)
+    while damping < 1e8:
+        step = scipy.linalg.solve(
+            scaled + damping * np.eye(scale.size), gradient / scale, assume_a="sym", check_finite=False
+        )
+        proposed = _project(target, _moved(state.pole, step / scale))
+        if proposed.objective <= state.objective:
+            return proposed, damping
+        damping *= 10.0
+    return None
 
 
-def _project(
-    frequency: NDArray[np.float64],
-    target: NDArray[np.float64],
-    fixed: NDArray[np.float64],
-    pole: NDArray[np.complex128],
-    quantity: Quantity,
-    weight: NDArray[np.float64],
-) -> _Projection:
-    basis = np.concatenate([mode_basis(frequency, pole, quantity), fixed], axis=1)
+def _moved(pole: NDArray[np.complex128], step: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Move poles by steps of Re and Im; they stay stable and in the upper half-plane."""
+    trial = pole + step[0::2] + 1j * step[1::2]
+    # A step across an axis goes nine tenths of the way to it, pole by pole, so that none stalls the rest.
+    return np.minimum(trial.real, 0.1 * pole.real) + 1j * np.maximum(trial.imag, 0.1 * pole.imag)
+
+
+def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
+    """Fit what is linear at fixed poles."""
+    basis = np.concatenate([target.modes(pole), target.fixed], axis=1)
     length = np.linalg.norm(basis, axis=0)
     orthogonal, triangle = _tall_qr(basis / length)
+    value, weight = target.value, target.weight
     if weight.size == 1:
         inverse = np.eye(length.size)[None]
-        part = orthogonal.T @ target
+        part = orthogonal.T @ value
     else:
         normal = np.stack([(orthogonal.T * row) @ orthogonal for row in weight])
         inverse = np.linalg.inv(normal)
-        part = np.einsum("okl,lo->ko", inverse, orthogonal.T @ (weight.T * target))
-    remainder = target - orthogonal @ part
+        part = np.einsum("okl,lo->ko", inverse, orthogonal.T @ (weight.T * value))
+    remainder = value - orthogonal @ part
     coefficient = scipy.linalg.solve_triangular(triangle, part, check_finite=False) / length[:, None]
-    n_row, n_function = target.shape
+    n_row, n_function = value.shape
     # Each function spends its own linear unknowns and its share of the poles.
     freedom = max(n_row - basis.shape[1] - 2.0 * pole.size / n_function, 1.0)
-    floor = (1e-14 * np.linalg.norm(target, axis=0)) ** 2 + np.finfo(float).tiny
+    floor = (1e-14 * np.linalg.norm(value, axis=0)) ** 2 + np.finfo(float).tiny
     square = np.sum(weight.T * remainder**2, axis=0) + floor
     return _Projection(
+        pole=pole,
         coefficient=coefficient,
         orthogonal=orthogonal,
         triangle=triangle * length,
-        weight=weight,
         inverse=inverse,
         remainder=remainder,
         variance=2.0 * square / freedom,
@@ -241,27 +266,23 @@ def _tall_qr(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 
 def _normal_equations(
-    frequency: NDArray[np.float64],
-    target: NDArray[np.float64],
-    pole: NDArray[np.complex128],
-    quantity: Quantity,
-    state: _Projection,
+    target: _Target, state: _Projection
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Fisher information of Re and Im of the poles, each function's pull on them, and coefficient maps."""
-    derivative = mode_basis(frequency, pole, quantity, power=2)
+    derivative = target.modes(state.pole, power=2)
     tangent = derivative - state.orthogonal @ (state.orthogonal.T @ derivative)
-    if state.weight.size == 1:
+    if target.weight.size == 1:
         gram = (tangent.T @ tangent)[None]
     else:
         # The tangents are orthogonal to the basis; what weighting makes of that is projected out here.
-        cross = np.stack([(state.orthogonal.T * row) @ tangent for row in state.weight])
-        gram = np.stack([(tangent.T * row) @ tangent for row in state.weight])
+        cross = np.stack([(state.orthogonal.T * row) @ tangent for row in target.weight])
+        gram = np.stack([(tangent.T * row) @ tangent for row in target.weight])
         gram -= cross.swapaxes(1, 2) @ state.inverse @ cross
-    seen = tangent.T @ (state.weight.T * state.remainder)  # (2 n_mode, n_function)
-    n_mode = pole.size
+    seen = tangent.T @ (target.weight.T * state.remainder)  # (2 n_mode, n_function)
+    n_mode = state.pole.size
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
     # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
-    maps = np.zeros((target.shape[1], 2 * n_mode, 2 * n_mode))
+    maps = np.zeros((target.value.shape[1], 2 * n_mode, 2 * n_mode))
     r = np.arange(n_mode)
     maps[:, 2 * r, 2 * r] = real.T
     maps[:, 2 * r + 1, 2 * r] = imaginary.T
@@ -281,34 +302,30 @@ def _positive(matrix: NDArray[np.float64]) -> bool:
     return True
 
 
-def _finish(
-    frequency: NDArray[np.float64],
-    target: NDArray[np.float64],
-    pole: NDArray[np.complex128],
-    quantity: Quantity,
-    state: _Projection,
-) -> Fit:
-    information, _, maps = _normal_equations(frequency, target, pole, quantity, state)
-    n_linear = 2 * pole.size
+def _finish(target: _Target, state: _Projection) -> Fit:
+    """Return the fit at the poles of a projection, with its covariance."""
+    information, _, maps = _normal_equations(target, state)
+    n_linear = 2 * state.pole.size
     triangle = scipy.linalg.solve_triangular(state.triangle, np.eye(len(state.triangle)), check_finite=False)
     triangle = triangle[:n_linear]
-    derivative = mode_basis(frequency, pole, quantity, power=2)
+    derivative = target.modes(state.pole, power=2)
     onto = state.orthogonal.T @ derivative
-    if state.weight.size > 1:
-        onto = state.inverse @ np.stack([(state.orthogonal.T * row) @ derivative for row in state.weight])
+    if target.weight.size > 1:
+        onto = state.inverse @ np.stack([(state.orthogonal.T * row) @ derivative for row in target.weight])
     residue, lower, upper = split_coefficients(state.coefficient)
-    remainder = state.remainder.T
+    n_frequency, remainder = target.frequency.size, state.remainder.T
+    residual = remainder[:, :n_frequency] + 1j * remainder[:, n_frequency:]
     scale = np.sqrt(np.diag(information))
     normalised = scipy.linalg.pinvh(information / np.outer(scale, scale)) if scale.size else information
     return Fit(
-        pole=pole,
+        pole=state.pole,
         pole_covariance=normalised / np.outer(scale, scale),
         residue=residue,
         lower=lower,
         upper=upper,
         noise=np.sqrt(state.variance),
-        weight=np.broadcast_to(state.weight[:, : frequency.size], remainder[:, : frequency.size].shape),
-        residual=remainder[:, : frequency.size] + 1j * remainder[:, frequency.size :],
+        weight=np.broadcast_to(target.weight[:, :n_frequency], residual.shape),
+        residual=residual,
         linear_covariance=0.5 * triangle @ state.inverse @ triangle.T,
         sensitivity=-(triangle @ onto) @ maps,
         objective=state.objective,

@@ -7,16 +7,16 @@ frequency is compared with the mean of the other runs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.special as special
 from numpy.typing import NDArray
 
+from ema.identification.functions import Functions
 from ema.identification.lsfd import mode_basis
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.significance import variance_inflation
-from ema.types.frf import Quantity
 
 VISIBLE = 1e-6
 """Chance that noise alone makes a mode visible in a run."""
@@ -77,72 +77,35 @@ def frequency_damping_std(
     )
 
 
-def run_poles(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    run: NDArray[np.int64],
-    fit: Fit,
-    quantity: Quantity,
-) -> RunPoles:
+def run_poles(data: Functions, fit: Fit) -> RunPoles:
     """Refine the poles of a fit run by run and compare the runs.
 
     Parameters
     ----------
-    frequency : (n_frequency,) float
-        Lines that were fitted, Hz.
-    value : (n_function, n_frequency) complex
-        Functions of `quantity`.
-    run : (n_function,) int
-        Run that each function was measured in.
+    data : Functions
+        What was fitted.
     fit : Fit
         Fit of all functions together; its weights hold for the runs too.
-    quantity : {"receptance", "mobility", "accelerance"}
-        What the functions are.
     """
-    numbers = np.unique(run)
-    n_run, n_mode = numbers.size, fit.pole.size
-    pole = np.tile(fit.pole, (n_run, 1))
-    frequency_std, damping_std = np.full((2, n_run, n_mode), np.inf)
-    if n_run == 1:
-        inflation = np.repeat(np.sqrt(variance_inflation(frequency, fit)), 2)
-        covariance = fit.pole_covariance * np.outer(inflation, inflation)
-        stds = frequency_damping_std(fit.pole, covariance)
+    numbers, n_mode = np.unique(data.run), fit.pole.size
+    if numbers.size == 1:
+        frequency_std, damping_std = _stds(data.frequency, fit)
         return RunPoles(
             run=numbers,
-            pole=pole,
+            pole=fit.pole[None],
             residue=fit.residue,
-            frequency_std=stds[0][None],
-            damping_std=stds[1][None],
+            frequency_std=frequency_std[None],
+            damping_std=damping_std[None],
             probability=np.ones((1, n_mode)),
         )
-    residue = fit.residue.copy()
+    weighted = replace(data, weight=fit.weight)
+    pole = np.empty((numbers.size, n_mode), dtype=complex)
+    frequency_std, damping_std = np.empty((2, numbers.size, n_mode))
+    residue = np.empty(fit.residue.shape, dtype=complex)
     for k, number in enumerate(numbers):
-        part = value[run == number]
-        weight = fit.weight[run == number]
-        at_all = linear_fit(frequency, part, fit.pole, quantity, weight)
-        visible = _visible(at_all)
-        while True:
-            # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
-            hidden = mode_basis(frequency, fit.pole[~visible], quantity) @ _stacked(
-                at_all.residue[:, ~visible]
-            )
-            rest = part - (hidden[: frequency.size] + 1j * hidden[frequency.size :]).T
-            own = refine(frequency, rest, fit.pole[visible], quantity, weight)
-            inflation = np.repeat(np.sqrt(variance_inflation(frequency, own)), 2)
-            stds = frequency_damping_std(own.pole, own.pole_covariance * np.outer(inflation, inflation))
-            half_bandwidth = np.maximum(-own.pole.real, -fit.pole[visible].real)
-            determined = 2.0 * np.pi * stds[0] < 0.5 * half_bandwidth
-            determined &= np.abs(own.pole - fit.pole[visible]) < 0.05 * np.abs(own.pole)
-            if determined.all():
-                break
-            # A pole that did wander leaves the others to rounding: again without it.
-            visible[np.flatnonzero(visible)[~determined]] = False
-        pole[k, visible] = own.pole
-        frequency_std[k, visible] = stds[0]
-        damping_std[k, visible] = stds[1]
-        residue[run == number] = linear_fit(
-            frequency, value[run == number], pole[k], quantity, weight
-        ).residue
+        own = weighted.of_run(number)
+        pole[k], frequency_std[k], damping_std[k] = _refined_alone(own, fit.pole)
+        residue[data.run == number] = _linear_fit(own, pole[k]).residue
     return RunPoles(
         run=numbers,
         pole=pole,
@@ -151,6 +114,59 @@ def run_poles(
         damping_std=damping_std,
         probability=_disagreement(np.abs(pole) / (2.0 * np.pi), frequency_std),
     )
+
+
+def _refined_alone(
+    run: Functions, pole: NDArray[np.complex128]
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Refine on the functions of one run the poles that it determines; standard deviations of the others are infinite.
+
+    Returned are the poles and the standard deviations of frequencies, Hz, and damping ratios.
+    """
+    at_all = _linear_fit(run, pole)
+    visible = _visible(at_all)
+    while True:
+        # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
+        rest = run.value - _response(run, pole[~visible], at_all.residue[:, ~visible])
+        own = refine(run.frequency, rest, pole[visible], run.quantity, run.weight)
+        stds = _stds(run.frequency, own)
+        determined = _determined(own.pole, pole[visible], stds[0])
+        if determined.all():
+            break
+        # A pole that did wander leaves the others to rounding: again without it.
+        visible[np.flatnonzero(visible)[~determined]] = False
+    refined = pole.copy()
+    frequency_std, damping_std = np.full((2, pole.size), np.inf)
+    refined[visible], frequency_std[visible], damping_std[visible] = own.pole, *stds
+    return refined, frequency_std, damping_std
+
+
+def _linear_fit(run: Functions, pole: NDArray[np.complex128]) -> Fit:
+    """Fit residues and residual terms at fixed poles with the weights of a run."""
+    return linear_fit(run.frequency, run.value, pole, run.quantity, run.weight)
+
+
+def _stds(frequency: NDArray[np.float64], fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return standard deviations of frequencies, Hz, and damping ratios; a misfit around a pole counts as noise."""
+    inflation = np.repeat(np.sqrt(variance_inflation(frequency, fit)), 2)
+    return frequency_damping_std(fit.pole, fit.pole_covariance * np.outer(inflation, inflation))
+
+
+def _determined(
+    pole: NDArray[np.complex128], start: NDArray[np.complex128], frequency_std: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Whether each refined pole is certain within its half bandwidth and stayed near where it started."""
+    half_bandwidth = np.maximum(-pole.real, -start.real)
+    certain = 2.0 * np.pi * frequency_std < 0.5 * half_bandwidth
+    return certain & (np.abs(pole - start) < 0.05 * np.abs(pole))
+
+
+def _response(
+    run: Functions, pole: NDArray[np.complex128], residue: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return what modes add to the functions of a run, ``(n_function, n_frequency)``."""
+    parts = mode_basis(run.frequency, pole, run.quantity) @ _stacked(residue)
+    return (parts[: run.frequency.size] + 1j * parts[run.frequency.size :]).T
 
 
 def _visible(fit: Fit) -> NDArray[np.bool_]:

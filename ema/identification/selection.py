@@ -88,7 +88,7 @@ def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit
             fit = weighted
     rank = np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))
     fit = linear_fit(data.frequency, data.value, fit.pole[rank], data.quantity, fit.weight)
-    return fit, run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+    return fit, run_poles(data, fit)
 
 
 def fit_chosen(
@@ -152,7 +152,7 @@ def _without_images(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit
 
 def _run_by_run(data: Functions, fit: Fit) -> Fit:
     """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one."""
-    runs = run_poles(data.frequency, data.value, data.run, fit, data.quantity)
+    runs = run_poles(data, fit)
     if not runs.disagree():
         return fit
     residual, noise = np.empty_like(fit.residual), np.empty_like(fit.noise)

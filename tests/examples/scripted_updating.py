@@ -10,6 +10,7 @@ import model
 import updating
 
 campaign = ema.read_campaign("data/demo_stack/campaign.toml")
+assert campaign.stack is not None  # a campaign file may leave it out; this one names it
 stack = model.read_stack(campaign.stack)
 tested = {found.modal_model.name: found for found in ema.identify(campaign)}
 
@@ -50,11 +51,10 @@ print(f"expansion matches the shapes with a MAC of {expanded.matched.min():.4f} 
 print(f"error in constitutive relation: {100 * np.sqrt(fault.total.max()):.2f} % of the stiffness at most")
 
 # Both torques at once: one contact law, with and without an exponent of pressure; the last mode of M2 is predicted.
+pressure = {c.name: c.pressure for c in campaign.configurations if c.pressure is not None}
 targets = [
     updating.target_of_modes(
-        stack.with_contact(pressure=campaign.configuration(name).pressure).with_effects(
-            *model.find_effects(["pressure_exponent"])
-        ),
+        stack.with_contact(pressure=pressure[name]).with_effects(*model.find_effects(["pressure_exponent"])),
         found.modal_model,
     )
     for name, found in tested.items()

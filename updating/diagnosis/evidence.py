@@ -180,6 +180,44 @@ class Rows:
     configuration: NDArray[np.int64]
     shape: Mapping[tuple[int, int], NDArray[np.intp]]
 
+    @classmethod
+    def of(
+        cls,
+        tested: Sequence[Tested],
+        used: Sequence[NDArray[np.int64]],
+        identity: Sequence[NDArray[np.int64]],
+        *,
+        touching: bool,
+    ) -> Rows:
+        """Return the rows of all configurations.
+
+        Parameters
+        ----------
+        tested, used, identity
+            As `Evidence` has them.
+        touching : bool
+            Whether laminas touch; the damping of one alone is not compared.
+        """
+        kind: list[str] = []
+        mode: list[int] = []
+        configuration: list[int] = []
+        shape = {}
+        for c, (test, seen, number) in enumerate(zip(tested, used, identity, strict=True)):
+            n_dof = test.modes.shape.shape[0]
+            damped = seen if touching else seen[:0]
+            kind += ["frequency"] * seen.size + ["damping"] * damped.size + ["shape"] * (seen.size * n_dof)
+            mode += [*number[seen], *number[damped], *np.repeat(number[seen], n_dof)]
+            configuration += [c] * (len(kind) - len(configuration))
+            for i in range(seen.size):
+                first = len(kind) - (seen.size - i) * n_dof
+                shape[c, i] = np.arange(first, first + n_dof)
+        return cls(
+            kind=np.array(kind),
+            mode=np.array(mode, dtype=np.int64),
+            configuration=np.array(configuration, dtype=np.int64),
+            shape=shape,
+        )
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
@@ -271,25 +309,7 @@ class Evidence:
     @cached_property
     def rows(self) -> Rows:
         """What each row of data is about."""
-        kind: list[str] = []
-        mode: list[int] = []
-        configuration: list[int] = []
-        shape = {}
-        for c, (own, used, identity) in enumerate(zip(self.tested, self.used, self.identity, strict=True)):
-            n_dof = own.modes.shape.shape[0]
-            damped = used if self.touching else used[:0]
-            kind += ["frequency"] * used.size + ["damping"] * damped.size + ["shape"] * (used.size * n_dof)
-            mode += [*identity[used], *identity[damped], *np.repeat(identity[used], n_dof)]
-            configuration += [c] * (len(kind) - len(configuration))
-            for i in range(used.size):
-                first = len(kind) - (used.size - i) * n_dof
-                shape[c, i] = np.arange(first, first + n_dof)
-        return Rows(
-            kind=np.array(kind),
-            mode=np.array(mode, dtype=np.int64),
-            configuration=np.array(configuration, dtype=np.int64),
-            shape=shape,
-        )
+        return Rows.of(self.tested, self.used, self.identity, touching=self.touching)
 
     @cached_property
     def unit_shapes(self) -> dict[tuple[int, int], Vector]:

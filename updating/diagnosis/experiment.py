@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Effect, Parameter, SolveError
+from model import Effect, Modes, Parameter, SolveError
 from model.effects.parts import every_lamina, mean_over, square
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
 from updating.diagnosis.assembly import Assembled, base_shift
 from updating.diagnosis.candidates import N_MODEL
-from updating.diagnosis.evidence import Evidence, Tested, solved
+from updating.diagnosis.evidence import Evidence, Shift, Tested, solved
 from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.residual import covariance_of, residual
+from updating.diagnosis.residual import Residual, covariance_of, residual
 
 Vector = NDArray[np.float64]
 
@@ -203,12 +203,7 @@ def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tupl
         if experiment.pressure_ratio != 1.0 and not evidence.touching:
             continue
         try:
-            apart = [
-                _distance(evidence, experiment, a, b)
-                for a in explanations
-                for b in explanations
-                if a is not b
-            ]
+            apart = _distances(evidence, experiment, explanations)
         except SolveError:  # clamps that are moved and sit elsewhere than stated, for instance
             continue
         found.append(
@@ -226,18 +221,61 @@ def _pressure(evidence: Evidence, experiment: Experiment) -> float:
     return experiment.pressure_ratio * max(tested)
 
 
-def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Explanation) -> float:
-    """Return the distance of b from the data that a predicts for the test, with what is known already."""
+def _distances(
+    evidence: Assembled, experiment: Experiment, explanations: Sequence[Explanation]
+) -> list[float]:
+    """Return the distance of every explanation from the data that every other one predicts for a test."""
+    found = []
+    for a in explanations:
+        further = _further(evidence, experiment, a)
+        found += [_distance(evidence, further, a, b) for b in explanations if b is not a]
+    return found
+
+
+def _distance(evidence: Assembled, further: Assembled | None, a: Explanation, b: Explanation) -> float:
+    """Return the distance of b from the data of a further test that a predicts, with what is known already."""
+    if further is None:  # a test without a mode in the band tells nothing
+        return 0.0
+    nuisance = b.nuisance[: evidence.n_common]
+    weighed = replace(further, covariance=covariance_of(further, nuisance, b.parameter, b.coordinate))
+    fresh = residual(weighed, nuisance, b.parameter, b.coordinate)
+    return float(np.sqrt(max(_misfit_with(evidence, fresh, b) - a.misfit, 0.0)))
+
+
+def _further(evidence: Assembled, experiment: Experiment, a: Explanation) -> Assembled | None:
+    """Return the evidence of a further test alone as an explanation predicts it; None without a mode in the band."""
+    alone = _alone(evidence, experiment)
+    theta = alone.theta(a.nuisance[: evidence.n_common], 0)
+    modes = solved(alone, 0, {**theta, **a.effect_values}, (), N_MODEL)
+    seen = _seen(modes, max(float(t.modes.frequency.max()) for t in evidence.tested))
+    if not seen.size:
+        return None
+    expected = _expected(modes, seen)
+    usual = np.median(evidence.sensor_scatter[0][evidence.used[0]])  # the same sensors at the same points
+    number = (np.arange(seen.size),)
     alone = replace(
+        alone,
+        tested=(replace(alone.tested[0], modes=expected),),
+        used=number,
+        identity=number,
+        sensor_scatter=(np.full(seen.size, usual),),
+    )
+    shift = base_shift(alone, 0, theta["G_f"])
+    as_measured = replace(alone.tested[0], modes=_refined_mesh(expected, shift))
+    return replace(alone, tested=(as_measured,), shift=(shift,))
+
+
+def _alone(evidence: Assembled, experiment: Experiment) -> Assembled:
+    """Return the evidence with a further test in place of those at hand: first with the modes of one of these."""
+    test = Tested(
+        name=experiment.name,
+        pressure=_pressure(evidence, experiment),
+        modes=evidence.tested[0].modes,
+        known=dict(experiment.known),
+    )
+    return replace(
         evidence,
-        tested=(
-            Tested(
-                name=experiment.name,
-                pressure=_pressure(evidence, experiment),
-                modes=evidence.tested[0].modes,
-                known=dict(experiment.known),
-            ),
-        ),
+        tested=(test,),
         observation=evidence.observation[:1],
         observed=evidence.observed[:1],
         place_slope=evidence.place_slope[:1],
@@ -245,18 +283,19 @@ def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Ex
         hypotheses={},
         released=(),
     )
-    common = evidence.n_common
-    theta = alone.theta(a.nuisance[:common], 0)
-    modes = solved(alone, 0, {**theta, **a.effect_values}, (), N_MODEL)
-    top = max(float(t.modes.frequency.max()) for t in evidence.tested)
+
+
+def _seen(modes: Modes, top: float) -> NDArray[np.intp]:
+    """Return the modes that a test up to a frequency, Hz, identifies: not those that z sensors hardly see."""
     seen = np.flatnonzero(modes.frequency < 1.05 * top)
-    if not seen.size:  # a test without a mode in the band tells nothing
-        return 0.0
+    large = np.sqrt(np.mean(modes.shape[:, seen] ** 2, axis=0))
+    return np.asarray(seen[large > 0.2 * large.max(initial=0.0)])
+
+
+def _expected(modes: Modes, seen: NDArray[np.intp]) -> _Expected:
+    """Return what an identification is expected to give of modes."""
     shape = modes.shape[:, seen]
-    large = np.sqrt(np.mean(shape**2, axis=0))
-    seen = seen[large > 0.2 * large.max()]  # what z sensors hardly see is not identified
-    shape = modes.shape[:, seen]
-    expected = _Expected(
+    return _Expected(
         frequency=modes.frequency[seen],
         frequency_std=_FREQUENCY_STD * modes.frequency[seen],
         damping=modes.damping[seen],
@@ -264,33 +303,29 @@ def _distance(evidence: Assembled, experiment: Experiment, a: Explanation, b: Ex
         shape=shape.astype(complex),
         shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
     )
-    alone = replace(alone, tested=(replace(alone.tested[0], modes=expected),), used=(np.arange(seen.size),))
-    usual = np.median(evidence.sensor_scatter[0][evidence.used[0]])  # the same sensors at the same points
-    alone = replace(alone, identity=alone.used, sensor_scatter=(np.full(seen.size, usual),))
-    shift = base_shift(alone, 0, theta["G_f"])
-    expected = replace(
+
+
+def _refined_mesh(expected: _Expected, shift: Shift) -> _Expected:
+    """Return expected modes as an ever finer mesh would give them."""
+    return replace(
         expected,
         frequency=np.exp(shift.mesh) * expected.frequency,
-        shape=expected.shape + np.linalg.norm(shape, axis=0) * shift.mesh_shape,
+        shape=expected.shape + np.linalg.norm(expected.shape.real, axis=0) * shift.mesh_shape,
     )
-    as_measured = replace(alone.tested[0], modes=expected)
-    alone = replace(alone, tested=(as_measured,), shift=(shift,))
-    nuisance = b.nuisance[:common]
-    alone = replace(alone, covariance=covariance_of(alone, nuisance, b.parameter, b.coordinate))
-    fresh = residual(alone, nuisance, b.parameter, b.coordinate)
-    data = fresh.kind != "prior"
-    n_old = b.residual.jacobian.shape[1]
-    n_effect = len(b.parameter)
-    columns = np.r_[0:common, n_old - n_effect : n_old]
-    jacobian = np.zeros((int(data.sum()), n_old + 2))
-    jacobian[:, columns] = fresh.jacobian[data]
-    jacobian[:, n_old:] = fresh.jacobian[data][:, :2]  # the new configuration's own reassembly
-    priors = np.zeros((2, n_old + 2))
+
+
+def _misfit_with(evidence: Assembled, fresh: Residual, b: Explanation) -> float:
+    """Return the misfit of b to the data at hand and to `fresh`, those of a further test, after a linear step."""
+    data, old = fresh.kind != "prior", b.residual
+    n_old, n_effect, common = old.jacobian.shape[1], len(b.parameter), evidence.n_common
+    n_own = 2  # the further test's own reassembly: G_f and d_f
+    jacobian = np.zeros((int(data.sum()), n_old + n_own))
+    jacobian[:, np.r_[0:common, n_old - n_effect : n_old]] = fresh.jacobian[data]
+    jacobian[:, n_old:] = fresh.jacobian[data][:, :n_own]
+    priors = np.zeros((n_own, n_old + n_own))
     priors[:, n_old:] = -np.diag([1.0 / evidence.scatter.stiffness, 1.0 / evidence.scatter.loss])
-    old = np.hstack([b.residual.jacobian, np.zeros((b.residual.value.size, 2))])
-    free = ~np.r_[np.zeros(n_old - n_effect, bool), b.at_bound, np.zeros(2, bool)]
-    whole = np.vstack([old, jacobian, priors])[:, free]
-    value = np.concatenate([b.residual.value, fresh.value[data], np.zeros(2)])
-    q = np.linalg.qr(whole)[0]
-    misfit = float(value @ value - np.sum((q.T @ value) ** 2))
-    return float(np.sqrt(max(misfit - a.misfit, 0.0)))
+    before = np.hstack([old.jacobian, np.zeros((old.value.size, n_own))])
+    free = ~np.r_[np.zeros(n_old - n_effect, bool), b.at_bound, np.zeros(n_own, bool)]
+    value = np.concatenate([old.value, fresh.value[data], np.zeros(n_own)])
+    q = np.linalg.qr(np.vstack([before, jacobian, priors])[:, free])[0]
+    return float(value @ value - np.sum((q.T @ value) ** 2))
