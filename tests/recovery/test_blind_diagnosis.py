@@ -117,7 +117,7 @@ def test_the_full_study_begins_with_the_quick_one():
     quick, full = planned(), planned(full=True)
     assert (len(quick), len(full)) == (134, 1300)
     assert full[:134] == quick
-    one = [seed for seed, kind in full if kind in ("single", "withheld", "wrong form")]
+    one = [seed for seed, kind in full if kind in ("single", "withheld", "model-form error")]
     assert len(set(one)) == len(one) == 54 + 24 + 10 + 506 + 186 + 90
 
 

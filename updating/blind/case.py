@@ -46,12 +46,13 @@ SPREAD = {
 G_F, D_F = 1500.0, 2e-11
 HELD_OUT, HELD_OUT_PRESSURE = "held out", 240e3
 """A third torque that is simulated but not shown to the diagnosis, with its pressure, Pa."""
-MODEL_FORM_ERROR = "wrong form"
+MODEL_FORM_ERROR = "model-form error"
 """Kind of a case with a model-form error: its effect is of a known family but follows another law."""
 WEAKER = 0.6
 """Share of its strength that such an effect has in the first configuration."""
 DETECTABLE = 4.0
-"""Distance above which an effect counts as detectable: the root of `verdict.GAIN_SINGLE`."""
+"""Distance above which an effect counts as detectable: four standard deviations."""
+_Z90 = 1.645  # standard deviations to either side that hold 90 % of a normal distribution
 _STEPS = 3  # towards the contact of a configuration that was not fitted
 
 
@@ -64,7 +65,7 @@ class Case:
     seed : int
         Seed of all that was drawn.
     kind : str
-        "null", "single", "pair", "withheld" or "wrong form".
+        "null", "single", "pair", "withheld" or "model-form error".
     truth : tuple of str
         The planted effects.
     values : mapping of str to float
@@ -181,8 +182,8 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
     seed : int
         Of all that is drawn.
     kind : str
-        "null", "single", "pair", "withheld", the effect then being taken out of the catalogue, or "wrong form": its
-        strength in the first configuration is not that in the others, as no effect of the catalogue has it.
+        "null", "single", "pair", "withheld", the effect then being taken out of the catalogue, or "model-form error":
+        its strength in the first configuration is not that in the others, as no effect of the catalogue has it.
     candidates : CandidateModel, optional
         The nominal model; by default with the whole catalogue.
     """
@@ -281,8 +282,8 @@ def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float])
     if own is None:
         return ()
     return tuple(
-        bool(low <= values[p.name] <= high)
-        for p, low, high in zip(own.parameter, own.lower, own.upper, strict=True)
+        bool(abs(coordinate_of(p, values[p.name]) - at) <= _Z90 * std)
+        for p, at, std in zip(own.parameter, own.coordinate, own.std, strict=True)
     )
 
 

@@ -133,11 +133,11 @@ def _of_model_form_errors(cases: Sequence[Case]) -> tuple[Figure, ...]:
 
     return (
         _share(
-            "wrong form: the effect or its family named",
+            "model-form error: the effect or its family named",
             "reported",
             [bool(c.candidates) and akin(c) for c in cases],
         ),
-        _share("wrong form: unlike anything", "reported", [_unlike(c) for c in cases]),
+        _share("model-form error: unlike anything", "reported", [_unlike(c) for c in cases]),
     )
 
 
