@@ -149,6 +149,8 @@ class Campaign:
         Column layout of text files.
     averaging : Averaging or None
         How FRFs are estimated from files of time histories; None where the files hold FRFs.
+    decay_rate : float
+        What an exponential window of the analyser adds to the decay rate of every mode in files of FRFs, 1/s.
     corrections : tuple of Correction
         Corrections of single functions.
     notes : tuple of str
@@ -167,6 +169,7 @@ class Campaign:
     unit: Unit | None
     table: TableLayout | None
     averaging: Averaging | None
+    decay_rate: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
 
@@ -281,6 +284,7 @@ def _campaign(path: Path) -> Campaign:
         unit=None if content.measurement.unit is None else parse_unit(content.measurement.unit),
         table=content.measurement.table,
         averaging=content.measurement.time,
+        decay_rate=1.0 / content.measurement.exponential_window_s,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Literal
 
@@ -68,6 +69,7 @@ class _Measurement(Section):
     unit: UnitText | None = None
     table: TableLayout | None = None
     time: Averaging | None = None
+    exponential_window_s: float = Field(default=math.inf, gt=0.0)
 
     @model_validator(mode="after")
     def _is_frf_unit(self) -> _Measurement:
@@ -75,6 +77,9 @@ class _Measurement(Section):
             message = (
                 f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'"
             )
+            raise ValueError(message)
+        if self.time is not None and "exponential_window_s" in self.model_fields_set:
+            message = "[measurement.time] has 'response_end' for its window: leave 'exponential_window_s' out"
             raise ValueError(message)
         if self.time is not None and self.unit is not None:
             message = "[measurement.time] takes 'force_unit' and 'response_unit' in place of 'unit'"

@@ -20,6 +20,8 @@ from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dof, Dofs, Geometry
 
+_SAME_WINDOW = 1e-3  # relative difference of decay rates by the rounding of a block's length
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measurement:
@@ -67,6 +69,7 @@ class _Entry:
     run: int
     source: str
     overload: float = 0.0
+    decay_rate: float = 0.0
 
 
 def read_measurement(campaign: Campaign, name: str) -> Measurement:
@@ -146,7 +149,7 @@ def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFun
 
 def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
-    found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, int, int]] = []
+    found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]] = []
     for group in [files.files] if files.together else [(file,) for file in files.files]:
         contents = [(file, _read(campaign, file, notes)) for file in group]
         if campaign.averaging is not None:
@@ -154,17 +157,20 @@ def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> 
             found += [(*f, n_run, i) for i, f in enumerate(estimated, start=1)]
         else:
             for file, functions in contents:
-                found += [(*f, 0.0, n_run, i) for i, f in enumerate(_frfs(file, functions, notes), start=1)]
+                found += [
+                    (*f, 0.0, campaign.decay_rate, n_run, i)
+                    for i, f in enumerate(_frfs(file, functions, notes), start=1)
+                ]
         n_run += 1
     outputs = _listed(campaign, "output", files, files.output, len(found))
     inputs = _listed(campaign, "input", files, files.input, len(found))
     entries = []
-    for (function, coherence, overload, run, position), output, force in zip(
+    for (function, coherence, overload, decay_rate, run, position), output, force in zip(
         found, outputs, inputs, strict=True
     ):
         entry = _corrected(campaign, function, coherence, run, position, output, force, notes)
         if entry is not None:
-            entries.append(replace(entry, overload=overload))
+            entries.append(replace(entry, overload=overload, decay_rate=decay_rate))
     return entries, n_run
 
 
@@ -433,8 +439,21 @@ def _block(
         run=np.array([row[0].run for row in table]),
         source=tuple(row[0].source for row in table),
         coherence=coherence,
+        decay_rate=_decay_rate(entries),
     )
     return frf, overload
+
+
+def _decay_rate(entries: Sequence[_Entry]) -> float:
+    """Return what the exponential window adds to decay rates, 1/s, the same in all functions."""
+    slow, fast = (limit(entries, key=lambda e: e.decay_rate) for limit in (min, max))
+    if fast.decay_rate > (1.0 + _SAME_WINDOW) * slow.decay_rate:
+        message = (
+            f"the exponential window adds {fast.decay_rate:.4g} 1/s to the decay rates in {fast.source} and "
+            f"{slow.decay_rate:.4g} in {slow.source}; use one window, or make each a configuration"
+        )
+        raise MeasurementError(message)
+    return fast.decay_rate
 
 
 def _dofs(dofs: list[Dof]) -> Dofs:

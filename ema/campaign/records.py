@@ -13,7 +13,7 @@ from ema.io.measured_function import MeasuredFunction
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
 
-_Found = tuple[MeasuredFunction, MeasuredFunction | None, float]
+_Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 
 
 def frfs_from_records(
@@ -32,8 +32,8 @@ def frfs_from_records(
 
     Returns
     -------
-    list of (FRF, coherence or None, share of overloaded samples)
-        One entry for each response, in reading order.
+    list of (FRF, coherence or None, share of overloaded samples, decay rate)
+        One entry for each response, in reading order; the last is what an exponential window adds, 1/s.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def frfs_from_records(
     if estimate.decay_rate > 0:
         notes.append(
             f"{contents[0][0]}: the exponential window adds {estimate.decay_rate:.4g} 1/s to the decay rate of "
-            "every mode; subtract it from damping ratio times angular frequency"
+            "every mode; damping ratios are given without it"
         )
     return _functions(records, estimate, clipped, averaging, notes)
 
@@ -90,7 +90,7 @@ def _functions(
             notes.append(
                 f"{response.source}: {100 * overload:.2g} % of its samples or its force's are clipped"
             )
-        found.append((frf, coherence, overload))
+        found.append((frf, coherence, overload, estimate.decay_rate))
     return found
 
 

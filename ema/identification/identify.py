@@ -301,6 +301,7 @@ def _by_reciprocity(frf: FRF) -> FRF:
         run=np.zeros(n_input, dtype=int),
         source=(", ".join(dict.fromkeys(frf.source)),) * n_input,
         coherence=None if frf.coherence is None else frf.coherence.swapaxes(0, 1),
+        decay_rate=frf.decay_rate,
     )
 
 
@@ -352,6 +353,7 @@ def _model(
     variance = _variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))
     variance = variance[:, :n_mode].reshape(n_output, n_input, n_mode)
     pole = fit.pole[:n_mode]
+    free = _without_window(pole, frf.decay_rate)
     # Residues at a pole that a run does not have are too small; shapes then join the runs at their own poles.
     constant = (runs.residue if runs.disagree() else fit.residue)[:, :n_mode]
     shapes = shapes_from_residues(
@@ -360,8 +362,8 @@ def _model(
     noise, correlation, error = _as_measured(fit, frf, quantity)
     return ModalModel(
         name=name,
-        frequency=np.abs(pole) / (2.0 * np.pi),
-        damping=-pole.real / np.abs(pole),
+        frequency=np.abs(free) / (2.0 * np.pi),
+        damping=-free.real / np.abs(free),
         frequency_std=frequency_std[:n_mode],
         damping_std=damping_std[:n_mode],
         pole=pole,
@@ -390,7 +392,28 @@ def _model(
         run_frequency_std=runs.frequency_std[:, :n_mode],
         run_damping_std=runs.damping_std[:, :n_mode],
         run_probability=runs.probability[:, :n_mode],
+        decay_rate=frf.decay_rate,
     )
+
+
+def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[np.complex128]:
+    """Return poles without what an exponential window added to their decay rates (Fladung and Rost 1997).
+
+    Raises
+    ------
+    IdentificationError
+        A mode decays more slowly than the window alone would let it.
+    """
+    free = pole + decay_rate
+    wrong = free.real >= 0.0
+    if decay_rate > 0.0 and np.any(wrong):
+        hertz, own = np.abs(pole[wrong][0]) / (2.0 * np.pi), -pole[wrong][0].real
+        message = (
+            f"the mode at {hertz:.6g} Hz decays by {own:.4g} 1/s, but the exponential window alone, as it is stated, "
+            f"would add {decay_rate:.4g} 1/s; state the time constant of the window that was used"
+        )
+        raise IdentificationError(message)
+    return free
 
 
 def _variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -97,7 +97,7 @@ def mode_sets(modal_model: ModalModel) -> list[dict[str, Any]]:
     geometry = modal_model.geometry
     axes = np.stack([geometry.axes[geometry.node == n][0] if n in geometry.node else np.eye(3) for n in node])
     sets = []
-    for r, pole in enumerate(modal_model.pole):
+    for r, pole in enumerate(modal_model.free_pole):
         vector = np.zeros((node.size, 3), dtype=complex)
         np.add.at(vector, index, modal_model.direction * modal_model.shape[:, [r]])
         local = np.einsum("nij,nj->ni", axes, vector)

@@ -38,6 +38,8 @@ class FRF:
         Where each output comes from (file and data set), for messages; `n_output` entries.
     coherence : (n_output, n_input, n_frequency) float or None
         Ordinary coherence of each function, or None when the test system did not store it.
+    decay_rate : float
+        What an exponential window on the responses adds to the decay rate of every mode, 1/s.
     """
 
     frequency: NDArray[np.float64]
@@ -48,6 +50,7 @@ class FRF:
     run: NDArray[np.int64]
     source: tuple[str, ...]
     coherence: NDArray[np.float64] | None = None
+    decay_rate: float = 0.0
 
     def __post_init__(self) -> None:
         frequency = readonly("FRF", "frequency", self.frequency, (None,))

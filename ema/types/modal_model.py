@@ -106,6 +106,9 @@ class ModalModel:
         the other runs (Bonferroni's bound); 1 where there is one run only.
     unexplained : tuple of UnexplainedPeak
         What the functions show as a peak and the modes do not explain, the largest first.
+    decay_rate : float
+        What an exponential window adds to every decay rate, 1/s: it is in the poles, which the functions have, and
+        in those of runs, and is taken out of frequencies and damping ratios.
     """
 
     name: str
@@ -140,6 +143,7 @@ class ModalModel:
     run_damping_std: NDArray[np.float64]
     run_probability: NDArray[np.float64]
     unexplained: tuple[UnexplainedPeak, ...] = ()
+    decay_rate: float = 0.0
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)
@@ -175,6 +179,11 @@ class ModalModel:
         }
         for name, (shape, dtype) in expected.items():
             object.__setattr__(self, name, readonly("ModalModel", name, getattr(self, name), shape, dtype))
+
+    @property
+    def free_pole(self) -> NDArray[np.complex128]:
+        """Poles without what a window adds, rad/s, ``(n_mode,)``."""
+        return self.pole + self.decay_rate
 
     @property
     def run_frequency(self) -> NDArray[np.float64]:

@@ -90,6 +90,33 @@ def test_the_keys_of_a_correction(folder, keys, n_output):
     np.testing.assert_allclose(modes["frequency"], [110.0, 190.0], rtol=1e-3)
 
 
+def windowed(folder, time_constant):
+    """Run `lamella ema` on the base campaign with an exponential window stated."""
+    text = BASE.replace("[measurement]", f"[measurement]\nexponential_window_s = {time_constant}", 1)
+    (folder / "windowed.toml").write_text(text)
+    return CliRunner().invoke(app, ["ema", str(folder / "windowed.toml"), "-o", str(folder / "windowed")])
+
+
+def test_the_damping_of_an_exponential_window_is_taken_out(folder):
+    """A window exp(-t / T) moves every pole by -1 / T: the bar has 1 % with it."""
+    rate = 2.0
+    done = windowed(folder, 1.0 / rate)
+    assert done.exit_code == 0, done.output
+    found = json.loads((folder / "windowed/M1/modal_model.json").read_text(encoding="utf-8"))["result"]
+    _, plain = identified(folder)
+    omega = 2 * np.pi * np.array([110.0, 190.0])
+    np.testing.assert_allclose(plain["damping"], 0.01, rtol=0.02)
+    np.testing.assert_allclose(np.subtract(plain["damping"], found["damping"]), rate / omega, rtol=1e-3)
+    np.testing.assert_allclose(found["frequency"], plain["frequency"], rtol=1e-4)
+    np.testing.assert_allclose(found["error"], plain["error"])
+
+
+def test_a_window_that_cannot_be_is_an_error(folder):
+    done = windowed(folder, 0.01)
+    assert done.exit_code != 0
+    assert "exponential window alone" in str(done.exception)
+
+
 def test_a_force_level(folder):
     level = '[[configuration.force_level]]\nforce_N = 10\nfiles = ["set.csv"]\n'
     campaign, _ = identified(folder, "")

@@ -136,7 +136,7 @@ def target_of_modes(
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     n_mode = measured.frequency.size
     slope = np.zeros((2 * n_mode, 2 * n_mode))
-    for r, pole in enumerate(measured.pole):
+    for r, pole in enumerate(measured.free_pole):
         size, a, b = abs(pole), pole.real, pole.imag
         slope[2 * r : 2 * r + 2, 2 * r : 2 * r + 2] = [
             [a / size**2, b / size**2],

@@ -179,7 +179,12 @@ def write_frf(path: Path, frf: FRF) -> None:
     for name in ("output", "input"):
         dofs: Dofs = getattr(frf, name)
         arrays[f"{name}_node"], arrays[f"{name}_direction"] = dofs.node, dofs.direction
-    np.savez_compressed(buffer, quantity=np.array(frf.quantity), source=np.array(frf.source), **arrays)
+    arrays |= {
+        "quantity": np.array(frf.quantity),
+        "source": np.array(frf.source),
+        "decay_rate": np.array(frf.decay_rate),
+    }
+    np.savez_compressed(buffer, **arrays)
     write_bytes(path, buffer.getvalue())
 
 
@@ -202,6 +207,7 @@ def read_frf(path: Path) -> FRF:
                 run=archive["run"],
                 source=tuple(str(s) for s in archive["source"]),
                 coherence=archive.get("coherence"),
+                decay_rate=float(archive["decay_rate"]),
             )
     except Exception as error:  # zip, deflate and NumPy raise what they like at damaged archives
         message = f"cannot read the FRFs in {path}: {error}"
