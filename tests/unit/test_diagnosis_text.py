@@ -329,8 +329,9 @@ def test_what_falls_is_said_and_nothing_else_is_said_to_fall(before, after, said
 )
 def test_what_would_have_to_be_far_off_is_said_in_words(name, value, std, text):
     own = Strained(name=name, value=value, std=std)
-    assert strained(own) == f"Beware: {text}"
-    assert strained(own) in sentences(diagnosis("nothing missing", strained=(own,)))
+    assert strained(own) == text
+    assert f"Beware: {text}" in sentences(diagnosis("nothing missing", strained=(own,)))
+    assert f"Without it, {text}" in sentences(diagnosis("identified", STINGER, relieved=(own,)))
 
 
 @pytest.mark.parametrize(

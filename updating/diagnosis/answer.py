@@ -132,6 +132,8 @@ class Diagnosis:
         Points of the measurement that were mixed up, and were put right.
     strained : tuple of Strained
         Nuisances that are far off with the first of the set, or the base model.
+    relieved : tuple of Strained
+        Nuisances that are far off with the base model, but not with the first of the set.
     point_change : PointChange, optional
         What is left looks like this.
     ranking : tuple of Ranked
@@ -169,6 +171,7 @@ class Diagnosis:
     too_large: tuple[str, ...]
     mixed_up: tuple[MixedUp, ...]
     strained: tuple[Strained, ...]
+    relieved: tuple[Strained, ...]
     point_change: PointChange | None
     ranking: tuple[Ranked, ...]
     errors: tuple[ModeError, ...]

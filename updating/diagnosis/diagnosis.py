@@ -99,6 +99,7 @@ def conclude(
     of = {own.effects: own for own in ranking}
     named = {name for x in left for name in x.effects}
     evidence = found.evidence
+    strained = _strained(evidence.supposing(first.effects), first)
     answer = Diagnosis(
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
@@ -110,7 +111,10 @@ def conclude(
         discrepancy_spread=first.spread,
         too_large=too_large(evidence, first),
         mixed_up=found.mixed_up,
-        strained=_strained(evidence.supposing(first.effects), first),
+        strained=strained,
+        relieved=tuple(
+            own for own in _strained(evidence, base) if own.name not in {s.name for s in strained}
+        ),
         point_change=decision.point,
         ranking=ranking,
         errors=_errors(evidence, base, left),

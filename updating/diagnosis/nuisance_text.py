@@ -43,13 +43,13 @@ def misstated(p: ParameterEstimate) -> str:
 
 
 def strained(own: Strained) -> str:
-    """Say that something stated would have to be far from what is known of it."""
+    """Say, after a word such as beware, that something stated would have to be far from what is known of it."""
     what, _, where = own.name.partition("[")
     value, known, clamp = _off(own, own.value), _off(own, own.std), _CLAMP.fullmatch(own.name)
     if what in ("G_f", "d_f"):
         name = {"G_f": "stiffness G_f", "d_f": "damping d_f"}[what]
         return (
-            f"Beware: the contact {name} at {where.rstrip(']')} would have to differ from the other torques' by "
+            f"the contact {name} at {where.rstrip(']')} would have to differ from the other torques' by "
             f"{value}; reassembly and torque explain {known}."
         )
     if clamp:
@@ -58,12 +58,12 @@ def strained(own: Strained) -> str:
         text = f"all measured points would have to sit {value} farther along x than the file has them"
     elif what == DECAY:
         return (
-            f"Beware: every free vibration would have to decay faster by {value}, as an exponential window makes it, "
+            f"every free vibration would have to decay faster by {value}, as an exponential window makes it, "
             "and the campaign states none."
         )
     else:
         text = f"the stack's {_STEEL.get(what, what)} would have to differ from the file's by {value}"
-    return f"Beware: {text}; what is known of it leaves {known}."
+    return f"{text}; what is known of it leaves {known}."
 
 
 def _off(own: Strained, value: float) -> str:
