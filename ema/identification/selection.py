@@ -67,7 +67,7 @@ def select_modes(
                 fit = extended
                 searching = True
                 break
-    fit = _refined(data, fit.pole, band)
+    fit = _without_images(data, _refined(data, fit.pole, band), band)
     fit, left = take_in_peaks(data, fit, candidates, band)
     return *_finished(data, fit, band), left
 

@@ -423,23 +423,30 @@ def write_campaign(simulated: Simulated, folder: Path) -> Path:
     """Write the campaign with its stack file, points, FRFs and `truth.json`; return the campaign file."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(simulated.plan.stack, folder / "stack.toml")
-    rows = [
-        f"{node},{','.join(f'{1e3 * c:.3f}' for c in place)}"
-        for node, place in enumerate(simulated.nominal, 1)
-    ]
-    (folder / "points.csv").write_text("\n".join(["node,x,y,z", *rows]) + "\n", encoding="utf-8")
+    write_points(simulated, folder / "points.csv")
     for i, configuration in enumerate(simulated.plan.configurations):
         (folder / configuration.name).mkdir(exist_ok=True)
         for run, (frf, noise) in enumerate(zip(simulated.frf[i], simulated.noise[i], strict=True)):
             _write_run(folder / _run_file(configuration, run), simulated.frequency, frf, noise)
     file = folder / "campaign.toml"
-    file.write_text(_campaign_text(simulated), encoding="utf-8")
+    plan = simulated.plan
+    text = campaign_text(simulated, name=f"{plan.kind} {plan.seed} of {plan.model_key}")
+    file.write_text(text, encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(truth(simulated)), encoding="utf-8")
     return file
 
 
-def _run_file(configuration: Configuration, run: int) -> str:
-    return f"{configuration.name}/run_{run + 1:02d}.csv"
+def write_points(simulated: Simulated, file: Path) -> None:
+    """Write the points where the file of a laboratory has them, mm."""
+    rows = [
+        f"{node},{','.join(f'{1e3 * c:.3f}' for c in place)}"
+        for node, place in enumerate(simulated.nominal, 1)
+    ]
+    file.write_text("\n".join(["node,x,y,z", *rows]) + "\n", encoding="utf-8")
+
+
+def _run_file(configuration: Configuration, run: int, suffix: str = "csv") -> str:
+    return f"{configuration.name}/run_{run + 1:02d}.{suffix}"
 
 
 def _write_run(file: Path, frequency: Array, frf: NDArray[np.complex128], noise: Array) -> None:
@@ -452,11 +459,11 @@ def _write_run(file: Path, frequency: Array, frf: NDArray[np.complex128], noise:
     np.savetxt(file, np.vstack([frequency, columns]).T, fmt=line, delimiter=",", header=header, comments="")
 
 
-def _campaign_text(simulated: Simulated) -> str:
+def campaign_text(simulated: Simulated, *, name: str, suffix: Literal["csv", "uff"] = "csv") -> str:
     """Return the campaign file."""
     plan = simulated.plan
     text = f"""[campaign]
-name = "{plan.kind} {plan.seed} of {plan.model_key}"
+name = "{name}"
 
 [structure]
 stack = "stack.toml"
@@ -464,11 +471,14 @@ stack = "stack.toml"
 [points]
 file = "points.csv"
 unit = "mm"
+lines = {_trace_lines()}
 
 [measurement]
-format = "csv"
+format = "{suffix}"
 unit = "(m/s2)/N"
-
+"""
+    if suffix == "csv":
+        text += """
 [measurement.table]
 layout = "real-imaginary"
 header_rows = 1
@@ -480,9 +490,17 @@ coherence_columns = [4, 7]
         text += f"pressure_kPa = {1e-3 * one.pressure:g}\n"
         for run in range(len(simulated.frf[i])):
             nodes = ", ".join(f'"{node}+z"' for node in (SENSORS * run + 1, SENSORS * run + 2))
-            text += f'\n[[configuration.run]]\nfiles = ["{_run_file(one, run)}"]\n'
+            text += f'\n[[configuration.run]]\nfiles = ["{_run_file(one, run, suffix)}"]\n'
             text += f'output = [{nodes}]\ninput = ["{SHAKER}+z"]\n'
     return text
+
+
+def _trace_lines() -> list[list[int]]:
+    """Return the lines that draw the four edges and the sections between them."""
+    along = [[node, node + 4] for node in range(1, SHAKER - 4)]
+    corners = ((0, 1), (1, 3), (3, 2), (2, 0))
+    around = [[first + a, first + b] for first in range(1, SHAKER, 4) for a, b in corners]
+    return along + around
 
 
 def truth(simulated: Simulated) -> dict[str, object]:
