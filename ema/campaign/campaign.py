@@ -137,6 +137,8 @@ class Campaign:
         File of the points.
     geometry : Geometry
         The measured points.
+    without_coordinates : tuple of int
+        Points that are measured although the geometry does not hold them; any other such point is refused.
     configurations : tuple of Configuration
         In the order of the file.
     identification : IdentificationOptions
@@ -161,6 +163,7 @@ class Campaign:
     stack: Path | None
     points: Path
     geometry: Geometry
+    without_coordinates: tuple[int, ...]
     configurations: tuple[Configuration, ...]
     identification: IdentificationOptions
     format: Literal["uff", "csv"] | None
@@ -199,6 +202,7 @@ def read_campaign(path: str | Path) -> Campaign:
         file = "points.csv"                    # columns node,x,y,z; or a universal file with points
         unit = "mm"                            # needed for CSV; for a universal file it overrides set 164
         lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
+        without_coordinates = [99]             # measured points that are not in the list; others are refused
         [measurement]
         format = "uff"                         # or "csv"; left out, the suffix decides
         unit = "(m/s2)/N"                      # needed for CSV; overrides what universal files say
@@ -275,6 +279,7 @@ def _campaign(path: Path) -> Campaign:
         stack=None if content.structure.stack is None else folder / content.structure.stack,
         points=folder / content.points.file,
         geometry=geometry,
+        without_coordinates=content.points.without_coordinates,
         configurations=configurations,
         identification=IdentificationOptions(band=options.band_Hz, order=options.order),
         format=content.measurement.format,

@@ -61,6 +61,7 @@ class PointsSection(Section):
     file: str
     unit: UnitText | None = None
     lines: tuple[tuple[int, ...], ...] = ()
+    without_coordinates: tuple[int, ...] = ()
 
 
 class _Measurement(Section):

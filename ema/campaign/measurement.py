@@ -88,7 +88,8 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     CampaignError
         There is no such configuration, or its DOF lists do not fit its files.
     MeasurementError
-        A file cannot be read, or does not say what the campaign file leaves open.
+        A file cannot be read, does not say what the campaign file leaves open, or measures at a point that is
+        not in the list of points.
     """
     return _merged(campaign, campaign.configuration(name))
 
@@ -251,6 +252,7 @@ def _corrected(
         raise MeasurementError(message)
     assert output is not None
     assert force is not None
+    _require_points(campaign, function, (output, force))
     return _Entry(
         frequency=_snapped(function.abscissa),
         value=function.value * complex(scale),
@@ -261,6 +263,20 @@ def _corrected(
         run=run,
         source=function.source,
     )
+
+
+def _require_points(campaign: Campaign, function: MeasuredFunction, dofs: tuple[Dof, Dof]) -> None:
+    """Refuse a response or force at a point that is not listed: it is more often mistyped than meant."""
+    known = campaign.geometry.node
+    for role, dof in zip(("response", "force"), dofs, strict=True):
+        if dof.node not in known and dof.node not in campaign.without_coordinates:
+            message = (
+                f"{function.source}: point {dof.node} of the {role} is not in {campaign.points}, which lists "
+                f"{known.size} points from {known.min()} to {known.max()}. Add it there, correct the DOF in the "
+                "campaign file ('output', 'input' or a [[correction]]), or, where nobody knows where it is, say "
+                f"without_coordinates = [{dof.node}] under [points]"
+            )
+            raise MeasurementError(message)
 
 
 def _from_file(geometry: Geometry, stated: tuple[int, int] | None) -> Dof | None:

@@ -68,6 +68,7 @@ name = "Three-storey building"
 [points]
 file = "points.csv"
 unit = "m"
+without_coordinates = [99]
 [measurement]
 unit = "(m/s2)/N"
 [measurement.table]
@@ -106,6 +107,7 @@ name = "Ruler"
 [points]
 file = "points.csv"
 unit = "cm"
+without_coordinates = [11]
 [measurement]
 unit = "m/s2/N"
 [measurement.table]
