@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.campaign.campaign import UFF_SUFFIXES, Campaign, Configuration, Correction, Files
+from ema.campaign.campaign import Campaign, Configuration, Correction, Files
+from ema.campaign.named_files import format_of
 from ema.campaign.records import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_table
 from ema.io.uff import read_uff_functions
+from ema.io.variables import read_variables
 from ema.types.arrays import readonly
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
@@ -135,10 +137,14 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
 
 
 def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFunction, ...]:
-    if campaign.format == "uff" or (campaign.format is None and file.suffix.lower() in UFF_SUFFIXES):
+    kind = format_of(file, campaign.format)
+    if kind == "uff":
         functions, odd = read_uff_functions(file, campaign.unit)
         notes += odd
         return functions
+    if kind in ("mat", "hdf5"):
+        assert campaign.variables is not None
+        return read_variables(file, campaign.variables, campaign.unit, matlab=kind == "mat")
     if campaign.table is None:
         message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
         raise CampaignError(message)

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -145,6 +146,23 @@ def universal(cut=None, kind=None):
     return damage
 
 
+def arrays(axes='["frequency", "output"]', frf="H"):
+    """Give the functions as an HDF5 file of the arrays H and f, described like this."""
+
+    def damage(folder):
+        frequency, value = functions()
+        with h5py.File(folder / "run.h5", "w") as file:
+            file["H"], file["f"] = value.T, frequency
+        table = f'[measurement.variables]\nfrf = "{frf}"\nfrequency = "f"\naxes = {axes}\n'
+        changed(
+            "campaign.toml",
+            ('[measurement.table]\nlayout = "real-imaginary"\n', table),
+            ("run_*.csv", "run.h5"),
+        )(folder)
+
+    return damage
+
+
 def published(name, old, new):
     """Put the published campaign beside it, with a table damaged."""
 
@@ -202,6 +220,11 @@ TABLE = {
     "cut off in a header": ("ema campaign.toml", universal(cut=0.9), ["all.uff: data set 8 (58b): no data values"]),
     "wrong data set": ("ema campaign.toml", universal(kind="points"),
                        ["all.uff: no function (dataset 58) in the file; it holds data sets"]),
+    # files of arrays
+    "variable that is not there": ("ema campaign.toml", arrays(frf="G"),
+                                   ["run.h5: variable 'G' (frf)", "the file holds H (200 x 6), f (200)"]),
+    "axes in another order": ("ema campaign.toml", arrays(axes='["output", "frequency"]'),
+                              ["run.h5: variable 'f' (frequency)", "is the order axes = ['output', 'frequency']"]),
     # wrong numbers
     "text for a number": ("ema campaign.toml", holds("run_2.csv", "1,2,3,4,5,6,7\n2,soft,4,5,6,7,8\n"),
                           ["run_2.csv: row 2, column 2: expected a number, found 'soft'"]),
