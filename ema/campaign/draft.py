@@ -150,20 +150,24 @@ def _universal(file: Path) -> Contents | None:
 def _of_one_layout(
     configurations: dict[str, tuple[Contents, ...]], left_out: list[str]
 ) -> dict[str, tuple[Contents, ...]]:
-    """Keep of the files that the campaign file describes those of the most common description: it has one of each."""
+    """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
     every = [c for contents in configurations.values() for c in contents]
+    of_frfs = [c for c in every if not c.is_time] or every
     usual = {}
     for section in ("table", "variables"):
-        counts = Counter(repr(c.keys) for c in every if c.section == section)
+        counts = Counter(repr(c.keys) for c in of_frfs if c.section == section)
         usual[section] = counts.most_common(1)[0][0] if counts else ""
-    for c in every:
-        if c.section is not None and repr(c.keys) != usual[c.section]:
-            left_out.append(f"{c.file}: laid out otherwise than most of the files")
-    kept = {
-        name: tuple(c for c in contents if c.section is None or repr(c.keys) == usual[c.section])
-        for name, contents in configurations.items()
-    }
-    return {name: contents for name, contents in kept.items() if contents}
+    only_time = all(c.is_time for c in every)
+    kept: dict[str, tuple[Contents, ...]] = {}
+    for name, contents in configurations.items():
+        for c in contents:
+            if c.is_time and not only_time:
+                left_out.append(f"{c.file}: holds time histories, and other files FRFs")
+            elif c.section is not None and repr(c.keys) != usual[c.section]:
+                left_out.append(f"{c.file}: laid out otherwise than most of the files")
+            else:
+                kept[name] = (*kept.get(name, ()), c)
+    return kept
 
 
 def _lists_points(file: Path) -> bool:
@@ -197,6 +201,14 @@ def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> Po
                 continue
             return PointsFound(file=file, unit=None, span=0.0, node=tuple(geometry.node.tolist()))
     return None
+
+
+def unlisted(found: Draft) -> list[int]:
+    """Return the points that are measured, as far as the files tell, but not in the list of points."""
+    if found.points is None:
+        return []
+    measured = {dof[0] for c in found.contents for pair in c.dofs for dof in pair if dof is not None}
+    return sorted(measured - set(found.points.node))
 
 
 def force_by_exclusion(found: Draft, contents: tuple[Contents, ...]) -> Code | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ema.campaign.draft import Draft, force_by_exclusion
+from ema.campaign.draft import Draft, force_by_exclusion, unlisted
 from ema.campaign.named_files import natural
 from ema.io.contents import UNKNOWN, Code, Contents, dof_name
 from ema.io.files import whole
@@ -88,6 +88,10 @@ def _points(found: Draft, missing: list[str]) -> list[str]:
     lines = [f"file = {_toml(found.points.file.relative_to(found.folder).as_posix())}"]
     if found.points.unit is not None:
         lines.append(f'unit = "{found.points.unit}"  # guessed: the points span {found.points.span:g}')
+    absent = unlisted(found)
+    if absent:
+        missing.append(f"points {absent}: measured, but not in {found.points.file.name}; add them there")
+        lines.append(f"# without_coordinates = {absent}  # to be filled in where nobody knows where they are")
     return lines
 
 

@@ -21,6 +21,7 @@ import model
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.identification.poles_file import read_poles, write_poles
+from ema.io.guess_table import guess_table
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.io.units import parse_unit
@@ -94,6 +95,7 @@ READERS = {
     "run of a campaign": (measured, "demo_stack/M1/run_01.uff", EmaError),
     "universal file": (UNIVERSAL, "demo_stack/M1/run_02.uff", EmaError),
     "table of real and imaginary parts": (table(TWO_SENSORS), "hidden_effect/b/M1/run_01.csv", EmaError),
+    "what a table seems to hold": (guess_table, "hidden_effect/b/M1/run_01.csv", EmaError),
     "points": (lambda file: read_points(file, parse_unit("mm")), "demo_stack/points.csv", EmaError),
     "campaign": (read_campaign, "demo_stack/campaign.toml", EmaError),
     "campaign of tables": (read_campaign, "hidden_effect/b/campaign.toml", EmaError),

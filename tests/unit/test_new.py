@@ -233,6 +233,26 @@ def test_points_of_a_universal_file(tmp_path):
     assert read_campaign(tmp_path / "campaign.toml").geometry.node.size == 45
 
 
+def test_measured_points_that_are_not_listed(tmp_path):
+    for node in (1, 7):
+        (tmp_path / f"{node}z_45z.csv").write_text("f,Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [0]]))
+    assert "points [7]: measured, but not in points.csv" in new(tmp_path)
+    with pytest.raises(EmaError, match=r"7z_45z\.csv: column 2, 3: point 7 of the response is not in"):
+        frf(tmp_path, tmp_path.name)
+    fill(tmp_path, ("# without_coordinates", "without_coordinates"))
+    np.testing.assert_array_equal(frf(tmp_path, tmp_path.name).output.node, [1, 7])
+
+
+def test_time_histories_beside_frfs_are_left_out(tmp_path):
+    (tmp_path / "1z_45z.csv").write_text("f,Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [0]]))
+    for k in range(2):
+        (tmp_path / f"time_{k}.csv").write_text(
+            "time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY)
+        )
+    assert len(re.findall(r"left out: .*time_.\.csv: holds time histories", new(tmp_path))) == 2
+    assert frf(tmp_path, tmp_path.name).output.name(0) == "1+z"
+
+
 def test_a_campaign_file_is_not_overwritten(tmp_path):
     (tmp_path / "a.csv").write_text(real_imaginary())
     (tmp_path / "campaign.toml").write_text("mine")
