@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import difflib
-import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from ema.campaign.campaign_file import CampaignFile, ConfigurationSection, CorrectionSection, PointsSection
+from ema.campaign.campaign_file import (
+    CampaignFile,
+    ConfigurationSection,
+    CorrectionSection,
+    MeasurementSection,
+    PointsSection,
+)
 from ema.campaign.estimate import Averaging
+from ema.campaign.named_files import Format, format_of, named_files
 from ema.io.form import did_you_mean, read_form
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import read_uff_geometry
 from ema.io.units import Unit, parse_unit
+from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
 from ema.types.geometry import Dof, Geometry
-
-UFF_SUFFIXES = (".uff", ".unv", ".uf", ".uf3", ".ufb", ".bunv", ".uff58", ".univ")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,16 +140,20 @@ class Campaign:
         File of the points.
     geometry : Geometry
         The measured points.
+    without_coordinates : tuple of int
+        Points that are measured although the geometry does not hold them; any other such point is refused.
     configurations : tuple of Configuration
         In the order of the file.
     identification : IdentificationOptions
         Band and order.
-    format : {"uff", "csv"} or None
+    format : {"uff", "csv", "mat", "hdf5"} or None
         Format of the FRF files; None decides by the suffix.
     unit : Unit or None
         Unit of the FRFs, which overrides what the files say.
     table : TableLayout or None
         Column layout of text files.
+    variables : VariableLayout or None
+        What the variables of MATLAB and HDF5 files hold.
     averaging : Averaging or None
         How FRFs are estimated from files of time histories; None where the files hold FRFs.
     decay_rate : float
@@ -163,11 +170,13 @@ class Campaign:
     stack: Path | None
     points: Path
     geometry: Geometry
+    without_coordinates: tuple[int, ...]
     configurations: tuple[Configuration, ...]
     identification: IdentificationOptions
-    format: Literal["uff", "csv"] | None
+    format: Format | None
     unit: Unit | None
     table: TableLayout | None
+    variables: VariableLayout | None
     averaging: Averaging | None
     decay_rate: float
     corrections: tuple[Correction, ...]
@@ -202,16 +211,17 @@ def read_campaign(path: str | Path) -> Campaign:
         file = "points.csv"                    # columns node,x,y,z; or a universal file with points
         unit = "mm"                            # needed for CSV; for a universal file it overrides set 164
         lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
+        without_coordinates = [99]             # measured points that are not in the list; others are refused
         [measurement]
-        format = "uff"                         # or "csv"; left out, the suffix decides
-        unit = "(m/s2)/N"                      # needed for CSV; overrides what universal files say
+        format = "uff"                         # or "csv", "mat", "hdf5"; left out, the suffix decides
+        unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
+        [measurement.variables]                # MATLAB and HDF5 files, see `ema.io.variables.VariableLayout`
+        frf = "H"
         [measurement.time]                     # only where files are time histories of one force and its responses,
-        estimator = "H1"                       # all files of a run averaged; see `ema.campaign.estimate.Averaging`
-        window = "boxcar"
+        window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
         force_unit = "N"                       # units of text files, in place of 'unit' above
-        response_unit = "m/s2"
         [[configuration]]
         name = "M1"
         stack = 4                              # which stack; this and the next four may be left out
@@ -233,9 +243,8 @@ def read_campaign(path: str | Path) -> Campaign:
         files = "M1/run03.uff"
         function = 2                           # position of the FRF in its file, from 1
         output = "12+z"                        # its response DOF as read
-        scale = -1                             # factor
+        scale = -1                             # factor, or exclude = true to leave the function out
         new_output = "12-z"                    # another DOF; new_input likewise
-        exclude = false                        # or leave the function out
         reason = "sensor was mounted upside down"
         [identification]                       # both may be left out
         band_Hz = [30, 1100]
@@ -262,14 +271,9 @@ def _campaign(path: Path) -> Campaign:
         raise CampaignError(message)
     configurations = tuple(_configuration(path, folder, c) for c in content.configuration)
     read = [state for c in configurations for state in (c, *c.force_levels)]
-    suffixes = {f.suffix.lower() for state in read for group in state.files for f in group.files}
-    needs_table = content.measurement.format == "csv" or (
-        content.measurement.format is None and not suffixes <= set(UFF_SUFFIXES)
+    _require_description(
+        path, content.measurement, [f for s in read for group in s.files for f in group.files]
     )
-    stated = content.measurement.unit is not None or content.measurement.time is not None
-    if needs_table and (content.measurement.table is None or not stated):
-        message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
-        raise CampaignError(message)
     options = content.identification
     return Campaign(
         name=content.campaign.name,
@@ -278,11 +282,13 @@ def _campaign(path: Path) -> Campaign:
         stack=None if content.structure.stack is None else folder / content.structure.stack,
         points=folder / content.points.file,
         geometry=geometry,
+        without_coordinates=content.points.without_coordinates,
         configurations=configurations,
         identification=IdentificationOptions(band=options.band_Hz, order=options.order),
         format=content.measurement.format,
         unit=None if content.measurement.unit is None else parse_unit(content.measurement.unit),
         table=content.measurement.table,
+        variables=content.measurement.variables,
         averaging=content.measurement.time,
         decay_rate=1.0 / content.measurement.exponential_window_s,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
@@ -290,28 +296,19 @@ def _campaign(path: Path) -> Campaign:
     )
 
 
-def _files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -> tuple[Path, ...]:
-    """Return the files of all patterns, those of one pattern in the natural order of their names."""
-    files: list[Path] = []
-    for pattern in patterns:
-        if re.search(r"[*?\[]", pattern):
-            anchor = Path(pattern).anchor
-            found = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
-        else:
-            found = [folder / pattern]
-        found = sorted((f for f in found if f.is_file()), key=_natural)
-        if not found:
-            there = [f.name for f in (folder / pattern).parent.glob("*")]
-            close = difflib.get_close_matches(Path(pattern).name, there, n=2)
-            hint = f"; did you mean {' or '.join(close)}?" if close else ""
-            message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
-            raise CampaignError(message)
-        files += found
-    return tuple(dict.fromkeys(files))
-
-
-def _natural(file: Path) -> list[tuple[int, str]]:
-    return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]
+def _require_description(path: Path, given: MeasurementSection, files: list[Path]) -> None:
+    """Refuse files that do not describe themselves and that the campaign file does not describe."""
+    formats = {format_of(file, given.format) for file in files}
+    stated = given.unit is not None or given.time is not None
+    if "csv" in formats and (given.table is None or not stated):
+        message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
+        raise CampaignError(message)
+    if formats & {"mat", "hdf5"} and (given.variables is None or given.unit is None):
+        message = (
+            f"{path}: measurement: MATLAB and HDF5 files need 'unit' and [measurement.variables] with what their "
+            "variables hold"
+        )
+        raise CampaignError(message)
 
 
 def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Configuration:
@@ -326,7 +323,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
         height=None if given.height_mm is None else given.height_mm * 1e-3,
         files=tuple(
             Files(
-                files=_files(path, folder, key, group.files),
+                files=named_files(path, folder, key, group.files),
                 together=bool(given.run),
                 output=group.output,
                 input=group.input,
@@ -342,7 +339,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
             force=level.force_N,
             files=(
                 Files(
-                    files=_files(path, folder, level_key, level.files),
+                    files=named_files(path, folder, level_key, level.files),
                     together=False,
                     output=level.output or given.output,
                     input=level.input or given.input,
@@ -355,7 +352,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
 
 
 def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correction:
-    files = _files(path, folder, "correction: files", (given.files,))
+    files = named_files(path, folder, "correction: files", (given.files,))
     return Correction(
         files=files,
         function=given.function,
@@ -374,7 +371,7 @@ def _geometry(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry,
     if unit is not None and unit.dimension != (1, 0, 0):
         message = f"{path}: points.unit: {given.unit!r} is not a unit of length"
         raise CampaignError(message)
-    if file.suffix.lower() in UFF_SUFFIXES:
+    if format_of(file) == "uff":
         geometry, notes = read_uff_geometry(file, unit)
     elif unit is None:
         message = f"{path}: points.unit: a list of points needs its unit, such as unit = 'mm'"

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ema.campaign.estimate import Averaging
+from ema.campaign.named_files import Format
 from ema.io.form import Section
 from ema.io.table import TableLayout
 from ema.io.units import parse_unit
+from ema.io.variables import VariableLayout
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Dof
 
@@ -62,17 +64,21 @@ class PointsSection(Section):
     file: str
     unit: UnitText | None = None
     lines: tuple[tuple[int, ...], ...] = ()
+    without_coordinates: tuple[int, ...] = ()
 
 
-class _Measurement(Section):
-    format: Literal["uff", "csv"] | None = None
+class MeasurementSection(Section):
+    """How the files hold what was measured."""
+
+    format: Format | None = None
     unit: UnitText | None = None
     table: TableLayout | None = None
+    variables: VariableLayout | None = None
     time: Averaging | None = None
     exponential_window_s: float = Field(default=math.inf, gt=0.0)
 
     @model_validator(mode="after")
-    def _is_frf_unit(self) -> _Measurement:
+    def _is_frf_unit(self) -> MeasurementSection:
         if self.unit is not None and parse_unit(self.unit).frf is None:
             message = (
                 f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'"
@@ -86,6 +92,11 @@ class _Measurement(Section):
             raise ValueError(message)
         if self.table is not None and (self.table.layout == "time") != (self.time is not None):
             message = "layout = 'time' and [measurement.time] belong together"
+            raise ValueError(message)
+        if self.variables is not None and self.time is not None:
+            message = (
+                "[measurement.variables] is of files of FRFs, [measurement.time] of files of time histories"
+            )
             raise ValueError(message)
         return self
 
@@ -170,7 +181,7 @@ class CampaignFile(Section):
     campaign: _Name
     structure: _Structure = _Structure()
     points: PointsSection
-    measurement: _Measurement = _Measurement()
+    measurement: MeasurementSection = MeasurementSection()
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     correction: tuple[CorrectionSection, ...] = ()
     identification: _Identification = _Identification()

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.campaign.campaign import UFF_SUFFIXES, Campaign, Configuration, Correction, Files
+from ema.campaign.campaign import Campaign, Configuration, Correction, Files
+from ema.campaign.named_files import format_of
 from ema.campaign.records import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_table
 from ema.io.uff import read_uff_functions
+from ema.io.variables import read_variables
 from ema.types.arrays import readonly
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
@@ -91,7 +93,8 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     CampaignError
         There is no such configuration, or its DOF lists do not fit its files.
     MeasurementError
-        A file cannot be read, or does not say what the campaign file leaves open.
+        A file cannot be read, does not say what the campaign file leaves open, or measures at a point that is
+        not in the list of points.
     """
     return _merged(campaign, campaign.configuration(name))
 
@@ -137,10 +140,14 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
 
 
 def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFunction, ...]:
-    if campaign.format == "uff" or (campaign.format is None and file.suffix.lower() in UFF_SUFFIXES):
+    kind = format_of(file, campaign.format)
+    if kind == "uff":
         functions, odd = read_uff_functions(file, campaign.unit)
         notes += odd
         return functions
+    if kind in ("mat", "hdf5"):
+        assert campaign.variables is not None
+        return read_variables(file, campaign.variables, campaign.unit, matlab=kind == "mat")
     if campaign.table is None:
         message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
         raise CampaignError(message)
@@ -257,6 +264,7 @@ def _corrected(
         raise MeasurementError(message)
     assert output is not None
     assert force is not None
+    _require_points(campaign, function, (output, force))
     return _Entry(
         frequency=_snapped(function.abscissa),
         value=function.value * complex(scale),
@@ -267,6 +275,20 @@ def _corrected(
         run=run,
         source=function.source,
     )
+
+
+def _require_points(campaign: Campaign, function: MeasuredFunction, dofs: tuple[Dof, Dof]) -> None:
+    """Refuse a response or force at a point that is not listed: it is more often mistyped than meant."""
+    known = campaign.geometry.node
+    for role, dof in zip(("response", "force"), dofs, strict=True):
+        if dof.node not in known and dof.node not in campaign.without_coordinates:
+            message = (
+                f"{function.source}: point {dof.node} of the {role} is not in {campaign.points}, which lists "
+                f"{known.size} points from {known.min()} to {known.max()}. Add it there, correct the DOF in the "
+                "campaign file ('output', 'input' or a [[correction]]), or, where nobody knows where it is, say "
+                f"without_coordinates = [{dof.node}] under [points]"
+            )
+            raise MeasurementError(message)
 
 
 def _from_file(geometry: Geometry, stated: tuple[int, int] | None) -> Dof | None:

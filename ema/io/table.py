@@ -278,7 +278,7 @@ def _numbers(path: Path, rows: list[str], layout: TableLayout, columns: list[int
         for column in columns:
             word = words[column - 1].strip() if column <= len(words) else ""
             try:
-                cells[column].append(_number(word))
+                cells[column].append(number(word))
             except ValueError as error:
                 where = f"{path}: row {layout.header_rows + index + 1}, column {column}"
                 message = f"{where}: expected a number, found {word!r}"
@@ -286,7 +286,8 @@ def _numbers(path: Path, rows: list[str], layout: TableLayout, columns: list[int
     return {column: np.array(values) for column, values in cells.items()}
 
 
-def _number(word: str) -> complex:
+def number(word: str) -> complex:
+    """Return the number that a cell holds, real or complex; a ValueError where it holds none."""
     compact = word.replace(" ", "").strip("()")
     # "i" alone, and not that of "inf", is the other spelling of the imaginary unit
     return complex(compact[:-1] + "j" if compact.endswith(("i", "I", "J")) else compact)

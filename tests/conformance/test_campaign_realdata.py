@@ -68,6 +68,7 @@ name = "Three-storey building"
 [points]
 file = "points.csv"
 unit = "m"
+without_coordinates = [99]
 [measurement]
 unit = "(m/s2)/N"
 [measurement.table]
@@ -93,6 +94,36 @@ band_Hz = [18, 97]
     assert [(v.check, v.channel) for v in failed] == [("sign", (0,))]
 
 
+def test_ruler_as_matlab_wrote_it(tmp_path):
+    shutil.copy(REALDATA / "ruler-freefree-pydvma/ruler_grid_acc_3.mat", tmp_path / "ruler.mat")
+    content = scipy.io.loadmat(tmp_path / "ruler.mat")
+    step = content["freq"].item() / 2 / (len(content["yspec"]) - 1)  # "freq" is the sampling rate
+    (tmp_path / "points.csv").write_text("node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in range(1, 11)))
+    (tmp_path / "campaign.toml").write_text(f"""
+[campaign]
+name = "Ruler"
+[points]
+file = "points.csv"
+unit = "cm"
+without_coordinates = [11]
+[measurement]
+unit = "m/s2/N"
+[measurement.variables]
+frf = "yspec"
+axes = ["frequency", "input"]
+axis_step = {step!r}
+output_point = 11
+output_direction = "+z"
+[[configuration]]
+name = "free"
+files = ["ruler.mat"]
+input = ["1+z", "2+z", "3+z", "4+z", "5+z", "6+z", "7+z", "8+z", "9+z", "10+z"]
+""")
+    measurement = read_measurement(read_campaign(tmp_path / "campaign.toml"), "free")
+    np.testing.assert_array_equal(measurement.frf.value[:, 0], content["yspec"].T)
+    np.testing.assert_array_equal(measurement.frf.output.node, np.arange(1, 11))
+
+
 def test_ruler_converted_from_matlab(tmp_path):
     content = scipy.io.loadmat(REALDATA / "ruler-freefree-pydvma/ruler_grid_acc_3.mat")
     value = content["yspec"]
@@ -106,6 +137,7 @@ name = "Ruler"
 [points]
 file = "points.csv"
 unit = "cm"
+without_coordinates = [11]
 [measurement]
 unit = "m/s2/N"
 [measurement.table]

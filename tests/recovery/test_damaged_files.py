@@ -9,18 +9,23 @@ import contextlib
 import os
 import re
 import shutil
+from functools import partial
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import model
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.identification.poles_file import read_poles, write_poles
+from ema.io.guess_table import guess_table
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.io.units import parse_unit
+from ema.io.variables import VariableLayout, read_variables
 from ema.quality.channels import check
 from ema.types.errors import EmaError, IdentificationError
 from ema.types.frf import FRF
@@ -90,6 +95,7 @@ READERS = {
     "run of a campaign": (measured, "demo_stack/M1/run_01.uff", EmaError),
     "universal file": (UNIVERSAL, "demo_stack/M1/run_02.uff", EmaError),
     "table of real and imaginary parts": (table(TWO_SENSORS), "hidden_effect/b/M1/run_01.csv", EmaError),
+    "what a table seems to hold": (guess_table, "hidden_effect/b/M1/run_01.csv", EmaError),
     "points": (lambda file: read_points(file, parse_unit("mm")), "demo_stack/points.csv", EmaError),
     "campaign": (read_campaign, "demo_stack/campaign.toml", EmaError),
     "campaign of tables": (read_campaign, "hidden_effect/b/campaign.toml", EmaError),
@@ -182,6 +188,24 @@ def test_small_tables(tmp_path, survives, damage, layout, count):
     file = tmp_path / "small.csv"
     file.write_text("\n".join(f"{f},{f / 3:.6g},{-f / 7:.4e}" for f in range(30)))
     survives(table(TableLayout(layout=layout)), file, EmaError, damage(file, 3 * count))
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("kind", ["mat", "compressed mat", "hdf5"])
+def test_files_of_arrays(tmp_path, survives, damage, kind, count):
+    """Their own structure is damaged, in a file as small as it can be."""
+    content = {"f": np.arange(30.0), "H": np.arange(60.0).reshape(30, 2) * (1 + 2j)}
+    file = tmp_path / ("small.h5" if kind == "hdf5" else "small.mat")
+    if kind == "hdf5":
+        with h5py.File(file, "w") as written:
+            for name, value in content.items():
+                written.create_dataset(f"group/{name}", data=value, chunks=True, compression="gzip")
+    else:
+        savemat(file, {"group": content}, do_compression=kind == "compressed mat")
+    mark = "/" if kind == "hdf5" else "."
+    layout = VariableLayout(frf=f"group{mark}H", frequency=f"group{mark}f")
+    read = partial(read_variables, layout=layout, unit=parse_unit("m/s2/N"), matlab=kind != "hdf5")
+    survives(read, file, EmaError, damage(file, 3 * count))
 
 
 @pytest.mark.parametrize("count", COUNTS)

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -145,6 +146,23 @@ def universal(cut=None, kind=None):
     return damage
 
 
+def arrays(axes='["frequency", "output"]', frf="H"):
+    """Give the functions as an HDF5 file of the arrays H and f, described like this."""
+
+    def damage(folder):
+        frequency, value = functions()
+        with h5py.File(folder / "run.h5", "w") as file:
+            file["H"], file["f"] = value.T, frequency
+        table = f'[measurement.variables]\nfrf = "{frf}"\nfrequency = "f"\naxes = {axes}\n'
+        changed(
+            "campaign.toml",
+            ('[measurement.table]\nlayout = "real-imaginary"\n', table),
+            ("run_*.csv", "run.h5"),
+        )(folder)
+
+    return damage
+
+
 def published(name, old, new):
     """Put the published campaign beside it, with a table damaged."""
 
@@ -202,6 +220,11 @@ TABLE = {
     "cut off in a header": ("ema campaign.toml", universal(cut=0.9), ["all.uff: data set 8 (58b): no data values"]),
     "wrong data set": ("ema campaign.toml", universal(kind="points"),
                        ["all.uff: no function (dataset 58) in the file; it holds data sets"]),
+    # files of arrays
+    "variable that is not there": ("ema campaign.toml", arrays(frf="G"),
+                                   ["run.h5: variable 'G' (frf)", "the file holds H (200 x 6), f (200)"]),
+    "axes in another order": ("ema campaign.toml", arrays(axes='["output", "frequency"]'),
+                              ["run.h5: variable 'f' (frequency)", "is the order axes = ['output', 'frequency']"]),
     # wrong numbers
     "text for a number": ("ema campaign.toml", holds("run_2.csv", "1,2,3,4,5,6,7\n2,soft,4,5,6,7,8\n"),
                           ["run_2.csv: row 2, column 2: expected a number, found 'soft'"]),
@@ -215,7 +238,14 @@ TABLE = {
     "unit of length": ("fit campaign.toml", campaign('unit = "mm"', 'unit = "m"'),
                        ["6 of 6 measured points lie more than 10 mm from the stack", "check the unit"]),
     "point without coordinates": ("fit campaign.toml", changed("points.csv", ("6,150,40,5\n", "")),
-                                  ["points [6] were measured but have no coordinates"]),
+                                  ["run_2.csv: column 6, 7: point 6 of the response is not in", "points.csv"]),
+    "point that is said to have none": ("fit campaign.toml", all_of(changed("points.csv", ("6,150,40,5\n", "")),
+                                        campaign('unit = "mm"', 'unit = "mm"\nwithout_coordinates = [6]')),
+                                        ["points [6] were measured but have no coordinates"]),
+    "force at a point without coordinates": ("diagnose campaign.toml", all_of(
+        campaign('input = ["1+z"]', 'input = ["7+z"]'),
+        campaign('unit = "mm"', 'unit = "mm"\nwithout_coordinates = [7]')),
+        ["point 7", "force", "has no coordinates"]),
     "fewer points than modes": ("fit campaign.toml", ONE_POINT,
                                 ["M1: 2 modes were measured at 1 degrees of freedom", "measure at more points"]),
     "fewer points than modes, diagnosed": ("diagnose campaign.toml", ONE_POINT, ["2 modes", "1 degrees of freedom"]),
@@ -299,7 +329,9 @@ def whole(output):
         (universal(cut=0.5), ["the header announces 200 values, the data hold 136", "cropped", "1 to 136 Hz"]),
         (second_axis(step=0.7), ["left out, its 200 lines from 1 to 140.3 Hz are not among those of the others"]),
         (second_axis(start=20.0), ["cropped to their common lines, 20 to 200 Hz"]),
-        (changed("points.csv", ("6,150,40,5\n", "")), ["points without coordinates", "[6]"]),
+        (all_of(changed("points.csv", ("6,150,40,5\n", "")),
+                campaign('unit = "mm"', 'unit = "mm"\nwithout_coordinates = [6]')),
+         ["points without coordinates", "[6]"]),
         (campaign('"(m/s2)/N"', '"m/N"'), ["the apparent mass is", "check [measurement] unit"]),
     ],
     ids=["NaN in a run", "cut off in a function", "another step", "another start", "point without coordinates",

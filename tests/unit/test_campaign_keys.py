@@ -2,6 +2,7 @@
 
 import json
 
+import h5py
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -127,3 +128,41 @@ def test_a_force_level(folder):
     stored = json.loads((folder / "levels/campaign.json").read_text(encoding="utf-8"))["result"]
     assert [c["force"] for c in stored["configurations"][0]["force_levels"]] == [10.0]
     assert campaign["configurations"][0]["force_levels"] == []
+
+
+def test_the_keys_of_arrays_and_of_points_without_coordinates(folder):
+    table = np.loadtxt(folder / "set.csv", delimiter=",")
+    with h5py.File(folder / "set.h5", "w") as file:
+        file["f"], file["re"], file["im"] = table[:, 0], table[:, 1::2], table[:, 2::2]
+        file["coherence"], file["points"] = np.full((len(table), N), 0.99), np.arange(1, N + 1)
+    text = BASE.partition("[measurement]")[0].replace("lines =", "without_coordinates = [99]\nlines =")
+    text += """[measurement]
+format = "hdf5"
+unit = "(m/s2)/N"
+[measurement.variables]
+real = "re"
+imaginary = "im"
+axes = ["frequency", "output"]
+frequency = "f"
+coherence = "coherence"
+output_point = "points"
+output_direction = "+z"
+input_point = 99
+input_direction = "+z"
+[[configuration]]
+name = "M1"
+files = ["set.h5"]
+[identification]
+band_Hz = [60, 240]
+order = 8
+"""
+    (folder / "campaign.toml").write_text(text)
+    done = CliRunner().invoke(app, ["ema", str(folder / "campaign.toml"), "-o", str(folder / "out")])
+    assert done.exit_code == 0, done.output
+    campaign, modes = (
+        json.loads((folder / "out" / name).read_text(encoding="utf-8"))["result"]
+        for name in ("campaign.json", "M1/modal_model.json")
+    )
+    assert campaign["variables"]["input_point"] == 99
+    assert campaign["without_coordinates"] == [99]
+    np.testing.assert_allclose(modes["frequency"], [110.0, 190.0], rtol=1e-3)

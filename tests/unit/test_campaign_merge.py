@@ -10,7 +10,7 @@ from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 
-GEOMETRY = Geometry(node=[1, 2, 3, 4], coordinate=np.eye(4, 3), line=[[1, 2]])
+GEOMETRY = Geometry(node=[1, 2, 3, 4, 9, 11, 12, 13, 45], coordinate=np.eye(9, 3), line=[[1, 2]])
 FREQUENCY = 1.0 * np.arange(1, 41)
 HEAD = """
 [campaign]
@@ -145,9 +145,32 @@ def test_dofs_from_the_campaign_file(tmp_path):
     np.testing.assert_array_equal(measurement.frf.output.node, [11, 12, 13])
     np.testing.assert_array_equal(measurement.frf.output.direction[1], [0, -1, 0])
     np.testing.assert_array_equal(measurement.frf.run, [0, 0, 1])
-    assert "points without coordinates, measured but not drawn: [11, 12, 13]" in measurement.notes
     with pytest.raises(CampaignError, match=r"output: 2 DOFs are listed for 3 FRFs in run1\.uff, run2\.uff"):
         measure(tmp_path, HEAD + 'output = ["11+x", "12-y"]\n')
+
+
+@pytest.mark.parametrize(
+    ("outputs", "inputs", "role"),
+    [([1, 7], [45], r"5 \(58b\): point 7 of the response"), ([1], [54], r"4 \(58b\): point 54 of the force")],
+)
+def test_a_point_that_is_not_listed_is_refused(tmp_path, outputs, inputs, role):
+    run(tmp_path, 1, outputs, inputs)
+    with pytest.raises(MeasurementError, match=rf"run1\.uff: data set .*{role} is not in .*points\.uff"):
+        measure(tmp_path)
+
+
+def test_a_point_may_be_said_to_have_no_coordinates(tmp_path):
+    run(tmp_path, 1, [1, 7], [54])
+    text = HEAD.replace('"points.uff"', '"points.uff"\nwithout_coordinates = [7, 54]')
+    measurement = measure(tmp_path, text)
+    np.testing.assert_array_equal(measurement.frf.output.node, [1, 7])
+    assert "points without coordinates, measured but not drawn: [7]" in measurement.notes
+
+
+def test_a_correction_may_put_a_function_to_a_point_that_is_listed(tmp_path):
+    run(tmp_path, 1, [1, 7], [45])
+    text = '[[correction]]\noutput = "7+z"\nnew_output = "2+z"\nreason = "mistyped"\n'
+    np.testing.assert_array_equal(measure(tmp_path, HEAD + text).frf.output.node, [1, 2])
 
 
 def test_what_the_file_does_not_say_is_asked_for(tmp_path):

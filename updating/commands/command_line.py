@@ -19,6 +19,7 @@ from updating.commands import (
     ema,
     fit,
     model,
+    new,
     next_test,
     pick,
     published,
@@ -44,7 +45,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for _module in (
-    ema, pick, model, effects, fit, update, published, diagnose, next_test, report, view, simulate, blind, demo
+    new, ema, pick, model, effects, fit, update, published, diagnose, next_test, report, view, simulate, blind, demo
 ):  # fmt: skip
     _name = _module.__name__.rpartition(".")[2]
     app.command(_name.replace("_", "-"), epilog=f"Example: {_module.EXAMPLE}")(getattr(_module, _name))

@@ -1,0 +1,222 @@
+"""A first campaign file for a folder: what its files hold, what is guessed, and what nobody but the user knows."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ema.campaign.named_files import SUFFIXES, format_of, natural
+from ema.io.contents import Code, Contents
+from ema.io.guess_table import guess_table
+from ema.io.guess_variables import guess_variables
+from ema.io.table import read_points
+from ema.io.uff import read_uff_functions, read_uff_geometry
+from ema.io.units import parse_unit
+from ema.types.errors import CampaignError, MeasurementError
+
+_TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".gz")
+_LONGEST = 10.0  # m; points that span more than this number of their unit are in mm
+_RESULT = "modal_model.json"  # in a folder of results, which are no measurements
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointsFound:
+    """The file that lists the points: its path, the guessed unit of lengths (None where it states one), its points."""
+
+    file: Path
+    unit: str | None
+    span: float
+    node: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """What a folder seems to hold.
+
+    Attributes
+    ----------
+    folder : Path
+        The folder.
+    points : PointsFound or None
+        Its list of points.
+    stack : Path or None
+        Its stack file.
+    configurations : mapping of str to tuple of Contents
+        The files of each subfolder, in natural order, by the configuration's name.
+    left_out : tuple of str
+        Files that are not used, and why.
+    """
+
+    folder: Path
+    points: PointsFound | None
+    stack: Path | None
+    configurations: dict[str, tuple[Contents, ...]]
+    left_out: tuple[str, ...]
+
+    @property
+    def contents(self) -> tuple[Contents, ...]:
+        """All files."""
+        return tuple(c for contents in self.configurations.values() for c in contents)
+
+
+def draft(folder: Path) -> Draft:
+    """Look at the files in a folder; each subfolder with measurements becomes one configuration.
+
+    Raises
+    ------
+    CampaignError
+        It is no folder, or holds no file that looks like a measurement; the message says what was looked for.
+    """
+    if not folder.is_dir():
+        message = f"{folder}: is not a folder"
+        raise CampaignError(message)
+    left_out: list[str] = []
+    configurations: dict[str, tuple[Contents, ...]] = {}
+    places = [folder, *sorted((p for p in folder.rglob("*") if p.is_dir()), key=natural)]
+    for place in places:
+        inside = place.relative_to(folder)
+        if any(part.startswith(".") for part in inside.parts) or (place / _RESULT).exists():
+            continue
+        files = sorted((f for f in place.iterdir() if f.is_file()), key=natural)
+        contents = tuple(c for c in (_contents(file, left_out) for file in files) if c is not None)
+        if contents:
+            configurations["_".join(inside.parts) or folder.resolve().name] = contents
+    configurations = _of_one_layout(configurations, left_out)
+    if not configurations:
+        said = f" ({'; '.join(left_out)})" if left_out else ""
+        message = (
+            f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5 and "
+            f"text files ({', '.join((*SUFFIXES, *_TEXT_SUFFIXES))})"
+        )
+        raise CampaignError(message)
+    stack = folder / "stack.toml"
+    return Draft(
+        folder=folder,
+        points=_points(folder, configurations),
+        stack=stack if stack.exists() else None,
+        configurations=configurations,
+        left_out=tuple(left_out),
+    )
+
+
+def _contents(file: Path, left_out: list[str]) -> Contents | None:
+    """Return what a file holds, None where it is no measurement."""
+    suffix = file.suffix.lower()
+    if file.name.startswith(".") or suffix not in (*SUFFIXES, *_TEXT_SUFFIXES):
+        return None
+    try:
+        kind = format_of(file)
+        if kind == "uff":
+            return _universal(file)
+        if kind != "csv":
+            return guess_variables(file, matlab=kind == "mat")
+    except MeasurementError as error:
+        left_out.append(str(error))
+        return None
+    return None if _lists_points(file) else guess_table(file)
+
+
+def _universal(file: Path) -> Contents | None:
+    try:
+        read_uff_geometry(file)
+        holds_points = True
+    except MeasurementError:
+        holds_points = False
+    try:
+        functions, _ = read_uff_functions(file)
+    except MeasurementError:
+        if holds_points:
+            return None  # a list of points
+        raise
+    frfs = [f for f in functions if f.kind == "frf"]
+    used = frfs or [f for f in functions if f.kind == "response"]
+    stated = {
+        "output": all(f.output is not None for f in used),
+        "input": all(f.input is not None for f in frfs),  # of time histories it is the DOF of the force
+        "unit": all(f.quantity is not None for f in used),
+    }
+    return Contents(
+        file=file,
+        dofs=tuple((f.output, f.input) for f in used),
+        states=frozenset(key for key, there in stated.items() if there),
+        is_time=not frfs,
+    )
+
+
+def _of_one_layout(
+    configurations: dict[str, tuple[Contents, ...]], left_out: list[str]
+) -> dict[str, tuple[Contents, ...]]:
+    """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
+    every = [c for contents in configurations.values() for c in contents]
+    of_frfs = [c for c in every if not c.is_time] or every
+    usual = {}
+    for section in ("table", "variables"):
+        counts = Counter(repr(c.keys) for c in of_frfs if c.section == section)
+        usual[section] = counts.most_common(1)[0][0] if counts else ""
+    only_time = all(c.is_time for c in every)
+    kept: dict[str, tuple[Contents, ...]] = {}
+    for name, contents in configurations.items():
+        for c in contents:
+            if c.is_time and not only_time:
+                left_out.append(f"{c.file}: holds time histories, and other files FRFs")
+            elif c.section is not None and repr(c.keys) != usual[c.section]:
+                left_out.append(f"{c.file}: laid out otherwise than most of the files")
+            else:
+                kept[name] = (*kept.get(name, ()), c)
+    return kept
+
+
+def _lists_points(file: Path) -> bool:
+    try:
+        with file.open(encoding="utf-8-sig") as text:
+            head = text.readline(1000)
+    except (OSError, UnicodeDecodeError):
+        return False
+    delimiter = next((d for d in ";\t," if d in head), ",")
+    names = {cell.strip().casefold() for row in csv.reader([head], delimiter=delimiter) for cell in row}
+    return {"node", "x", "y", "z"} <= names
+
+
+def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> PointsFound | None:
+    """Return the list of points: a table of the folder, else the first universal file that holds some."""
+    for file in sorted(folder.rglob("*"), key=natural):
+        if file.is_file() and file.suffix.lower() in _TEXT_SUFFIXES and _lists_points(file):
+            try:
+                geometry = read_points(file, parse_unit("m"))
+            except MeasurementError:
+                continue
+            span = float(np.ptp(geometry.coordinate, axis=0).max())
+            unit = "mm" if span > _LONGEST else "m"
+            return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
+    measured = [c.file for contents in configurations.values() for c in contents]
+    for file in (*sorted(folder.iterdir(), key=natural), *measured):
+        if format_of(file) == "uff" and file.is_file():
+            try:
+                geometry, _ = read_uff_geometry(file)
+            except MeasurementError:
+                continue
+            return PointsFound(file=file, unit=None, span=0.0, node=tuple(geometry.node.tolist()))
+    return None
+
+
+def unlisted(found: Draft) -> list[int]:
+    """Return the points that are measured, as far as the files tell, but not in the list of points."""
+    if found.points is None:
+        return []
+    measured = {dof[0] for c in found.contents for pair in c.dofs for dof in pair if dof is not None}
+    return sorted(measured - set(found.points.node))
+
+
+def force_by_exclusion(found: Draft, contents: tuple[Contents, ...]) -> Code | None:
+    """Return the only listed point that is no response, in the direction of all responses: where a shaker can be."""
+    outputs = {output for c in contents for output, _ in c.dofs}
+    if found.points is None or None in outputs:
+        return None
+    codes = [output for output in outputs if output is not None]
+    rest = set(found.points.node) - {node for node, _ in codes}
+    directions = {code for _, code in codes}
+    return (rest.pop(), directions.pop()) if len(rest) == len(directions) == 1 else None

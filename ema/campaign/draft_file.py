@@ -1,0 +1,186 @@
+"""The text of a first campaign file, with a comment at every guess and what is left to be filled in."""
+
+from __future__ import annotations
+
+import glob
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ema.campaign.draft import Draft, force_by_exclusion, unlisted
+from ema.campaign.named_files import natural
+from ema.io.contents import UNKNOWN, Code, Contents, dof_name
+from ema.io.files import whole
+from ema.types.errors import CampaignError
+
+NAME = "campaign.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DraftFile:
+    """A campaign file that is to be written.
+
+    Attributes
+    ----------
+    text : str
+        The file.
+    missing : tuple of str
+        Key and what is to be filled in there, without which the campaign cannot be read or fitted.
+    """
+
+    text: str
+    missing: tuple[str, ...]
+
+
+def draft_file(found: Draft) -> DraftFile:
+    """Return the campaign file of what a folder seems to hold.
+
+    What nothing in the files tells stands as "?" where reading the campaign cannot do without it, and as a comment
+    where an identification can.
+    """
+    missing: list[str] = []
+    lines = ["[campaign]", f"name = {_toml(found.folder.resolve().name)}", "", "[structure]"]
+    if found.stack is None:
+        missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
+        lines.append(
+            '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
+        )
+    else:
+        lines.append(f"stack = {_toml(found.stack.name)}")
+    lines += ["", "[points]", *_points(found, missing), *_measurement(found, missing)]
+    for name, contents in found.configurations.items():
+        lines += ["", *_configuration(found, name, contents, missing)]
+    missing.append(
+        f"torque_Nm or pressure_kPa of {', '.join(found.configurations)}: the state of the stack, which fit and "
+        "diagnose need"
+    )
+    return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
+
+
+def write_draft(found: Draft, file: DraftFile) -> Path:
+    """Write a campaign file into its folder and return its path.
+
+    Raises
+    ------
+    CampaignError
+        There is one already, or it cannot be written.
+    """
+    path = found.folder / NAME
+    if path.exists():
+        message = f"{path}: is there already and is not overwritten; move it away to have a new one"
+        raise CampaignError(message)
+    with whole(path, CampaignError) as part:
+        part.write_text(file.text, encoding="utf-8")
+    return path
+
+
+def _points(found: Draft, missing: list[str]) -> list[str]:
+    if found.points is None:
+        missing.append(
+            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit"
+        )
+        return [
+            '# file = "points.csv"  # to be filled in: columns node,x,y,z with the origin in the centre of the stack',
+            '# unit = "mm"          # to be filled in: unit of these coordinates',
+        ]
+    lines = [f"file = {_toml(found.points.file.relative_to(found.folder).as_posix())}"]
+    if found.points.unit is not None:
+        lines.append(f'unit = "{found.points.unit}"  # guessed: the points span {found.points.span:g}')
+    absent = unlisted(found)
+    if absent:
+        missing.append(f"points {absent}: measured, but not in {found.points.file.name}; add them there")
+        lines.append(f"# without_coordinates = {absent}  # to be filled in where nobody knows where they are")
+    return lines
+
+
+def _measurement(found: Draft, missing: list[str]) -> list[str]:
+    lines = ["", "[measurement]"]
+    is_time = any(c.is_time for c in found.contents)
+    units = {c.unit for c in found.contents if "unit" not in c.states}
+    if units and not is_time:
+        unit = next(iter(units)) if len(units) == 1 else None
+        if unit is None:
+            missing.append("measurement.unit: the unit of the FRFs, such as (m/s2)/N or g/N")
+        comment = "to be filled in: such as (m/s2)/N, g/N or mm/N" if unit is None else "as the header says"
+        lines.append(f"unit = {_toml(unit or UNKNOWN)}  # {comment}")
+    for section in ("table", "variables"):
+        described = [c for c in found.contents if c.section == section]
+        if described:
+            lines += ["", f"[measurement.{section}]", *_section(section, described, missing)]
+    if is_time:
+        missing.append(
+            'measurement.time.window: "hann" for random excitation, "boxcar" for impacts or whole periods'
+        )
+        lines += ["", "[measurement.time]", f'window = "{UNKNOWN}"  # to be filled in: "hann" or "boxcar"']
+        if any(c.section == "table" for c in found.contents):
+            missing.append("measurement.time.force_unit, response_unit: such as N and m/s2")
+            lines += [f'{end}_unit = "{UNKNOWN}"  # to be filled in' for end in ("force", "response")]
+    return lines
+
+
+def _section(section: str, described: list[Contents], missing: list[str]) -> Iterable[str]:
+    for guess in dict.fromkeys(guess for c in described for guess in c.guesses):
+        yield f"# guessed: {guess}"
+    for key, value in described[0].keys.items():
+        unknown = value == UNKNOWN
+        if unknown:
+            missing.append(f"measurement.{section}.{key}: nothing in {described[0].file.name} looks like it")
+        yield f"{key} = {_toml(value)}{'  # to be filled in' if unknown else ''}"
+
+
+def _configuration(
+    found: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
+) -> Iterable[str]:
+    yield "[[configuration]]"
+    yield f"name = {_toml(name)}"
+    yield "# torque_Nm =           # to be filled in for fit and diagnose: bolt torque, or"
+    yield "# pressure_kPa =        # the mean pressure between the sheets"
+    yield f"files = {_toml(_patterns(found.folder, contents))}  # each file is one run"
+    if any(c.is_time for c in contents):
+        yield "# blows or blocks of one force and its sensors that are averaged are one [[configuration.run]]"
+        if not all({"output", "input"} <= c.states for c in contents):
+            missing.append(f"output and input of configuration {name}: the DOFs of its time histories")
+            yield '# to be filled in: output and input, one DOF for each response, such as output = ["12+z"]'
+        return
+    for end, which in (("output", 0), ("input", 1)):
+        if all(end in c.states for c in contents):
+            continue
+        dofs = [pair[which] for c in contents for pair in c.dofs]
+        comment = ""
+        by_exclusion = force_by_exclusion(found, contents) if end == "input" and set(dofs) == {None} else None
+        if by_exclusion is not None:
+            dofs = [by_exclusion]
+            comment = "  # guessed: the only listed point that is no output"
+        if None in dofs:
+            missing.append(
+                f"{end} of configuration {name}: a DOF such as 12+z for each of {len(dofs)} FRFs, or one for all"
+            )
+            comment = f"  # to be filled in: one for each of {len(dofs)} FRFs in the order of the files, or one for all"
+        yield f"{end} = {_toml(_names(dofs))}{comment}"
+
+
+def _names(dofs: list[Code | None]) -> list[str]:
+    once = list(dict.fromkeys(dofs))
+    return [dof_name(code) for code in (once if len(once) == 1 else dofs)]
+
+
+def _patterns(folder: Path, contents: tuple[Contents, ...]) -> list[str]:
+    """Return one name with a wildcard where it is that of these files and no others, else all names."""
+    files = [c.file for c in contents]
+    names = [glob.escape(file.relative_to(folder).as_posix()) for file in files]
+    start = names[0]
+    while not all(name.startswith(start) for name in names):
+        start = start[:-1]
+    place = "".join(names[0].rpartition("/")[:2])
+    start = start.rstrip("0123456789") if len(start) > len(place) else place
+    pattern = f"{start}*{files[0].suffix}"
+    if len(files) > 1 and sorted(folder.glob(pattern), key=natural) == files:
+        return [pattern]
+    return names
+
+
+def _toml(value: Any) -> str:
+    """Return a text, number or list as TOML writes it, which is what JSON does, too."""
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,63 @@
+"""Files that a campaign file names: which ones there are, in which order, and what format they have."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from pathlib import Path
+from typing import Literal
+
+from ema.types.errors import CampaignError
+
+Format = Literal["uff", "csv", "mat", "hdf5"]
+SUFFIXES: dict[str, Format] = {
+    **dict.fromkeys((".uff", ".unv", ".uf", ".uf3", ".ufb", ".bunv", ".uff58", ".univ"), "uff"),
+    ".mat": "mat",
+    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), "hdf5"),
+}  # fmt: skip
+"""Formats by suffix; whatever has another one is text."""
+
+
+def format_of(file: Path, stated: Format | None = None) -> Format:
+    """Return the format of a file: the stated one, else that of its suffix."""
+    return stated or SUFFIXES.get(file.suffix.lower(), "csv")
+
+
+def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -> tuple[Path, ...]:
+    """Return the files of all patterns, those of one pattern in the natural order of their names.
+
+    Parameters
+    ----------
+    path, folder : Path
+        The campaign file, for messages, and the folder that names are relative to.
+    key : str
+        Key that names the files, for messages.
+    patterns : tuple of str
+        Names, which may hold wildcards.
+
+    Raises
+    ------
+    CampaignError
+        A pattern has no file; the message names those with similar names.
+    """
+    files: list[Path] = []
+    for pattern in patterns:
+        if re.search(r"[*?\[]", pattern):
+            anchor = Path(pattern).anchor
+            found = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
+        else:
+            found = [folder / pattern]
+        found = sorted((f for f in found if f.is_file()), key=natural)
+        if not found:
+            there = [f.name for f in (folder / pattern).parent.glob("*")]
+            close = difflib.get_close_matches(Path(pattern).name, there, n=2)
+            hint = f"; did you mean {' or '.join(close)}?" if close else ""
+            message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
+            raise CampaignError(message)
+        files += found
+    return tuple(dict.fromkeys(files))
+
+
+def natural(file: Path) -> list[tuple[int, str]]:
+    """Return what sorts files as people count them, run 2 before run 10."""
+    return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]

@@ -1,0 +1,184 @@
+"""Named arrays of numbers in MATLAB and HDF5 files: the one door to h5py and to SciPy's MATLAB reader."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.io.mat_elements import check_elements
+from ema.types.errors import MeasurementError
+
+LARGEST = 100_000_000
+"""Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""
+_LISTED = 20  # names of a file that a message lists
+_COMPLEX_FIELDS = ("real", "imag")  # of complex numbers as MATLAB stores them in HDF5
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayInFile:
+    """An array of numbers that a file holds, before it is read.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        As MATLAB shows it, or as an HDF5 file states it.
+    read : callable
+        Reads it, while the file is open.
+    """
+
+    shape: tuple[int, ...]
+    read: Callable[[], NDArray[Any]]
+
+    def __str__(self) -> str:
+        return " x ".join(map(str, self.shape)) or "one number"
+
+
+@contextmanager
+def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]]:
+    """Open a file and give the arrays of numbers in it by their names; text, cells and objects are passed over.
+
+    Parameters
+    ----------
+    path : Path
+        MATLAB file of any version (7.3 is HDF5) or HDF5 file.
+    matlab : bool
+        Whether MATLAB wrote it: then fields of structures are named ``data.H`` and axes come in its order, which
+        in HDF5 it reverses. Else groups are named ``data/H``.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or an array has more than `LARGEST` values; what is wrong with the file is also
+        raised like this where an array is read.
+    """
+    import h5py  # here: it takes long to import, and most tests come as universal files
+
+    try:
+        with path.open("rb"):
+            pass
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
+        raise MeasurementError(message) from error
+    is_hdf5 = h5py.is_hdf5(path)
+    if not is_hdf5 and not matlab:
+        message = f"{path}: is not an HDF5 file"
+        raise MeasurementError(message)
+    try:
+        if is_hdf5:
+            with h5py.File(path, "r") as file:
+                yield _in_hdf5(file, matlab=matlab)
+        else:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of a name that is there twice: the last one is taken
+                yield _in_mat(path)
+    except MeasurementError:
+        raise
+    except Exception as error:  # of a damaged file both libraries raise whatever they stumble over
+        kind = "MATLAB" if matlab else "HDF5"
+        message = f"{path}: cannot be read as a {kind} file, it is damaged or of another kind: {error}"
+        raise MeasurementError(message) from error
+
+
+def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -> NDArray[Any]:
+    """Read one array by its name.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    arrays : mapping
+        What `arrays_in` gave.
+    key : str
+        Key of the campaign file that asks for it, for messages.
+    name : str
+        Its name.
+
+    Returns
+    -------
+    array : float or complex
+        In the shape that the file states.
+
+    Raises
+    ------
+    MeasurementError
+        There is none of that name, which lists those that are, or it is too large.
+    """
+    found = arrays.get(name)
+    if found is None:
+        there = [f"{other} ({arrays[other]})" for other in list(arrays)[:_LISTED]]
+        more = f" and {len(arrays) - _LISTED} more" if len(arrays) > _LISTED else ""
+        message = f"{path}: variable {name!r} ({key}): no numbers of that name; the file holds "
+        raise MeasurementError(message + (", ".join(there) or "no numbers") + more)
+    if not 0 < prod(found.shape) <= LARGEST:
+        message = f"{path}: variable {name!r} ({key}): holds {found}, expected 1 to {LARGEST} values"
+        raise MeasurementError(message)
+    value = found.read()
+    return np.asarray(value, complex if np.iscomplexobj(value) else float)
+
+
+def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
+    import h5py
+
+    found: dict[str, ArrayInFile] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or name.startswith("#") or item.shape is None:
+            return  # MATLAB keeps what cells refer to in #refs#
+        pairs = item.dtype.names == _COMPLEX_FIELDS
+        if not pairs and item.dtype.kind not in "fiubc":
+            return
+        empty = matlab and bool(item.attrs.get("MATLAB_empty", 0))  # its numbers are then its shape
+        shape = (0,) if empty else item.shape[::-1] if matlab else item.shape
+
+        def read() -> NDArray[Any]:
+            value = item[()]
+            value = value["real"] + 1j * value["imag"] if pairs else value
+            return np.asarray(value.T if matlab else value)
+
+        found[name.replace("/", ".") if matlab else name] = ArrayInFile(shape=tuple(shape), read=read)
+
+    file.visititems(visit)
+    return found
+
+
+def _in_mat(path: Path) -> dict[str, ArrayInFile]:
+    """Return the arrays of a file of version 7.2 or older; structures are read to see their fields."""
+    from scipy import io
+
+    if io.matlab.matfile_version(str(path), appendmat=False)[0] == 1:  # of version 4 the reader is safe
+        check_elements(path)
+    found: dict[str, ArrayInFile] = {}
+    for name, shape, kind in io.whosmat(str(path), appendmat=False):
+        if kind == "struct":
+            content = io.loadmat(str(path), appendmat=False, variable_names=[name])
+            for field, value in _fields(name, content.get(name)):
+                found[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value))
+        elif kind in ("double", "single", "logical") or kind.startswith(("int", "uint")):
+            found[name] = ArrayInFile(shape=tuple(shape), read=partial(_variable, path, name))
+    return found
+
+
+def _variable(path: Path, name: str) -> NDArray[Any]:
+    from scipy import io
+
+    return np.asarray(io.loadmat(str(path), appendmat=False, variable_names=[name])[name])
+
+
+def _fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Give the arrays of numbers in a structure, and in structures in it."""
+    if type(value) is not np.ndarray:
+        return  # sparse, or an object of MATLAB's
+    if value.dtype.names is not None and value.size == 1:
+        for field in value.dtype.names:
+            yield from _fields(f"{name}.{field}", value.flat[0][field])
+    elif value.dtype.kind in "fiubc":
+        yield name, value

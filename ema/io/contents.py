@@ -1,0 +1,114 @@
+"""What a measurement file seems to hold: found in its header, its name and its numbers, for a first campaign file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ema.io.units import parse_unit
+from ema.types.errors import MeasurementError
+
+Code = tuple[int, int]
+"""A point number and a signed direction, 1, 2, 3 for +x, +y, +z."""
+UNKNOWN = "?"
+"""What stands in a campaign file for what nobody can guess; reading it names the key that is to be filled in."""
+
+_DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contents:
+    """What a file seems to hold.
+
+    Attributes
+    ----------
+    file : Path
+        The file.
+    section : str or None
+        Which section of the campaign file describes it, "table" or "variables"; None where it describes itself.
+    keys : mapping
+        Keys of that section; `UNKNOWN` stands for what is not known.
+    unit : str or None
+        Unit of the FRFs as the file writes it; None where it does not.
+    dofs : tuple of (Code or None, Code or None)
+        Output and input of each FRF in reading order.
+    states : frozenset of {"output", "input", "unit"}
+        What reading the file gives without the campaign file.
+    is_time : bool
+        Whether it holds time histories.
+    guesses : tuple of str
+        What was taken for granted, and why.
+    """
+
+    file: Path
+    section: str | None = None
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    unit: str | None = None
+    dofs: tuple[tuple[Code | None, Code | None], ...] = ()
+    states: frozenset[str] = frozenset()
+    is_time: bool = False
+    guesses: tuple[str, ...] = ()
+
+
+def dofs_in(text: str) -> list[Code]:
+    """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12z``, ``12:+Z`` or ``12Z-``."""
+    found = []
+    for node, before, axis, after in _DOF.findall(text.replace("_", " ")):
+        sign = -1 if "-" in (before, after) else 1
+        found.append((int(node), sign * ("xyz".index(axis.lower()) + 1)))
+    return [(node, code) for node, code in found if node > 0]
+
+
+def lacks_sign(text: str) -> bool:
+    """Whether a header or a file name holds a DOF without a sign, which is then taken as +."""
+    return any(not before + after for _, before, _, after in _DOF.findall(text.replace("_", " ")))
+
+
+def dof_name(code: Code | None) -> str:
+    """Return a DOF as campaign files write it, or `UNKNOWN`."""
+    if code is None:
+        return UNKNOWN
+    return f"{code[0]}{'+' if code[1] > 0 else '-'}{'xyz'[abs(code[1]) - 1]}"
+
+
+def unit_in(text: str) -> str | None:
+    """Return the first unit of a response over a force in a header; None where there is none."""
+    for word in re.split(r"[\s,;]+", text):
+        label = word.strip("[]")
+        try:
+            if "/" in label and parse_unit(label).frf is not None:
+                return label
+        except MeasurementError:
+            continue
+    return None
+
+
+def with_names(
+    file: Path, header: list[list[Code]]
+) -> tuple[tuple[tuple[Code | None, Code | None], ...], list[str]]:
+    """Return output and input of each FRF of a file from its header and its name, and what was guessed.
+
+    Parameters
+    ----------
+    file : Path
+        The file; where the name holds two DOFs, the first is the response.
+    header : list of list of Code
+        For each FRF the DOFs that its header holds.
+    """
+    named = dofs_in(file.name)
+    dofs: list[tuple[Code | None, Code | None]] = [
+        (found[0] if found else None, found[1] if len(found) > 1 else None) for found in header
+    ]
+    outputs = [output for output, _ in dofs]
+    if not named:
+        return tuple(dofs), []
+    if outputs == [None]:
+        dofs = [(named[0], named[1] if len(named) > 1 else None)]
+        sign = ", without a sign as +" if lacks_sign(file.name) else ""
+        return tuple(dofs), [f"DOFs are taken from the file names, the response first{sign}"]
+    if None in outputs or all(force is not None for _, force in dofs) or named[-1] in outputs:
+        return tuple(dofs), []
+    return tuple((o, i or named[-1]) for o, i in dofs), ["the force's DOF is taken from the file names"]

@@ -1,0 +1,192 @@
+"""How the columns of a text file seem to hold FRFs or time histories."""
+
+from __future__ import annotations
+
+import gzip
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.io.contents import UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, with_names
+from ema.io.table import number
+
+_FEWEST_ROWS = 10  # of numbers; less is no measured function
+_LOOKED_AT = 400  # rows of numbers
+_MOST_HEADER = 200  # rows
+_SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
+_KINDS = (
+    ("coherence", r"coh|gamma"),
+    ("phase", r"phase|\bphi\b|angle"),
+    ("imaginary", r"\bim(ag\w*)?\b"),
+    ("real", r"\bre(al)?\b"),
+    ("magnitude", r"\bmag\w*|\bamp\w*|\babs\b|\bdb\b|modulus"),
+)  # fmt: skip
+_PAIRS = {"real-imaginary": ("real", "imaginary"), "magnitude-phase": ("magnitude", "phase")}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Text:
+    """A text file cut into its header and a table of its first numbers."""
+
+    encoding: str
+    delimiter: str
+    decimal: str
+    header: list[list[str]]
+    n_header: int
+    value: NDArray[np.complex128]
+
+    def title(self, column: int) -> str:
+        """All that the header says over a column."""
+        width = self.value.shape[1]
+        rows = [
+            row for row in self.header if len(row) == width or (len(row) == width + 1 and not row[-1].strip())
+        ]
+        return " ".join(row[column] for row in rows).replace("_", " ").strip()
+
+
+def guess_table(path: Path) -> Contents | None:
+    """Return what a text file seems to hold; None where it seems to hold no measured function.
+
+    Delimiter, decimal mark and header are those with which its rows are numbers. What the columns are is what their
+    titles say, else what their numbers look like.
+    """
+    text = _cut(path)
+    if text is None:
+        return None
+    keys: dict[str, Any] = {}
+    guesses: list[str] = []
+    for key, value, usual in (
+        ("delimiter", text.delimiter, "comma"),
+        ("decimal", text.decimal, "."),
+        ("header_rows", text.n_header, 0),
+        ("encoding", text.encoding, "utf-8"),
+    ):
+        if value != usual:
+            keys[key] = value
+    has_axis = bool(np.all(np.diff(text.value[:, 0].real) > 0)) and not text.value[:, 0].imag.any()
+    if not has_axis:
+        keys |= {"axis_column": 0, "axis_step": UNKNOWN}
+    columns = list(range(1 if has_axis else 0, text.value.shape[1]))
+    if has_axis and re.search(r"\btime\b|\bzeit\b|^t\b|[\[(]s[\])]", text.title(0).lower()):
+        headed = [dofs_in(text.title(c)) for c in columns[1:]]
+        return Contents(
+            file=path, section="table", keys={"layout": "time"} | keys, is_time=True,
+            dofs=with_names(path, headed)[0], guesses=("the first column after the time is the force",),
+        )  # fmt: skip
+    found = _functions(text, columns, guesses)
+    if found is None or (guesses and not has_axis):  # any table of numbers
+        return None
+    layout, groups, coherence = found
+    if [c for group in groups for c in group] != columns:
+        keys["columns"] = [[c + 1 for c in group] for group in groups]
+    if coherence:
+        keys["coherence_columns"] = [c + 1 for c in coherence]
+    if layout == "magnitude-phase":
+        keys |= _polar_units(text, groups, guesses)
+    if any(lacks_sign(text.title(group[0])) for group in groups):
+        guesses.append("DOFs without a sign are taken as +")
+    dofs, named = with_names(path, [dofs_in(text.title(group[0])) for group in groups])
+    return Contents(
+        file=path,
+        section="table",
+        keys={"layout": layout} | keys,
+        unit=unit_in(" ".join(cell for row in text.header for cell in row)),
+        dofs=dofs,
+        guesses=(*guesses, *named),
+    )
+
+
+def _cut(path: Path) -> _Text | None:
+    try:
+        data = path.read_bytes()
+        data = gzip.decompress(data) if path.suffix == ".gz" else data
+    except (OSError, EOFError, gzip.zlib.error):  # type: ignore[attr-defined]
+        return None
+    encoding = "utf-8-sig" if data.startswith(b"\xef\xbb\xbf") else "utf-8"
+    try:
+        rows = data.decode(encoding).splitlines()
+    except UnicodeDecodeError:
+        encoding = "latin-1"
+        rows = data.decode(encoding).splitlines()
+    for delimiter, decimal in ((d, p) for d in _SEPARATORS for p in ".,"):
+        if (delimiter, decimal) == ("comma", ","):
+            continue
+        numbers = [_numbers(row, delimiter, decimal) for row in rows[: _MOST_HEADER + _LOOKED_AT]]
+        for start in range(min(len(numbers), _MOST_HEADER)):
+            width = len(numbers[start] or ())
+            block = numbers[start : start + _FEWEST_ROWS]
+            if width > 1 and len(block) == _FEWEST_ROWS and all(len(row or ()) == width for row in block):
+                value = [row for row in numbers[start:] if row is not None and len(row) == width]
+                header = [row.split(_SEPARATORS[delimiter]) for row in rows[:start]]
+                return _Text(
+                    encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
+                    value=np.array(value),
+                )  # fmt: skip
+    return None
+
+
+def _cells(row: str, delimiter: str) -> list[str]:
+    cells = row.split(_SEPARATORS[delimiter])
+    while cells and not cells[-1].strip():
+        cells.pop()
+    return cells
+
+
+def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
+    try:
+        return [number(cell.replace(decimal, ".").strip()) for cell in _cells(row, delimiter)]
+    except ValueError:
+        return None
+
+
+def _functions(
+    text: _Text, columns: list[int], guesses: list[str]
+) -> tuple[str, list[list[int]], list[int]] | None:
+    """Return the layout, the columns of each function and those of the coherences."""
+    kinds = {
+        c: next((k for k, words in _KINDS if re.search(words, text.title(c).lower())), "") for c in columns
+    }
+    coherence = [c for c in columns if kinds[c] == "coherence"]
+    for layout, (first, second) in _PAIRS.items():
+        groups = [[c, c + 1] for c in columns[:-1] if kinds[c] == first and kinds[c + 1] == second]
+        if groups:
+            return layout, groups, coherence if len(coherence) == len(groups) else []
+    columns = [c for c in columns if c not in coherence]
+    if text.value[:, columns].imag.any():
+        return "complex", [[c] for c in columns], coherence if len(coherence) == len(columns) else []
+    if len(columns) % 3 == 0 and _is_coherence(text.value[:, columns[2::3]].real):
+        guesses.append("every third column looks like a coherence")
+        coherence, columns = columns[2::3], [c for k, c in enumerate(columns) if k % 3 < 2]
+    if not columns or len(columns) % 2:
+        return None
+    groups = [columns[k : k + 2] for k in range(0, len(columns), 2)]
+    real = text.value.real
+    if real[:, columns[::2]].min() >= 0 and real[:, columns[1::2]].min() < 0:
+        guesses.append("the columns look like magnitude and phase")
+        return "magnitude-phase", groups, coherence
+    guesses.append("the columns are taken as real and imaginary parts")
+    return "real-imaginary", groups, coherence
+
+
+def _is_coherence(value: NDArray[np.float64]) -> bool:
+    return value.size > 0 and bool(np.all((value >= 0) & (value <= 1)))
+
+
+def _polar_units(text: _Text, groups: list[list[int]], guesses: list[str]) -> dict[str, str]:
+    keys = {}
+    titles = [" ".join(text.title(group[k]) for group in groups).lower() for k in (0, 1)]
+    magnitude = text.value[:, [group[0] for group in groups]].real
+    if "db" in titles[0] or magnitude.min() < 0:
+        keys["magnitude_unit"] = "dB"
+        if "db" not in titles[0]:
+            guesses.append("the magnitude is taken as dB, since some of it is negative")
+    phase = np.abs(text.value[:, [group[1] for group in groups]].real).max()
+    if "rad" in titles[1] or ("deg" not in titles[1] and "°" not in titles[1] and phase <= 2 * np.pi):
+        keys["phase_unit"] = "rad"
+        if "rad" not in titles[1]:
+            guesses.append(f"the phase is taken as rad, since it does not pass {phase:.3g}")
+    return keys

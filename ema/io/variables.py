@@ -1,0 +1,257 @@
+"""FRFs in the named arrays of MATLAB and HDF5 files, as a campaign file describes them. To SI here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import prod
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from ema.io.array_files import ArrayInFile, array, arrays_in
+from ema.io.measured_function import MeasuredFunction
+from ema.io.units import Unit
+from ema.types.errors import MeasurementError
+
+Name = Annotated[str, AfterValidator(lambda name: name.lstrip("/"))]  # HDF5 tools show names from the root
+Axis = Literal["frequency", "output", "input"]
+DIRECTIONS = {f"{sign}{axis}": int(f"{sign}{k}") for k, axis in enumerate("xyz", start=1) for sign in "+-"}
+"""Signed local directions as they are written, to 1, 2, 3 for +x, +y, +z and negative numbers against them."""
+_LARGEST_POINT = 1e10  # as in universal files
+
+
+class VariableLayout(BaseModel):
+    """Which variables of a MATLAB or HDF5 file hold what; keys of ``[measurement.variables]``.
+
+    Fields of a MATLAB structure are named ``data.H``, data sets in an HDF5 group ``data/H``.
+
+    Attributes
+    ----------
+    frf : str or None
+        Variable of the complex FRFs.
+    real, imaginary : str or None
+        Variables of their parts, in place of `frf`.
+    axes : tuple of {"frequency", "output", "input"}
+        What each axis of these arrays is, in the order that MATLAB or the HDF5 file shows; axes of length one may
+        be left out.
+    frequency : str or None
+        Variable of the frequencies, Hz.
+    axis_start, axis_step : float
+        First frequency and step, Hz, where there is no such variable.
+    output_point, input_point : str, int or None
+        Variable of the point numbers along that axis, or one number for all.
+    output_direction, input_direction : str or None
+        Variable of the signed directions, 1, 2, 3 for +x, +y, +z and negative numbers against them, or one such as
+        ``"+z"`` for all.
+    coherence : str or None
+        Variable of the coherences, in the shape of the FRFs.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    frf: Name | None = None
+    real: Name | None = None
+    imaginary: Name | None = None
+    axes: tuple[Axis, ...] = ("frequency", "output")
+    frequency: Name | None = None
+    axis_start: float = 0.0
+    axis_step: float = Field(default=0.0, ge=0)
+    output_point: Name | Annotated[int, Field(ge=1)] | None = None
+    output_direction: Name | None = None
+    input_point: Name | Annotated[int, Field(ge=1)] | None = None
+    input_direction: Name | None = None
+    coherence: Name | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> VariableLayout:
+        parts = (self.real is not None, self.imaginary is not None)
+        if (self.frf is not None) == any(parts) or any(parts) != all(parts):
+            message = "give either 'frf', the complex FRFs, or both 'real' and 'imaginary'"
+            raise ValueError(message)
+        if "frequency" not in self.axes or len(set(self.axes)) < len(self.axes):
+            message = f"axes: each of 'frequency', 'output', 'input' once, 'frequency' always, found {list(self.axes)}"
+            raise ValueError(message)
+        if self.frequency is None and self.axis_step <= 0:
+            message = "without a variable of the frequencies ('frequency'), axis_step must be positive"
+            raise ValueError(message)
+        for end in ("output", "input"):
+            if (getattr(self, f"{end}_point") is None) != (getattr(self, f"{end}_direction") is None):
+                message = f"'{end}_point' and '{end}_direction' belong together"
+                raise ValueError(message)
+        return self
+
+
+def read_variables(
+    path: Path, layout: VariableLayout, unit: Unit | None, *, matlab: bool
+) -> tuple[MeasuredFunction, ...]:
+    """Read every FRF of a MATLAB or HDF5 file, and their coherences: all inputs of the first output, then the next.
+
+    Parameters
+    ----------
+    path : Path
+        MATLAB file of any version, or HDF5 file.
+    layout : VariableLayout
+        Which variable holds what.
+    unit : Unit or None
+        Unit of the FRFs, which come in SI units.
+    matlab : bool
+        Whether MATLAB wrote it, see `arrays_in`.
+
+    Raises
+    ------
+    MeasurementError
+        A variable is missing or has another shape than the others ask for; the message names file and variable.
+    """
+    with arrays_in(path, matlab=matlab) as arrays:
+        value, name = _frfs(path, arrays, layout)
+        frequency = _frequency(path, arrays, layout, value.shape[0], name)
+        outputs = _dofs(path, arrays, layout, "output", value.shape[1])
+        inputs = _dofs(path, arrays, layout, "input", value.shape[2])
+        blocks = [("frf", name, value)]
+        if layout.coherence is not None:
+            coherence = _block(path, arrays, layout, "coherence", layout.coherence)
+            if coherence.shape != value.shape or np.iscomplexobj(coherence):
+                message = (
+                    f"{path}: variable {layout.coherence!r} (coherence): expected real numbers in the shape of "
+                    f"{name!r}, {arrays[layout.coherence]} do not fit"
+                )
+                raise MeasurementError(message)
+            blocks.append(("coherence", layout.coherence, coherence))
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
+        return tuple(
+            MeasuredFunction(
+                kind="frf" if kind == "frf" else "coherence",
+                abscissa=frequency,
+                value=block[:, i, j] * (1.0 if unit is None or kind != "frf" else unit.factor),
+                quantity=unit.frf if unit is not None and kind == "frf" else None,
+                output=outputs[i],
+                input=inputs[j],
+                source=f"{path}: variable {variable!r}, output {i + 1}, input {j + 1}",
+            )
+            for kind, variable, block in blocks
+            for i in range(value.shape[1])
+            for j in range(value.shape[2])
+        )
+
+
+def _frfs(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout
+) -> tuple[NDArray[np.complex128], str]:
+    """Return the FRFs (n_frequency, n_output, n_input) and the variable that messages name."""
+    if layout.frf is not None:
+        value = _block(path, arrays, layout, "frf", layout.frf)
+        if not np.iscomplexobj(value):
+            message = (
+                f"{path}: variable {layout.frf!r} (frf): its numbers are real, expected complex ones; where the parts "
+                "are variables of their own, name them as 'real' and 'imaginary'"
+            )
+            raise MeasurementError(message)
+        return value, layout.frf
+    assert layout.real is not None
+    assert layout.imaginary is not None
+    real = _block(path, arrays, layout, "real", layout.real)
+    imaginary = _block(path, arrays, layout, "imaginary", layout.imaginary)
+    if real.shape != imaginary.shape or np.iscomplexobj(real) or np.iscomplexobj(imaginary):
+        message = (
+            f"{path}: variables {layout.real!r} (real) and {layout.imaginary!r} (imaginary): expected real numbers in "
+            f"one shape, found {arrays[layout.real]} and {arrays[layout.imaginary]}"
+        )
+        raise MeasurementError(message)
+    return real + 1j * imaginary, layout.real
+
+
+def _block(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, key: str, name: str
+) -> NDArray[Any]:
+    """Return an array with the axes frequency, output, input; axes that the layout does not name have length one."""
+    value = array(path, arrays, key, name)
+    axes = layout.axes
+    shape = value.shape
+    if len(shape) > len(axes):  # MATLAB has no vectors, only columns and rows
+        shape = tuple(n for n in shape if n > 1)
+    shape += (1,) * (len(axes) - len(shape))  # and it drops axes of length one at the end
+    if len(shape) != len(axes):
+        message = (
+            f"{path}: variable {name!r} ({key}): {arrays[name]} are more axes than axes = {list(axes)} "
+            "names; say which axis is what"
+        )
+        raise MeasurementError(message)
+    order = [axes.index(a) for a in ("frequency", "output", "input") if a in axes]
+    lengths = [shape[axes.index(a)] if a in axes else 1 for a in ("frequency", "output", "input")]
+    return value.reshape(shape).transpose(order).reshape(lengths)
+
+
+def _frequency(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, count: int, name: str
+) -> NDArray[np.float64]:
+    if layout.frequency is None:
+        return layout.axis_start + layout.axis_step * np.arange(count, dtype=np.float64)
+    value = array(path, arrays, "frequency", layout.frequency)
+    where = f"{path}: variable {layout.frequency!r} (frequency)"
+    if value.size != count or max(value.shape, default=1) != value.size or np.iscomplexobj(value):
+        message = (
+            f"{where}: expected {count} real numbers, as many as the frequency axis of {name!r} "
+            f"({arrays[name]}) has, found {arrays[layout.frequency]}; is the order "
+            f"axes = {list(layout.axes)} right?"
+        )
+        raise MeasurementError(message)
+    frequency = value.ravel()
+    if not np.all(np.diff(frequency) > 0):
+        at = int(np.argmin(np.diff(frequency) > 0)) + 2
+        message = f"{where}: value {at}: the frequency does not ascend"
+        raise MeasurementError(message)
+    return frequency
+
+
+def _dofs(
+    path: Path,
+    arrays: Mapping[str, ArrayInFile],
+    layout: VariableLayout,
+    end: Literal["output", "input"],
+    count: int,
+) -> list[tuple[int, int]] | list[None]:
+    """Return points and signed directions along an axis, or none of them where the campaign file lists them."""
+    point, direction = (getattr(layout, f"{end}_{what}") for what in ("point", "direction"))
+    if point is None:
+        return [None] * count
+    points = (
+        np.full(count, point)
+        if isinstance(point, int)
+        else _whole(path, arrays, f"{end}_point", point, count)
+    )
+    codes = (
+        np.full(count, DIRECTIONS[direction.lower()])
+        if direction.lower() in DIRECTIONS
+        else _whole(path, arrays, f"{end}_direction", direction, count)
+    )
+    for key, values, right, fits in (
+        ("point", points, "a point number", (points >= 1) & (points < _LARGEST_POINT)),
+        ("direction", codes, "a direction 1, 2, 3, -1, -2 or -3", np.isin(np.abs(codes), (1, 2, 3))),
+    ):
+        if not fits.all():
+            at = int(np.argmin(fits))
+            message = (
+                f"{path}: variable {getattr(layout, f'{end}_{key}')!r} ({end}_{key}): value {at + 1} is "
+                f"{values[at]:g}, expected {right}"
+            )
+            raise MeasurementError(message)
+    return [(int(p), int(c)) for p, c in zip(points, codes, strict=True)]
+
+
+def _whole(
+    path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, count: int
+) -> NDArray[np.float64]:
+    """Return `count` whole numbers of a variable; one holds for all."""
+    value = array(path, arrays, key, name)
+    where = f"{path}: variable {name!r} ({key})"
+    if prod(value.shape) not in (1, count):
+        end = key.partition("_")[0]
+        message = f"{where}: {arrays[name]} numbers for {count} {end}s; expected one for each, or one for all"
+        raise MeasurementError(message)
+    if np.iscomplexobj(value) or not np.all(value == np.round(value)):
+        message = f"{where}: expected whole numbers"
+        raise MeasurementError(message)
+    return np.broadcast_to(value.ravel(), (count,))

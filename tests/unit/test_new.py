@@ -1,0 +1,309 @@
+"""`lamella new`: what it finds in the files of a folder, and what it says that it cannot know."""
+
+import re
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+from typer.testing import CliRunner
+
+from ema.campaign.campaign import read_campaign
+from ema.campaign.draft import draft
+from ema.campaign.draft_file import draft_file, write_draft
+from ema.campaign.measurement import read_measurement
+from ema.io.contents import dof_name, dofs_in, unit_in
+from ema.types.errors import CampaignError, EmaError
+from updating.commands.command_line import app
+
+DATA = Path(__file__).parents[2] / "data"
+FREQUENCY = np.arange(10.0, 40.0)
+rng = np.random.default_rng(0)
+VALUE = rng.standard_normal((30, 3)) + 1j * rng.standard_normal((30, 3))
+POINTS = "node,x,y,z\n" + "".join(f"{n},{100 * n},0,0\n" for n in (1, 2, 3, 45))
+
+
+def new(folder, points=POINTS):
+    """Write a list of points and run the command; return what it printed."""
+    if points:
+        (folder / "points.csv").write_text(points)
+    done = CliRunner().invoke(app, ["new", str(folder)])
+    assert done.exception is None, done.exception
+    return done.output
+
+
+def campaign_text(folder):
+    return (folder / "campaign.toml").read_text(encoding="utf-8")
+
+
+def fill(folder, *pairs):
+    text = campaign_text(folder)
+    for old, put in pairs:
+        assert old in text
+        text = text.replace(old, put)
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+
+
+def frf(folder, name):
+    return read_measurement(read_campaign(folder / "campaign.toml"), name).frf
+
+
+def columns(*parts, delimiter=",", decimal="."):
+    rows = zip(FREQUENCY, *parts, strict=True)
+    return "".join(delimiter.join(f"{x:.17g}".replace(".", decimal) for x in row) + "\n" for row in rows)
+
+
+def real_imaginary(value=VALUE, **form):
+    return columns(*(part for v in value.T for part in (v.real, v.imag)), **form)
+
+
+@pytest.mark.parametrize(
+    ("shipped", "unknown"), [("demo_stack", ()), ("hidden_effect/b", (('"?"', '"(m/s2)/N"'),))]
+)
+def test_a_shipped_campaign_without_its_file(tmp_path, shipped, unknown):
+    for name in ("M1", "M2", "points.csv"):
+        source, copy = DATA / shipped / name, tmp_path / name
+        shutil.copytree(source, copy) if source.is_dir() else shutil.copy(source, copy)
+    new(tmp_path, points=None)
+    if unknown:
+        with pytest.raises(CampaignError, match=r"campaign\.toml: measurement\.unit: the unit '\?'") as fault:
+            read_campaign(tmp_path / "campaign.toml")
+        assert len(str(fault.value).splitlines()) == 1
+        fill(tmp_path, *unknown)
+    campaign, there = (read_campaign(folder / "campaign.toml") for folder in (tmp_path, DATA / shipped))
+    np.testing.assert_array_equal(campaign.geometry.coordinate, there.geometry.coordinate)
+    assert [c.name for c in campaign.configurations] == [c.name for c in there.configurations]
+    for name in ("M1", "M2"):
+        found, right = read_measurement(campaign, name).frf, read_measurement(there, name).frf
+        for what in ("frequency", "value", "coherence", "quantity", "run"):
+            np.testing.assert_array_equal(getattr(found, what), getattr(right, what))
+        for ends in ((found.output, right.output), (found.input, right.input)):
+            np.testing.assert_array_equal(*(end.node for end in ends))
+            np.testing.assert_array_equal(*(end.direction for end in ends))
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("f [Hz],1+z re,1+z im,2+z re,2+z im,3-x re,3-x im\n" + real_imaginary(), ["header_rows = 1"]),
+        ("Test 3\n\nHz;1z Real;1z Imag;2z Real;2z Imag;3-x Real;3-x Imag\n"
+         + real_imaginary(delimiter=";", decimal=","),
+         ['delimiter = "semicolon"', 'decimal = ","', "header_rows = 3", "DOFs without a sign are taken as +"]),
+        ("Prüfung\n" + "f\t1:+Z\t\t2:+Z\t\t3:-X\t\n" + real_imaginary(delimiter="\t"),
+         ['delimiter = "tab"', 'encoding = "latin-1"', "taken as real and imaginary parts"]),
+        ("f 1+z_mag 1+z_phase[rad] 2+z_mag 2+z_phase[rad] 3-x_mag 3-x_phase[rad]\n"
+         + columns(*(p for v in VALUE.T for p in (np.abs(v), np.angle(v))), delimiter="  "),
+         ['layout = "magnitude-phase"', 'delimiter = "space"', 'phase_unit = "rad"']),
+        ("f,1+z dB,1+z phase,2+z dB,2+z phase,3-x dB,3-x phase\n"
+         + columns(*(p for v in VALUE.T for p in (20 * np.log10(np.abs(v)), np.rad2deg(np.angle(v))))),
+         ['magnitude_unit = "dB"']),
+        ("f,1+z,2+z,3-x\n" + "".join(f"{f},{','.join(f'{v:.17g}' for v in row)}\n"
+                                     for f, row in zip(FREQUENCY, VALUE, strict=True)), ['layout = "complex"']),
+    ],
+)  # fmt: skip
+def test_layouts_of_tables(tmp_path, text, keys):
+    (tmp_path / "M1").mkdir()
+    (tmp_path / "M1/run.txt").write_text(text, encoding="latin-1")
+    new(tmp_path)
+    for key in keys:
+        assert key in campaign_text(tmp_path)
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('input = ["?"]', 'input = ["45+z"]'))
+    found = frf(tmp_path, "M1")
+    np.testing.assert_allclose(found.value[:, 0], VALUE.T, rtol=1e-12)
+    assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3-x"]
+
+
+def test_dofs_and_unit_from_names_and_headers(tmp_path):
+    for k, node in enumerate((1, 2, 3)):
+        text = "f [Hz],Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [k]])
+        (tmp_path / f"frf_{node}z_45-z.csv").write_text(text)
+    new(tmp_path)
+    assert (
+        "# guessed: DOFs are taken from the file names, the response first, without a sign as +"
+        in campaign_text(tmp_path)
+    )
+    found = frf(tmp_path, tmp_path.name)
+    np.testing.assert_allclose(found.value[:, 0], 9.80665 * VALUE.T, rtol=1e-12)
+    assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3+z"]
+    assert found.input.name(0) == "45-z"
+
+
+@pytest.mark.parametrize("kind", ["mat", "h5"])
+def test_files_of_arrays(tmp_path, kind):
+    content = {"FRF": VALUE, "freq": FREQUENCY, "coh": np.abs(VALUE) / 10, "out_node": [1, 2, 3], "out_dir": [3, 3, -1],
+               "ref_node": [45], "ref_dir": [3]}  # fmt: skip
+    (tmp_path / "M1").mkdir()
+    if kind == "mat":
+        savemat(tmp_path / "M1/run.mat", content)
+    else:
+        with h5py.File(tmp_path / "M1/run.h5", "w") as file:
+            for name, value in content.items():
+                file[name] = value
+    new(tmp_path)
+    assert 'axes = ["frequency", "output"]' in campaign_text(tmp_path)
+    with pytest.raises(CampaignError, match=r"measurement\.unit: the unit '\?'"):
+        read_campaign(tmp_path / "campaign.toml")
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'))
+    found = frf(tmp_path, "M1")
+    np.testing.assert_array_equal(found.value[:, 0], VALUE.T)
+    np.testing.assert_array_equal(found.coherence[:, 0], np.abs(VALUE.T) / 10)
+    assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3-x"]
+    assert found.input.name(0) == "45+z"
+
+
+def test_points_of_output_and_input_are_told_apart(tmp_path):
+    names = {"FRF": VALUE[:, :1], "f": FREQUENCY, "outNode": 2, "outDir": -1, "refNode": 45, "refDir": 3}
+    savemat(tmp_path / "run.mat", names)
+    new(tmp_path)
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'))
+    found = frf(tmp_path, tmp_path.name)
+    assert (found.output.name(0), found.input.name(0)) == ("2-x", "45+z")
+
+
+@pytest.mark.parametrize(
+    ("content", "key"),
+    [
+        (
+            {"re": VALUE.real, "im": VALUE.imag, "f": FREQUENCY},
+            r"configuration\[1\]\.output\[1\]: '\?' is not a DOF",
+        ),
+        ({"H": VALUE}, r"variable '\?' \(frequency\)"),
+        ({"x": np.arange(3.0)}, r"variable '\?' \(frf\)"),
+    ],
+)
+def test_what_arrays_do_not_tell_is_asked_for(tmp_path, content, key):
+    savemat(tmp_path / "run.mat", content)
+    said = new(tmp_path)
+    assert "to be filled in" in campaign_text(tmp_path)
+    assert "output of configuration" in said
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'))
+    if "variable" in key:
+        text = re.sub(r'(output|input) = \["\?"\]', r'\1 = ["1+z"]', campaign_text(tmp_path))
+        (tmp_path / "campaign.toml").write_text(text)
+    with pytest.raises(EmaError, match=key):
+        frf(tmp_path, tmp_path.name)
+
+
+def test_what_nobody_can_know_is_printed_and_asked_for(tmp_path):
+    (tmp_path / "M1_run03.csv").write_text(real_imaginary(VALUE[:, [0]]))
+    said = new(tmp_path, points=None)
+    for key in (
+        "points.file",
+        "structure.stack",
+        "measurement.unit",
+        "torque_Nm or pressure_kPa",
+        "input of conf",
+    ):
+        assert key in said
+    with pytest.raises(CampaignError) as fault:
+        read_campaign(tmp_path / "campaign.toml")
+    said = [line.partition("campaign.toml: ")[2] for line in str(fault.value).splitlines()]
+    keys = {line.partition(":")[0] for line in said}
+    assert keys == {
+        "points.file",
+        "measurement.unit",
+        "configuration[1].output[1]",
+        "configuration[1].input[1]",
+    }
+
+
+def test_time_histories(tmp_path):
+    time = np.arange(100) / 1000
+    rows = "".join(f"{t:.4f},{np.sin(99 * t):.6f},{np.cos(70 * t):.6f}\n" for t in time)
+    (tmp_path / "blow_1.csv").write_text("time [s],force,acceleration\n" + rows)
+    new(tmp_path)
+    with pytest.raises(CampaignError) as fault:
+        read_campaign(tmp_path / "campaign.toml")
+    assert "measurement.time.window" in str(fault.value)
+    pairs = [("window", "boxcar"), ("force_unit", "N"), ("response_unit", "m/s2")]
+    fill(tmp_path, *((f'{key} = "?"', f'{key} = "{put}"') for key, put in pairs))
+    with pytest.raises(EmaError, match="does not state the output DOF"):
+        frf(tmp_path, tmp_path.name)
+    fill(tmp_path, ("[[configuration]]", '[[configuration]]\noutput = ["1+z"]\ninput = ["45+z"]'))
+    assert frf(tmp_path, tmp_path.name).quantity == "accelerance"
+
+
+def test_points_of_a_universal_file(tmp_path):
+    (tmp_path / "M1").mkdir()
+    shutil.copy(DATA / "demo_stack/M1/run_01.uff", tmp_path / "M1")
+    new(tmp_path, points=None)
+    assert 'file = "M1/run_01.uff"' in campaign_text(tmp_path)
+    assert read_campaign(tmp_path / "campaign.toml").geometry.node.size == 45
+
+
+def test_measured_points_that_are_not_listed(tmp_path):
+    for node in (1, 7):
+        (tmp_path / f"{node}z_45z.csv").write_text("f,Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [0]]))
+    assert "points [7]: measured, but not in points.csv" in new(tmp_path)
+    with pytest.raises(EmaError, match=r"7z_45z\.csv: column 2, 3: point 7 of the response is not in"):
+        frf(tmp_path, tmp_path.name)
+    fill(tmp_path, ("# without_coordinates", "without_coordinates"))
+    np.testing.assert_array_equal(frf(tmp_path, tmp_path.name).output.node, [1, 7])
+
+
+def test_time_histories_beside_frfs_are_left_out(tmp_path):
+    (tmp_path / "1z_45z.csv").write_text("f,Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [0]]))
+    for k in range(2):
+        (tmp_path / f"time_{k}.csv").write_text(
+            "time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY)
+        )
+    assert len(re.findall(r"left out: .*time_.\.csv: holds time histories", new(tmp_path))) == 2
+    assert frf(tmp_path, tmp_path.name).output.name(0) == "1+z"
+
+
+def test_a_campaign_file_is_not_overwritten(tmp_path):
+    (tmp_path / "a.csv").write_text(real_imaginary())
+    (tmp_path / "campaign.toml").write_text("mine")
+    with pytest.raises(CampaignError, match=r"campaign\.toml: is there already and is not overwritten"):
+        write_draft(found := draft(tmp_path), draft_file(found))
+    assert campaign_text(tmp_path) == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("none", "is not a folder"), (".", "no file in it looks like a meas")]
+)
+def test_a_folder_without_measurements(tmp_path, name, said):
+    (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "curve.csv").write_text("strain,pressure\n" + "".join(f"{k},{k * k}\n" for k in range(20)))
+    with pytest.raises(CampaignError, match=said):
+        draft(tmp_path / name)
+
+
+def test_files_that_are_left_out_are_named(tmp_path):
+    for k in range(3):
+        (tmp_path / f"{k + 1}z_45z.csv").write_text(real_imaginary(VALUE[:, [k]]))
+    (tmp_path / "odd.csv").write_text("x\n" + real_imaginary(VALUE[:, [0]]))
+    (tmp_path / "broken.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(300))
+    said = new(tmp_path)
+    assert re.search(r"left out: .*odd\.csv: laid out otherwise", said)
+    assert re.search(r"left out: .*broken\.mat: cannot be read", said)
+    assert 'files = ["1z_45z.csv", "2z_45z.csv", "3z_45z.csv"]' in campaign_text(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("frf_12z_45z.csv", ["12+z", "45+z"]),
+        ("beam:12:+Z", ["12+z"]),
+        ("H 12-x/45Y-", ["12-x", "45-y"]),
+        ("M1_run03.uff", []),
+        ("run_0z 3.5x 4xy", []),
+    ],
+)
+def test_dofs_in_a_text(text, names):
+    assert [dof_name(code) for code in dofs_in(text)] == names
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("f [Hz] FRF [g/N]", "g/N"),
+        ("(m/s2)/N re", "(m/s2)/N"),
+        ("Re (mm/N)", "(mm/N)"),
+        ("Hz m/s2 N re/im", None),
+    ],
+)
+def test_a_unit_in_a_header(text, unit):
+    assert unit_in(text) == unit

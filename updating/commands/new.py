@@ -1,0 +1,39 @@
+"""`lamella new`: look at the files in a folder and write a first campaign file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ema.campaign.draft import draft
+from ema.campaign.draft_file import draft_file, write_draft
+from updating.commands.terminal import OUT
+
+EXAMPLE = "lamella new my_test"
+
+
+def new(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with measurements.", show_default=False)
+    ],
+) -> None:
+    """Look at the files in a folder and write a first campaign file there, campaign.toml.
+
+    Format, columns, points, directions and units come from the files, their headers and their names; each subfolder
+    with measurements is one configuration. A comment stands wherever something is guessed, and "?" where it cannot be
+    known: fill it in, and reading the campaign names what is left. A campaign file that is there is not overwritten.
+    """
+    found = draft(folder)
+    file = draft_file(found)
+    path = write_draft(found, file)
+    for name, contents in found.configurations.items():
+        n_frf = sum(len(c.dofs) for c in contents)
+        OUT.print(f"  {name}: {len(contents)} files, {n_frf} functions", markup=False, highlight=False)
+    for line in found.left_out:
+        OUT.print(f"  left out: {line}", markup=False, highlight=False, soft_wrap=True)
+    OUT.print(f"Campaign: [bold]{path}[/bold]; look at what is marked as guessed.")
+    OUT.print("To be filled in, since the files do not tell:")
+    for line in file.missing:
+        OUT.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
