@@ -54,3 +54,20 @@ def test_a_run_whose_modes_all_move_alike_is_no_sensor_mass():
     )
     (line,) = quality(told).findings
     assert line.endswith("300.0 Hz by -0.010 %; all modes alike, as temperature or settling moves them")
+
+
+def test_many_runs_that_differ_are_one_line():
+    moved = np.array([1.0, 0.9998, 0.9996, 1.0, 1.0002, 1.0004])
+    model = SimpleNamespace(
+        run=np.arange(6),
+        frequency=np.array([100.0]),
+        run_frequency=100.0 * moved[:, None],
+        disagreeing_runs=lambda: np.abs(moved - 1.0)[:, None] > 1e-4,
+    )
+    told = SimpleNamespace(
+        verdicts=(), measurement=SimpleNamespace(notes=()), modal_model=model, explained=None
+    )
+    assert quality(told).findings == (
+        "4 of 6 runs disagree with the others, in the median by 0.03 % and at most by 0.04 % (run 3 at 100.0 Hz); "
+        "a sensor's mass does this",
+    )

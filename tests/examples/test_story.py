@@ -1,0 +1,60 @@
+"""The demo: on a test that an independent model simulated, what was planted is found and the error falls."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ema import ModalModel
+from updating import read_result
+from updating.commands.command_line import app
+from updating.diagnosis.answer import Diagnosis
+
+ROOT = Path(__file__).parents[2]
+TRUTH = json.loads((ROOT / "data/demo_diagnosis/truth.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """What `lamella demo` prints, and its folder."""
+    folder = tmp_path_factory.mktemp("story")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        done = CliRunner().invoke(app, ["demo", "-o", str(folder)])
+    assert done.exit_code == 0, done.output
+    return " ".join(done.output.split()), folder
+
+
+def test_every_mode_is_identified_once(told):
+    """Sensors of 2 g that rove move modes by 0.05 %: one was taken for two."""
+    for own in TRUTH["configurations"]:
+        modes = read_result(told[1] / own["name"] / "modal_model.json", ModalModel)
+        true = np.array(own["frequency"])[own["visible"]]
+        np.testing.assert_allclose(modes.frequency, true, rtol=1e-3)  # with the sensors' mass
+
+
+def test_what_was_planted_is_identified_and_the_error_falls_on_modes_left_out(told):
+    found = read_result(told[1] / "diagnosis.json", Diagnosis)
+    assert TRUTH["plan"]["planted"].keys() == {"lost_contact_middle"}
+    assert (found.verdict, found.set) == ("identified", (("lost_contact_middle",),))
+    before, after = found.ranked(()), found.ranked(("lost_contact_middle",))
+    assert before.left_out_error > 0.03
+    assert after.left_out_error < 0.1 * before.left_out_error
+
+
+def test_its_size_is_that_of_the_pressure_that_is_lost(told):
+    """The planted share is of the largest pressure, the catalogue's of the mean: 18 = 6**2 / 2 is the bell's width."""
+    share = TRUTH["plan"]["planted"]["lost_contact_middle"]["loss"]
+    bell = np.mean(np.exp(-18.0 * np.linspace(-0.5, 0.5, 10_001) ** 2))
+    lost = 1.0 - (1.0 - share) / (1.0 - share * bell)
+    (own,) = read_result(told[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
+    assert own.value == pytest.approx(lost, rel=0.03)
+
+
+def test_it_is_told_in_four_steps_with_a_report(told):
+    text, folder = told
+    for step in ("1. Identify: 9 at M1 and 6 at M2", "2. Fit G_f", "3. Diagnose: Identified", "4. Add it"):
+        assert step in text
+    assert (folder / "report.html").stat().st_size > 10_000
