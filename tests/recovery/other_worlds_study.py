@@ -59,6 +59,8 @@ PARAMETER = {
     "height_gradient": {"excess": "height_excess"},
 }
 """What the catalogue calls a parameter where it means the same."""
+MEAN_OF_SHAPE = {"lost_contact_middle": 0.4166, "lost_contact_ends": 1.0 / 3.0}
+"""Of what is lost of the pressure, over its largest: the catalogue counts what is lost of the mean pressure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +191,7 @@ def _whole(evidence: Assembled, first: Explanation, made: Simulated) -> float | 
     """Return the root mean square by which frequencies differ from those of the model with the true stack's numbers."""
     planted = made.plan.planted
     true = {
-        own: planted[key][name]
+        own: _value(key, planted[key][name])
         for key in planted
         if key in SAME
         for name, own in PARAMETER.get(key, {}).items()
@@ -240,6 +242,13 @@ def _steps(steps: Sequence[Explanation]) -> tuple[str, ...]:
     return tuple(order)
 
 
+def _value(key: str, planted: float) -> float:
+    """Return the planted value of a parameter as the catalogue counts it."""
+    if key not in MEAN_OF_SHAPE:
+        return planted
+    return 1.0 - (1.0 - planted) / (1.0 - planted * MEAN_OF_SHAPE[key])
+
+
 def _covered(true: Explanation, planted: dict[str, dict[str, float]]) -> tuple[bool, ...]:
     hits = []
     for key, values in planted.items():
@@ -249,7 +258,7 @@ def _covered(true: Explanation, planted: dict[str, dict[str, float]]) -> tuple[b
             if at >= 0 and not true.at_bound[at]:
                 half = Z90 / Z95 * 0.5 * (true.upper[at] - true.lower[at])
                 middle = 0.5 * (true.upper[at] + true.lower[at])
-                hits.append(bool(abs(value - middle) <= half))
+                hits.append(bool(abs(_value(key, value) - middle) <= half))
     return tuple(hits)
 
 
