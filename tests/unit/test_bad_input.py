@@ -6,16 +6,20 @@ import re
 import shutil
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ema.campaign.campaign import read_campaign
 from ema.io.uff import write_uff
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 from updating.commands.command_line import main
 from updating.results import identified
+from updating.results.identified import assignments
+from updating.results.store import read_frf, write_frf
 
 PUBLISHED = Path(__file__).parents[2] / "data/pirnat2013"
 STRUCTURE = '[structure]\nstack = "stack.toml"\n'
@@ -450,12 +454,12 @@ def test_tables_that_cannot_be_written_leave_the_old_ones(folder, monkeypatch, c
     os.utime(folder / "out/M1/modal_model.json")  # the tables are to be written again
     old = (folder / "out/M1" / name).read_bytes()
 
-    replace = Path.replace
+    rename = Path.replace
 
     def full(part, target):
         if Path(target).name == name:
             raise OSError(28, "No space left on device")
-        return replace(part, target)
+        return rename(part, target)
 
     monkeypatch.setattr(Path, "replace", full)
     code, _, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
@@ -473,6 +477,25 @@ def test_a_folder_without_permission(folder, monkeypatch, capsys):
     code, _, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
     assert code == 1
     assert "cannot write out/campaign.json: Permission denied. Choose another folder with -o" in said
+
+
+def test_a_stored_measurement_that_was_changed_is_made_anew(folder):
+    (assigned,) = assignments(read_campaign(folder / "campaign.toml"), folder / "out")
+    found = identified.identified(assigned)
+    stored = folder / "out/M1/measurement.npz"
+    content, frf = stored.read_bytes(), read_frf(stored)
+    assert identified.read_back(assigned) is not None
+    halved = replace(frf, value=0.5 * frf.value)
+    for damage in (
+        lambda: stored.write_bytes(content[:-20]),
+        lambda: write_frf(stored, halved),
+        stored.unlink,
+    ):
+        damage()
+        assert identified.read_back(assigned) is None
+    again = identified.identified(assigned)
+    np.testing.assert_array_equal(again.modal_model.pole, found.modal_model.pole)
+    np.testing.assert_array_equal(read_frf(stored).value, frf.value)
 
 
 def test_an_interrupted_run_says_what_is_kept(folder, monkeypatch, capsys):
