@@ -25,6 +25,8 @@ from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
 from ema.types.geometry import Dof, Geometry
 
+_MOST_POINTS = 100_000  # more take minutes to draw and are a slip
+
 
 @dataclass(frozen=True, kw_only=True)
 class Files:
@@ -367,6 +369,9 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
 
 def _geometry(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry, tuple[str, ...]]:
     file = folder / given.file
+    if file.exists() and not (file.is_file() or file.is_dir()):
+        message = f"{path}: points.file: {given.file!r} is a pipe or a device; name a plain file"
+        raise CampaignError(message)
     unit = None if given.unit is None else parse_unit(given.unit)
     if unit is not None and unit.dimension != (1, 0, 0):
         message = f"{path}: points.unit: {given.unit!r} is not a unit of length"
@@ -378,10 +383,17 @@ def _geometry(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry,
         raise CampaignError(message)
     else:
         geometry, notes = read_points(file, unit), ()
+    if geometry.node.size > _MOST_POINTS:
+        message = (
+            f"{file}: holds {geometry.node.size} points, at most {_MOST_POINTS} can be; leave out what was not "
+            "measured"
+        )
+        raise CampaignError(message)
     drawn = [pair for line in given.lines for pair in pairwise(line)]
     absent = sorted({n for pair in drawn for n in pair} - {int(n) for n in geometry.node})
     if absent:
         message = f"{path}: points.lines: no such points: {absent}"
         raise CampaignError(message)
-    lines = np.vstack([geometry.line, np.array(drawn, dtype=np.int64).reshape(-1, 2)])
+    pairs = [*map(tuple, geometry.line.tolist()), *drawn]
+    lines = np.array(list(dict.fromkeys(pairs)), dtype=np.int64).reshape(-1, 2)
     return replace(geometry, line=lines), notes

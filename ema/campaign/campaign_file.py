@@ -18,24 +18,39 @@ from ema.io.variables import VariableLayout
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Dof
 
+_LARGEST = 2**31 - 1  # point number, as in universal files
+_HIGHEST = 1e9  # Hz
+
 
 def _dof(given: object) -> Dof:
     """Return the DOF written as '12+z' or, where it is off the axes, as a table with a direction."""
     if isinstance(given, str) and (written := re.fullmatch(r"(\d+)([+-])([xyzXYZ])", given)) is not None:
         node, sign, axis = written.groups()
         x, y, z = (-1.0 if sign == "-" else 1.0) * np.eye(3)["xyz".index(axis.lower())]
-        return Dof(int(node), (float(x), float(y), float(z)))
-    if isinstance(given, dict) and set(given) == {"node", "direction"} and isinstance(given["node"], int):
-        direction = np.array(given["direction"], dtype=float)  # a ValueError here is reported as any other
-        length = float(np.linalg.norm(direction))
-        if direction.shape == (3,) and 0 < length < np.inf:
-            x, y, z = direction / length
-            return Dof(given["node"], (float(x), float(y), float(z)))
+        return _possible(Dof(int(node), (float(x), float(y), float(z))))
+    if isinstance(given, dict) and set(given) == {"node", "direction"} and type(given["node"]) is int:
+        direction = given["direction"]
+        numbers = isinstance(direction, list) and all(type(part) in (int, float) for part in direction)
+        if numbers and len(direction) == 3 and 0 < (length := math.hypot(*direction)) < math.inf:
+            x, y, z = (part / length for part in direction)
+            return _possible(Dof(given["node"], (x, y, z)))
     message = (
         f"{given!r} is not a DOF: write a point number with a signed direction, such as '12+z', "
         "or {node = 12, direction = [0, 0.6, 0.8]}"
     )
     raise ValueError(message)
+
+
+def _possible(dof: Dof) -> Dof:
+    if not 0 <= dof.node <= _LARGEST:
+        message = f"{dof.node} is not a point number, which is 0 to {_LARGEST}"
+        raise ValueError(message)
+    return dof
+
+
+def _several(given: object) -> object:
+    """Return a list; what is written without brackets is a list of one."""
+    return tuple(given) if isinstance(given, list) else (given,)
 
 
 def _checked_unit(text: str) -> str:
@@ -47,6 +62,8 @@ def _checked_unit(text: str) -> str:
 
 
 DofEntry = Annotated[Dof, BeforeValidator(_dof)]
+DofEntries = Annotated[tuple[DofEntry, ...], BeforeValidator(_several)]
+FileNames = Annotated[tuple[str, ...], BeforeValidator(_several)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
 
@@ -102,18 +119,18 @@ class MeasurementSection(Section):
 
 
 class _Run(Section):
-    files: tuple[str, ...] = Field(min_length=1)
-    output: tuple[DofEntry, ...] = ()
-    input: tuple[DofEntry, ...] = ()
+    files: FileNames = Field(min_length=1)
+    output: DofEntries = ()
+    input: DofEntries = ()
 
 
 class ForceLevelSection(Section):
     """The files of a configuration at another force, to be compared with those that are identified."""
 
-    force_N: float = Field(gt=0)
-    files: tuple[str, ...] = Field(min_length=1)
-    output: tuple[DofEntry, ...] = ()
-    input: tuple[DofEntry, ...] = ()
+    force_N: float = Field(gt=0, allow_inf_nan=False)
+    files: FileNames = Field(min_length=1)
+    output: DofEntries = ()
+    input: DofEntries = ()
 
 
 class ConfigurationSection(Section):
@@ -124,10 +141,10 @@ class ConfigurationSection(Section):
     torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    force_N: float | None = Field(default=None, gt=0)
-    files: tuple[str, ...] = ()
-    output: tuple[DofEntry, ...] = ()
-    input: tuple[DofEntry, ...] = ()
+    force_N: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    files: FileNames = ()
+    output: DofEntries = ()
+    input: DofEntries = ()
     run: tuple[_Run, ...] = ()
     force_level: tuple[ForceLevelSection, ...] = ()
 
@@ -169,8 +186,11 @@ class _Identification(Section):
 
     @model_validator(mode="after")
     def _ascending(self) -> _Identification:
-        if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1]:
-            message = f"band_Hz must be [lower, upper] with 0 <= lower < upper, found {list(self.band_Hz)}"
+        if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1] <= _HIGHEST:
+            message = (
+                f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {_HIGHEST:g}, found "
+                f"{list(self.band_Hz)}"
+            )
             raise ValueError(message)
         return self
 

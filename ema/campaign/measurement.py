@@ -120,6 +120,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     if not entries:
         message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
         raise MeasurementError(message)
+    _require_not_negative(entries)
     entries = _with_axis(entries, notes)
     entries = _one_quantity(entries, notes)
     entries = _one_axis(entries, notes)
@@ -319,6 +320,16 @@ def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))
     tolerance = min(tolerance, 0.4 * abs(uniform[1] - uniform[0]))
     return uniform if np.abs(frequency - uniform).max() <= tolerance else frequency
+
+
+def _require_not_negative(entries: list[_Entry]) -> None:
+    for entry in entries:
+        if np.any(entry.frequency < 0.0):
+            message = (
+                f"{entry.source}: the frequency axis reaches down to {np.nanmin(entry.frequency):g} Hz; export "
+                "one-sided functions, of 0 Hz and above, and check the column, the start and the step of the axis"
+            )
+            raise MeasurementError(message)
 
 
 def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:

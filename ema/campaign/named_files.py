@@ -50,6 +50,9 @@ def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -
         found = sorted((f for f in found if f.is_file()), key=natural)
         if not found:
             there = [f.name for f in (folder / pattern).parent.glob("*")]
+            if (folder / pattern).exists() and not (folder / pattern).is_dir():
+                message = f"{path}: {key}: {pattern!r} is a pipe or a device; name plain files"
+                raise CampaignError(message)
             close = difflib.get_close_matches(Path(pattern).name, there, n=2)
             hint = f"; did you mean {' or '.join(close)}?" if close else ""
             message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"

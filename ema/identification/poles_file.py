@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.files import whole
+from ema.io.files import plain_bytes, whole
 from ema.types.errors import IdentificationError
 
 HEADER = (
@@ -33,7 +33,7 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
         and line.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = plain_bytes(path).decode("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         message = f"{path}: cannot be read: {error}"
         raise IdentificationError(message) from error

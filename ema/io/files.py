@@ -1,12 +1,26 @@
-"""Files written whole or not at all."""
+"""Files read where they are plain ones, and written whole or not at all."""
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+
+def plain_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is a pipe or a device, which would keep the reader waiting or never end.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "is a pipe or a device; give a plain file", str(path))
+    return path.read_bytes()
 
 
 @contextmanager

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import difflib
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from ema.io.files import plain_bytes
 
 
 class Section(BaseModel):
@@ -34,7 +37,7 @@ def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
         impossible; its message names the file and every faulty key.
     """
     try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
+        given = read_toml(path)
     except OSError as cause:
         files = sorted(path.glob("*.toml"))  # none where it is no folder
         fault = f"is a folder; give a file, such as {files[0]}" if files else cause.strerror
@@ -44,13 +47,26 @@ def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
         message = f"{path}: not valid TOML: {cause}"
         raise error(message) from cause
     try:
-        return form.model_validate(given)
+        return form.model_validate_json(json.dumps(given, default=str), strict=True)  # or true would be 1
     except ValidationError as cause:
         faults: list[dict[str, Any]] = [dict(fault) for fault in cause.errors()]
         places = [fault["loc"] for fault in faults]
         # pydantic also reports a list as too short when its entries have faults; the entries say it all
         own = [f for f in faults if all(p == f["loc"] or p[: len(f["loc"])] != f["loc"] for p in places)]
         raise error("\n".join(f"{path}: {_explained(fault, form)}" for fault in own)) from cause
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a TOML file holds, with or without the mark of its byte order that some editors set.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is no plain file.
+    ValueError, RecursionError
+        It is not TOML.
+    """
+    return tomllib.loads(plain_bytes(path).decode("utf-8-sig"))
 
 
 def _explained(fault: dict[str, Any], form: type[BaseModel]) -> str:

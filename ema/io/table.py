@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
 
+_BYTE_ORDER_MARK = "\ufeff"
+_BEYOND = "beyond the last column"
+_MOST_SHOWN = 40  # characters of a cell in a message
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 Column = Annotated[int, Field(ge=1)]
 
@@ -166,17 +170,25 @@ def _functions(
 def read_points(path: Path, unit: Unit) -> Geometry:
     """Read a list of points: a header row ``node,x,y,z``, then one row for each point.
 
-    Columns may stand in any order and others are ignored; semicolons as delimiters allow decimal commas.
+    Columns may stand in any order and others are ignored; semicolons or tabs as delimiters allow decimal commas.
 
     Raises
     ------
     MeasurementError
         A column is missing or a row is not numbers; the message names file, row and column.
     """
-    text = _text(path, "utf-8-sig")
+    text = _text(path, "utf-8")
     head = text.partition("\n")[0]
     delimiter = next((d for d in ";\t," if d in head), ",")
-    reader = csv.DictReader(text.splitlines(), delimiter=delimiter)
+    reader = csv.DictReader(text.splitlines(), delimiter=delimiter, restkey=_BEYOND)
+    try:
+        return _points(path, reader, "." if delimiter == "," else ",", unit)
+    except csv.Error as error:  # a cell without end
+        message = f"{path}: row {reader.line_num + 1}: expected a point number and x, y, z, found {error}"
+        raise MeasurementError(message) from error
+
+
+def _points(path: Path, reader: csv.DictReader[str], decimal: str, unit: Unit) -> Geometry:
     names = {(name or "").strip().casefold(): name for name in reader.fieldnames or ()}
     missing = [name for name in ("node", "x", "y", "z") if name not in names]
     if missing:
@@ -184,15 +196,24 @@ def read_points(path: Path, unit: Unit) -> Geometry:
         raise MeasurementError(message)
     points: dict[int, list[float]] = {}
     for row in reader:
-        if not any((value or "").strip() for value in row.values() if isinstance(value, str)):
+        beyond = "".join(row.pop(_BEYOND, ())).strip()
+        if not any((value or "").strip() for value in row.values()):
             continue
+        if beyond:
+            message = (
+                f"{path}: row {reader.line_num} has more cells than row 1 has names; numbers with decimal commas need "
+                "semicolons or tabs between the columns"
+            )
+            raise MeasurementError(message)
         cells = {key: str(row[names[key]] or "").strip() for key in ("node", "x", "y", "z")}
-        decimal = "," if delimiter == ";" else "."
         try:
             node = int(np.int64(cells["node"]))
             xyz = [float(cells[key].replace(decimal, ".")) for key in ("x", "y", "z")]
         except (ValueError, OverflowError) as error:
-            message = f"{path}: row {reader.line_num}: expected a point number and x, y, z, found {cells}"
+            message = (
+                f"{path}: row {reader.line_num}: expected a point number and x, y, z, found "
+                f"{', '.join(_shown(cell) for cell in cells.values())}"
+            )
             raise MeasurementError(message) from error
         if node in points or not np.isfinite(xyz).all():
             message = f"{path}: row {reader.line_num}: point {node} is given twice or not finite"
@@ -208,12 +229,17 @@ def read_points(path: Path, unit: Unit) -> Geometry:
     )
 
 
+def _shown(cell: str) -> str:
+    """Return a cell as a message shows it: quoted, and only its beginning where it is long."""
+    return repr(cell if len(cell) <= _MOST_SHOWN else f"{cell[:_MOST_SHOWN]}...")
+
+
 def _text(path: Path, encoding: str) -> str:
     try:
-        data = path.read_bytes()
+        data = plain_bytes(path)
         if path.suffix == ".gz":
             data = gzip.decompress(data)
-        return data.decode(encoding)
+        return data.decode(encoding).removeprefix(_BYTE_ORDER_MARK)
     except FileNotFoundError as error:
         message = f"{path}: cannot be read: there is no such file"
         raise MeasurementError(message) from error
@@ -281,7 +307,7 @@ def _numbers(path: Path, rows: list[str], layout: TableLayout, columns: list[int
                 cells[column].append(number(word))
             except ValueError as error:
                 where = f"{path}: row {layout.header_rows + index + 1}, column {column}"
-                message = f"{where}: expected a number, found {word!r}"
+                message = f"{where}: expected a number, found {_shown(word)}"
                 raise MeasurementError(message) from error
     return {column: np.array(values) for column, values in cells.items()}
 

@@ -146,8 +146,9 @@ def shape_figure(modal_model: ModalModel, mode: int) -> Figure:
     axes = figure.add_subplot(projection="3d")
     for points, color in ((at_rest, "0.75"), (displaced, FITTED)):
         axes.scatter(*points.T, color=color, s=8)
-        for line in lines:
-            axes.plot(*points[line].T, color=color, linewidth=1.0)
+        ends = np.full((len(lines), 3, 3), np.nan)  # one path with gaps: lines may be many
+        ends[:, :2] = points[lines]
+        axes.plot(*ends.reshape(-1, 3).T, color=color, linewidth=1.0)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(
         f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small"

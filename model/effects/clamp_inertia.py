@@ -15,6 +15,7 @@ Mistaken for: a shear stiffness across the width that is too high (contact_direc
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,10 @@ _GRID = np.linspace(0.0, 1.0, 11)
 _SHARE = 0.2  # of the length that a clamp covers, half of it well; over less, upper modes rest on the elements there
 
 
+def _at_station(t: Theta, i: int) -> Any:
+    return t["clamp_roll_inertia"] * hats(t["clamp_station"], _GRID)[i]
+
+
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the inertia of a unit J at each fixed place."""
     stack, found = assembly.stack, []
@@ -36,13 +41,8 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         inward = station * (half - size[0] / 2.0)  # the strip stays on the plan
         rows = (turn_of(assembly, (x, 0.0), size, "y", tapered=True) for x in (-inward, inward))
         krons = tuple(square("w", row, z) for row in rows)
-
-        def factor(t: Theta, i: int = i) -> Any:
-            return t["clamp_roll_inertia"] * hats(t["clamp_station"], _GRID)[i]
-
-        found.append(
-            Term(name=f"clamp_inertia at {station:.1f}", target="M", factor=Formula(factor), krons=krons)
-        )
+        factor = Formula(partial(_at_station, i=i))
+        found.append(Term(name=f"clamp_inertia at {station:.1f}", target="M", factor=factor, krons=krons))
     return tuple(found)
 
 

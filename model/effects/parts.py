@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -247,6 +248,18 @@ def centred(weight: Vector, dx: Vector) -> Vector:
     return np.asarray(change / -change.min())
 
 
+def _once(t: Theta, name: str) -> Any:
+    return t[name]
+
+
+def _twice(t: Theta, name: str) -> Any:
+    return 2.0 * t[name]
+
+
+def _squared(t: Theta, name: str) -> Any:
+    return t[name] ** 2
+
+
 def pressure_change(
     assembly: Assembly,
     effect: str,
@@ -273,15 +286,7 @@ def pressure_change(
     f = centred(shape(x, y), np.asarray(plan.membrane.dx))
     field = contact_fields(assembly.stack, plan)
 
-    def change(t: Theta) -> Any:
-        return t[amplitude]
-
-    def twice(t: Theta) -> Any:
-        return 2.0 * t[amplitude]
-
-    def squared(t: Theta) -> Any:
-        return t[amplitude] ** 2
-
+    change, twice, squared = (partial(part, name=amplitude) for part in (_once, _twice, _squared))
     pressure, square_of_it = field["pressure"].tangential(f), field["pressure squared"]
     mixed = field["pressure times normal"].normal(f)
     damping = f"{effect} damping"

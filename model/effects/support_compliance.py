@@ -15,6 +15,7 @@ Mistaken for: a lower Young's modulus, temperature, a length stated too short.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from model.elements.equations import Assembly, Formula, Term, Theta
@@ -26,13 +27,9 @@ from model.stack.parts import EdgeSupport
 _RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}  # as the stack file says
 
 
-def _softening(name: str, stiffness: float) -> Formula:
+def _softening(t: Theta, name: str, stiffness: float) -> Any:
     """Return the factor by which the compliance beside a stiffness, of which it is a share, takes from it."""
-
-    def factor(t: Theta) -> Any:
-        return 1.0 / (1.0 + stiffness * (1.0 / t[name] - 1.0 / _RIGID[name])) - 1.0
-
-    return Formula(factor)
+    return 1.0 / (1.0 + stiffness * (1.0 / t[name] - 1.0 / _RIGID[name])) - 1.0
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -43,7 +40,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         for motion in held_motions(stack, assembly.plan, support):
             name = "edge_rotation" if motion.turns else "edge_translation"
             what = f"support_compliance {i} {'turning' if motion.turns else motion.kron.row}"
-            factor = _softening(name, motion.stiffness * width)
+            factor = Formula(partial(_softening, name=name, stiffness=motion.stiffness * width))
             found.append(Term(name=what, target="K", factor=factor, krons=(motion.kron,)))
     if not found:
         message = "support_compliance: the stack has no supports; add [[supports]] to its file"

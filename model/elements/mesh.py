@@ -22,6 +22,7 @@ import scipy.spatial as spatial
 import skfem
 from numpy.typing import NDArray
 
+from model.elements.powers import ElementQuadBFS, ElementTriArgyris
 from model.stack.outline import Triangulation
 from model.stack.stack import Stack
 
@@ -239,9 +240,7 @@ def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[f
     mesh = skfem.MeshQuad.init_tensor(
         _cuts(length, n_x, edges), np.linspace(-width / 2.0, width / 2.0, n_y + 1)
     )
-    membrane = skfem.Basis(mesh, skfem.ElementQuadS2(), intorder=_QUADRATURE_ORDER)
-    plate = skfem.Basis(mesh, skfem.ElementQuadBFS(), intorder=_QUADRATURE_ORDER)
-    return Plan(membrane=membrane, plate=plate)
+    return plan_on(mesh.p, mesh.t)
 
 
 def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
@@ -259,9 +258,26 @@ def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
 
 def triangles(mesh: Triangulation) -> Plan:
     """Take a lamina that is cut into triangles."""
-    tri = skfem.MeshTri(np.ascontiguousarray(mesh.point.T), np.ascontiguousarray(mesh.triangle.T))
-    membrane = skfem.Basis(tri, skfem.ElementTriP2(), intorder=_TRIANGLE_ORDER)
-    plate = skfem.Basis(tri, skfem.ElementTriArgyris(), intorder=_TRIANGLE_ORDER)
+    return plan_on(np.ascontiguousarray(mesh.point.T), np.ascontiguousarray(mesh.triangle.T))
+
+
+def plan_on(point: NDArray[np.float64], cell: NDArray[np.int64]) -> Plan:
+    """Take a lamina that is cut into rectangles or triangles.
+
+    Parameters
+    ----------
+    point : (2, n_point)
+        x and y of the corners, m.
+    cell : (4, n_cell) or (3, n_cell)
+        Corners of each rectangle or triangle.
+    """
+    if len(cell) == 4:
+        mesh, order = skfem.MeshQuad(point, cell), _QUADRATURE_ORDER
+        elements = (skfem.ElementQuadS2(), ElementQuadBFS())
+    else:
+        mesh, order = skfem.MeshTri(point, cell), _TRIANGLE_ORDER
+        elements = (skfem.ElementTriP2(), ElementTriArgyris())
+    membrane, plate = (skfem.Basis(mesh, element, intorder=order) for element in elements)
     return Plan(membrane=membrane, plate=plate)
 
 

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from model.stack.arrays import readonly
 from model.stack.errors import StackError
+from model.stack.files import plain_text
 
 _COLUMNS = ("strain", "pressure_kPa")
+_MOST_SHOWN = 100  # characters of a row in a message
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -116,25 +118,36 @@ def read_curve(path: str | Path) -> CompressionCurve:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = plain_text(path).splitlines()
     except (OSError, ValueError) as error:
         message = f"{path}: cannot be read ({getattr(error, 'strerror', error)})"
         raise StackError(message) from error
     rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))
-    missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-    if missing:
-        message = f"{path}: column {missing[0]} is missing; the columns are {', '.join(_COLUMNS)}"
-        raise StackError(message)
-    values = []
-    for i, row in enumerate(rows):
-        try:
-            values.append([float(row[name]) for name in _COLUMNS])
-        except (TypeError, ValueError) as error:
-            message = f"{path}: row {i + 1}: {', '.join(_COLUMNS)} must be numbers, got {row}"
-            raise StackError(message) from error
+    try:
+        values = _values(path, rows)
+    except csv.Error as error:
+        message = f"{path}: row {rows.line_num}: {error}"
+        raise StackError(message) from error
     table = np.array(values).reshape(-1, 2)
     try:
         return CompressionCurve(strain=table[:, 0], pressure=table[:, 1] * 1e3)
     except StackError as error:
         message = f"{path}: {error}"
         raise StackError(message) from error
+
+
+def _values(path: Path, rows: csv.DictReader[str]) -> list[list[float]]:
+    missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+    if missing:
+        message = f"{path}: column {missing[0]} is missing; the columns are {', '.join(_COLUMNS)}"
+        raise StackError(message)
+    values = list[list[float]]()
+    for i, row in enumerate(rows):
+        try:
+            values.append([float(row[name]) for name in _COLUMNS])
+        except (TypeError, ValueError) as error:
+            message = (
+                f"{path}: row {i + 1}: {', '.join(_COLUMNS)} must be numbers, got {str(row)[:_MOST_SHOWN]}"
+            )
+            raise StackError(message) from error
+    return values

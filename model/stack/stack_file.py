@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import difflib
+import json
 import math
 import tomllib
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -15,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from model.stack import outline
 from model.stack.curve import read_curve
 from model.stack.errors import StackError
+from model.stack.files import plain_text
 from model.stack.material import Material
 from model.stack.parts import (
     NO_CONTACT,
@@ -32,6 +34,9 @@ from model.stack.parts import (
 from model.stack.stack import Stack
 
 _PLATE_POISSON = 0.3
+_TOUCHING_MM = 1e-6  # of rounding
+_Large = Annotated[float, Field(le=1e12)]
+"""A number in the units of a file: none of a real stack is as large, and products of such are still finite."""
 
 
 class _Table(BaseModel):
@@ -39,44 +44,44 @@ class _Table(BaseModel):
 
 
 class _Material(_Table):
-    young_GPa: float
+    young_GPa: _Large
     poisson: float
-    density_kg_m3: float
-    transverse_ratio: float = 1.0
-    shear_ratio: float = 1.0
+    density_kg_m3: _Large
+    transverse_ratio: _Large = 1.0
+    shear_ratio: _Large = 1.0
 
 
 class _Contact(_Table):
-    G_f: float | None = None
-    d_f_s_per_Pa: float | None = None
-    pressure_kPa: float | None = None
-    torque_Nm: float | None = None
+    G_f: _Large | None = None
+    d_f_s_per_Pa: _Large | None = None
+    pressure_kPa: _Large | None = None
+    torque_Nm: _Large | None = None
     torque_table: str | None = None
-    normal_modulus_GPa: float | None = None
+    normal_modulus_GPa: _Large | None = None
 
 
 class _Clamp(_Table):
-    mass_kg: float
+    mass_kg: _Large
     x_mm: float
     y_mm: float = 0.0
     distribution: Distribution = "height"
     footprint_mm: tuple[float, float] = (0.0, 0.0)
-    force_N: float | None = None
+    force_N: _Large | None = None
 
 
 class _Pressing(_Table):
     curve: str
     plate: Literal["rigid"] | None = None
     plate_thickness_mm: float | None = Field(default=None, gt=0, le=1e4)
-    plate_young_GPa: float = 200.0
+    plate_young_GPa: _Large = 200.0
 
 
 class _Interlayer(_Table):
     below: int
-    thickness_mm: float
-    shear_modulus_MPa: float
-    normal_modulus_MPa: float
-    density_kg_m3: float
+    thickness_mm: _Large
+    shear_modulus_MPa: _Large
+    normal_modulus_MPa: _Large
+    density_kg_m3: _Large
 
 
 class _Support(_Table):
@@ -185,7 +190,7 @@ def read_stack(path: str | Path) -> Stack:
     """
     path = Path(path)
     try:
-        raw: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = read_toml(path)
     except OSError as error:
         message = f"{path}: cannot be read ({error.strerror})"
         raise StackError(message) from error
@@ -193,7 +198,7 @@ def read_stack(path: str | Path) -> Stack:
         message = f"{path}: not a TOML file: {error}"
         raise StackError(message) from error
     try:
-        given = _Stack.model_validate(raw)
+        given = _validated(raw)
     except ValidationError as error:
         raise StackError(_explain(path, error)) from error
     try:
@@ -203,9 +208,27 @@ def read_stack(path: str | Path) -> Stack:
         raise StackError(message) from error
 
 
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a TOML file holds, with or without the mark of its byte order that some editors set.
+
+    Raises
+    ------
+    OSError
+        As in `plain_text`.
+    ValueError, RecursionError
+        It is not TOML.
+    """
+    return tomllib.loads(plain_text(path))
+
+
+def _validated(raw: dict[str, Any]) -> _Stack:
+    """Return the form of a file, strictly: true is not 1 and no text is a number."""
+    return _Stack.model_validate_json(json.dumps(raw, default=str), strict=True)
+
+
 def stack_inputs(path: Path) -> tuple[Path, ...]:
     """Return the file of a stack, which `read_stack` accepts, and the files that it names."""
-    given = _Stack.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    given = _validated(read_toml(path))
     named = (
         given.contact.torque_table,
         given.outline.file,
@@ -218,6 +241,7 @@ def _to_si(given: _Stack, folder: Path) -> Stack:
     material = given.material
     mesh = Mesh(n_x=given.mesh.n_x, n_y=given.mesh.n_y)
     length, width, shape = _outline(given, folder)
+    _check_footprints(given.clamps, (1e3 * length, 1e3 * width))
     area = length * width if shape is None else shape.area
     pressing = None if given.pressing is None else _pressing(given.pressing, folder)
     return Stack(
@@ -260,6 +284,30 @@ def _to_si(given: _Stack, folder: Path) -> Stack:
         supports=tuple(_support(i, support) for i, support in enumerate(given.supports)),
         outline=shape,
     )
+
+
+def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> None:
+    """Refuse clamps that press what is not there, or what another one presses."""
+    for i, clamp in enumerate(clamps):
+        for axis, side, whole in zip("xy", clamp.footprint_mm, size_mm, strict=True):
+            if side > whole + _TOUCHING_MM:
+                message = (
+                    f"clamps[{i}]: footprint_mm is {side:g} mm along {axis}, but the stack is {whole:g} mm; give the "
+                    "part that lies on it"
+                )
+                raise StackError(message)
+        for j, other in enumerate(clamps[:i]):
+            apart = (abs(clamp.x_mm - other.x_mm), abs(clamp.y_mm - other.y_mm))
+            reach = zip(clamp.footprint_mm, other.footprint_mm, strict=True)
+            shared = [(p + q) / 2.0 - gap for (p, q), gap in zip(reach, apart, strict=True)]
+            if (
+                max(apart) > 0.0 and min(shared) > _TOUCHING_MM
+            ):  # at the same place they are one that is heavier
+                message = (
+                    f"clamps[{j}] and clamps[{i}]: their footprints overlap by {shared[0]:g} mm along x and "
+                    f"{shared[1]:g} mm along y; check x_mm, y_mm and footprint_mm"
+                )
+                raise StackError(message)
 
 
 def _contact(given: _Stack, area: float, pressing: Pressing | None, folder: Path) -> Contact:
@@ -374,12 +422,12 @@ def _pressure(contact: _Contact, forces: list[float | None], area: float, folder
 def _pressure_at_torque(path: Path, torque: float) -> float:
     """Return the mean pressure, Pa, on the line from 0 through the table's columns torque_Nm and pressure_kPa."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = sorted((float(r["torque_Nm"]), float(r["pressure_kPa"])) for r in csv.DictReader(file))
+        table = csv.DictReader(plain_text(path).splitlines())
+        rows = sorted((float(r["torque_Nm"]), float(r["pressure_kPa"])) for r in table)
     except OSError as error:
         message = f"{path}: cannot be read ({error.strerror})"
         raise StackError(message) from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         message = f"{path}: needs the columns torque_Nm and pressure_kPa with numbers"
         raise StackError(message) from error
     if not rows or not 0.0 < torque <= rows[-1][0]:

@@ -6,17 +6,21 @@ import re
 import shutil
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from ema.campaign.campaign import read_campaign
 from ema.io.uff import write_uff
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 from updating.commands.command_line import main
 from updating.results import identified
+from updating.results.identified import assignments
+from updating.results.store import read_frf, write_frf
 
 PUBLISHED = Path(__file__).parents[2] / "data/pirnat2013"
 STRUCTURE = '[structure]\nstack = "stack.toml"\n'
@@ -122,8 +126,36 @@ def noise(folder):
         holds(run, table(functions()[0], value))(folder)
 
 
-def second_axis(**axis):
-    return lambda folder: holds("run_2.csv", table(*((f := functions(**axis))[0], f[1][3:])))(folder)
+def second_axis(run=2, **axis):
+    return lambda folder: holds(f"run_{run}.csv", table(*((f := functions(**axis))[0], f[1][3:])))(folder)
+
+
+def clamps(*tables):
+    def damage(folder):
+        with (folder / "stack.toml").open("a", encoding="utf-8") as file:
+            file.writelines(f"[[clamps]]\n{keys}\n" for keys in tables)
+
+    return damage
+
+
+def direction(written):
+    return campaign('"1+z", "2', f'{{node = 1, direction = {written}}}, "2')
+
+
+def many_points(folder):
+    with (folder / "points.csv").open("a", encoding="utf-8") as file:
+        file.writelines(f"{node},0,0,5\n" for node in range(7, 100_007))
+
+
+NAMED = campaign('"run_*.csv"', '"run_1.csv", "run_2.csv"')
+
+
+def pipe(name):
+    return all_of(NAMED, gone(name), lambda folder: os.mkfifo(folder / name))
+
+
+def endless(name):
+    return all_of(NAMED, gone(name), lambda folder: (folder / name).symlink_to("/dev/zero"))
 
 
 def universal(cut=None, kind=None):
@@ -175,6 +207,8 @@ def published(name, old, new):
     return damage
 
 
+UPDATE = 'name = "one"\n'
+UPDATED = '[[campaign]]\nfile = "campaign.toml"\n'
 ONE_POINT = all_of(
     gone("run_2.csv"),
     holds("run_1.csv", table(functions()[0], functions()[1][:1])),
@@ -284,7 +318,8 @@ TABLE = {
     "zero laminas": ("model stack.toml", stack("n_lamina = 20", "n_lamina = 0"), ["n_lamina must be positive, got 0"]),
     "no elements": ("model stack.toml", stack("n_x = 4", "n_x = 0"), ["mesh: n_x must be positive, got 0"]),
     "Poisson's ratio": ("model stack.toml", stack("poisson = 0.28", "poisson = 1.2"), ["between -1 and 1"]),
-    "infinite stiffness": ("model stack.toml", stack("young_GPa = 200", "young_GPa = inf"), ["young must be positive"]),
+    "infinite stiffness": ("model stack.toml", stack("young_GPa = 200", "young_GPa = inf"),
+                           ["material.young_GPa = inf", "less than or equal to 1000000000000"]),
     "curve that falls": ("model stack.toml", all_of(stack("normal_modulus_GPa = 5", PRESSING),
                          holds("curve.csv", "strain,pressure_kPa\n0,0\n0.01,100\n0.02,50\n")),
                          ["curve.csv", "must rise", "point 3"]),
@@ -295,6 +330,59 @@ TABLE = {
     "singular model": ("model stack.toml", stack("G_f = 825", "G_f = 1e-300"), ["not positive definite", "singular"]),
     "more modes than the model has": ("model stack.toml -n 200", stack("n_lamina = 20", "n_lamina = 1"),
                                       ["the model has no more than", "ask for fewer"]),
+    "mass beyond any": ("model stack.toml", clamps("mass_kg = 1e300\nx_mm = 0"),
+                          ["clamps.0.mass_kg = 1e+300", "less than"]),
+    "clamp longer than the stack": ("model stack.toml", clamps("mass_kg = 1\nx_mm = 0\nfootprint_mm = [400, 80]"),
+                                    ["clamps[0]: footprint_mm is 400 mm along x, but the stack is 300 mm"]),
+    "clamp wider than the stack": ("model stack.toml", clamps("mass_kg = 1\nx_mm = 0\nfootprint_mm = [40, 90]"),
+                                   ["clamps[0]: footprint_mm is 90 mm along y, but the stack is 80 mm"]),
+    "clamps in one place": ("model stack.toml", clamps("mass_kg = 1\nx_mm = 0\nfootprint_mm = [40, 80]",
+                                                       "mass_kg = 1\nx_mm = 30\nfootprint_mm = [40, 80]"),
+                            ["clamps[0] and clamps[1]", "overlap by 10 mm along x and 80 mm along y"]),
+    "true for a number of laminas": ("model stack.toml", stack("n_lamina = 20", "n_lamina = true"),
+                          ["n_lamina = True"]),
+    "true for a length": ("model stack.toml", stack("height_mm = 10", "height_mm = true"),
+                          ["height_mm = True", "number"]),
+    "true for a pressure": ("ema campaign.toml", campaign("pressure_kPa = 320", "pressure_kPa = true"),
+                            ["configuration[1].pressure_kPa", "number", "True"]),
+    "true for a point": ("ema campaign.toml", campaign('"1+z", "2', '{node = true, direction = [0, 0, 1]}, "2'),
+                         ["configuration[1].output[1]", "is not a DOF"]),
+    "true for starts": ("update update.toml", holds("update.toml", UPDATE + "starts = true\n" + UPDATED),
+                        ["update.toml: starts", "valid integer, found True"]),
+    # directions, bands, points
+    "table for a direction": ("ema campaign.toml", direction("{x = 1}"), ["output[1]", "is not a DOF", "'12+z'"]),
+    "date in a direction": ("ema campaign.toml", direction("[1979-05-27, 0, 1]"), ["output[1]", "is not a DOF"]),
+    "lists in a direction": ("ema campaign.toml", direction("[[0, 1], [2]]"), ["output[1]", "is not a DOF"]),
+    "true in a direction": ("ema campaign.toml", direction("[0, 0, true]"), ["output[1]", "is not a DOF"]),
+    "direction of two": ("ema campaign.toml", direction("[0, 1]"), ["output[1]", "is not a DOF"]),
+    "point beyond any": ("ema campaign.toml", campaign('"1+z", "2', f'"{"9" * 20}+z", "2'),
+                          ["9" * 20, "0 to 2147483647"]),
+    "infinite band": ("ema campaign.toml", campaign("order = 12", "band_Hz = [0, inf]"),
+                          ["band_Hz must be", "[0.0, inf]"]),
+    "band without a number": ("ema campaign.toml", campaign("order = 12", "band_Hz = [10, nan]"), ["[10.0, nan]"]),
+    "band beyond any": ("ema campaign.toml", campaign("order = 12", "band_Hz = [10, 1e308]"), ["band_Hz", "<= 1e+09"]),
+    "decimal commas between commas": ("ema campaign.toml",
+                                      changed("points.csv", ("1,-150,-40,5", "1,-150,5,-40,5,5,0")),
+                                      ["points.csv: row 2 has more cells", "decimal commas", "semicolons or tabs"]),
+    "negative frequencies": ("ema campaign.toml", all_of(*(second_axis(run, start=-120.0) for run in (1, 2))),
+                             ["run_1.csv: column 2, 3", "down to -120 Hz", "one-sided"]),
+    # what is too large, or no file
+    "cell of a megabyte": ("ema campaign.toml", holds("run_2.csv", f"1,{'x' * 10**6},3,4,5,6,7\n"),
+                           ["row 1, column 2: expected a number, found 'xxx", "x...'"]),
+    "cell of a megabyte in the points": ("ema campaign.toml", holds("points.csv", f"node,x,y,z\n1,{'x' * 10**6},3,4\n"),
+                                         ["points.csv: row 2", "131072"]),
+    "head of a megabyte": ("ema campaign.toml", holds("points.csv", f"node,x,y,z{'x' * 10**6}\n1,2,3,4\n"),
+                           ["points.csv: row 1", "131072"]),
+    "points by the million": ("ema campaign.toml", many_points, ["points.csv: holds 100006 points, at most 100000"]),
+    "pipe for a run": ("ema campaign.toml", pipe("run_2.csv"), ["'run_2.csv' is a pipe or a device"]),
+    "pipe for points": ("ema campaign.toml", pipe("points.csv"), ["'points.csv' is a pipe or a device"]),
+    "pipe for a stack": ("model stack.toml", pipe("stack.toml"), ["stack.toml", "is a pipe or a device"]),
+    "pipe for a campaign": ("fit campaign.toml", pipe("campaign.toml"), ["campaign.toml", "is a pipe or a device"]),
+    "pipe for poles": ("ema campaign.toml --poles .", all_of(lambda f: (f / "M1").mkdir(), holds("M1/poles.txt", ""),
+                       pipe("M1/poles.txt")), ["poles.txt", "is a pipe or a device"]),
+    "device for a run": ("ema campaign.toml", endless("run_2.csv"), ["'run_2.csv' is a pipe or a device"]),
+    "device for a curve": ("model stack.toml", all_of(stack("normal_modulus_GPa = 5", PRESSING), holds("curve.csv", ""),
+                           endless("curve.csv")), ["curve.csv", "is a pipe or a device"]),
 }  # fmt: skip
 
 
@@ -398,12 +486,12 @@ def test_tables_that_cannot_be_written_leave_the_old_ones(folder, monkeypatch, c
     os.utime(folder / "out/M1/modal_model.json")  # the tables are to be written again
     old = (folder / "out/M1" / name).read_bytes()
 
-    replace = Path.replace
+    rename = Path.replace
 
     def full(part, target):
         if Path(target).name == name:
             raise OSError(28, "No space left on device")
-        return replace(part, target)
+        return rename(part, target)
 
     monkeypatch.setattr(Path, "replace", full)
     code, _, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
@@ -421,6 +509,25 @@ def test_a_folder_without_permission(folder, monkeypatch, capsys):
     code, _, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
     assert code == 1
     assert "cannot write out/campaign.json: Permission denied. Choose another folder with -o" in said
+
+
+def test_a_stored_measurement_that_was_changed_is_made_anew(folder):
+    (assigned,) = assignments(read_campaign(folder / "campaign.toml"), folder / "out")
+    found = identified.identified(assigned)
+    stored = folder / "out/M1/measurement.npz"
+    content, frf = stored.read_bytes(), read_frf(stored)
+    assert identified.read_back(assigned) is not None
+    halved = replace(frf, value=0.5 * frf.value)
+    for damage in (
+        lambda: stored.write_bytes(content[:-20]),
+        lambda: write_frf(stored, halved),
+        stored.unlink,
+    ):
+        damage()
+        assert identified.read_back(assigned) is None
+    again = identified.identified(assigned)
+    np.testing.assert_array_equal(again.modal_model.pole, found.modal_model.pole)
+    np.testing.assert_array_equal(read_frf(stored).value, frf.value)
 
 
 def test_an_interrupted_run_says_what_is_kept(folder, monkeypatch, capsys):

@@ -7,7 +7,6 @@ from importlib.metadata import version
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from ema.types.threads import single_threaded
@@ -28,7 +27,7 @@ from updating.commands import (
     update,
     view,
 )
-from updating.commands.terminal import OUT
+from updating.commands.terminal import ERR, OUT, literal, print_what_can_be
 from updating.errors import LAMELLA_ERRORS
 
 app = typer.Typer(
@@ -50,8 +49,6 @@ for _module in (
     _name = _module.__name__.rpartition(".")[2]
     app.command(_name.replace("_", "-"), epilog=f"Example: {_module.EXAMPLE}")(getattr(_module, _name))
 
-_ERR = Console(stderr=True)
-
 _INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended (128 and the number of its signal)."""
 
@@ -72,12 +69,13 @@ def _options(
 
 
 def _say(message: str) -> None:
-    """Print an error as it stands: what is in brackets is no markup, and lines are left for the terminal to break."""
-    _ERR.print(Text.assemble(("Error:", "bold red"), " ", message), soft_wrap=True)
+    """Print an error as it stands; lines are left for the terminal to break."""
+    ERR.print(Text.assemble(("Error:", "bold red"), " ", literal(message)), soft_wrap=True)
 
 
 def main() -> None:
     """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
+    print_what_can_be()
     try:
         single_threaded(app)()
     except LAMELLA_ERRORS as error:
@@ -88,5 +86,5 @@ def main() -> None:
         sys.exit(1)
     except SystemExit as stopped:
         if stopped.code == _INTERRUPTED:
-            _ERR.print("Interrupted; what was done is kept, and the same command goes on from there.")
+            ERR.print("Interrupted; what was done is kept, and the same command goes on from there.")
         raise

@@ -161,8 +161,8 @@ def signature_table(found: Signature) -> Table:
     rows = zip(found.pressure, 100.0 * found.frequency_change, 100.0 * found.damping_change, strict=True)
     for pressure, frequency, damping in rows:
         at = f"{pressure / 1e3:g} kPa"
-        table.add_row(at, r"frequency \[%]", *(f"{x:+.2f}" for x in frequency))
-        table.add_row("", r"damping ratio \[% points]", *(f"{x:+.3f}" for x in damping))
+        table.add_row(at, "frequency [%]", *(f"{x:+.2f}" for x in frequency))
+        table.add_row("", "damping ratio [% points]", *(f"{x:+.3f}" for x in damping))
     return table
 
 

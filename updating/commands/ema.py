@@ -71,7 +71,7 @@ def ema(
         for repeat in repeats([found.configuration for found in results], comparison):
             OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
     if results:
-        OUT.print(f"Results in [bold]{output}[/bold]; make a page of them with: lamella report {output}")
+        OUT.print(f"Results in {output}; make a page of them with: lamella report {output}")
     require_none(failed, len(results) + len(failed))
 
 

@@ -84,7 +84,7 @@ def fit(
         OUT.print(modal_table(rows))
         if effect:
             OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
-        OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
+        OUT.print(f"Report: {make_report(output)}")
         return
     fits, n_done, failed = [], 0, []
     for one in fit_campaign(campaign, output, threshold, OUT, cluster):
@@ -101,7 +101,7 @@ def fit(
         asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file or ()), scatter_file=scatter)
         OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
     if n_done:
-        OUT.print(f"Report: [bold]{make_report(output)}[/bold]")
+        OUT.print(f"Report: {make_report(output)}")
     require_none(failed, n_done + len(failed))
 
 

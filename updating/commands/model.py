@@ -59,7 +59,7 @@ def model(
     if solved.pressure is not None:
         OUT.print(pressure_table(solved.pressure))
     OUT.print(model_table(solved.stack, solved.modes, solved.shape_class, solved.verification))
-    OUT.print(f"Results in [bold]{output}[/bold]")
+    OUT.print(f"Results in {output}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,9 +127,7 @@ def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification
         "on the equations of all laminas.",
     }[verification.basis]
     if not verification.within_tolerance:
-        origin = (
-            f"[bold red]The tolerance of {100 * verification.tolerance:.2g} % is not met.[/bold red] {origin}"
-        )
+        origin = f"The tolerance of {100 * verification.tolerance:.2g} % is not met. {origin}"
     laminas = "the lamina" if stack.n_lamina == 1 else f"all {stack.n_lamina} laminas"
     table = Table(
         title=f"{stack.name}: {modes.frequency.size} elastic modes",
@@ -156,7 +154,7 @@ def pressure_table(pressure: PressureSummary) -> Table:
         caption_justify="left",
     )
     table.add_column("interface")
-    for name in (r"mean \[kPa]", r"lowest \[kPa]", r"highest \[kPa]", "lost contact [%]"):
+    for name in ("mean [kPa]", "lowest [kPa]", "highest [kPa]", "lost contact [%]"):
         table.add_column(name, justify="right")
     n = pressure.lowest.size
     kilo = [x / 1e3 for x in (pressure.interface_mean, pressure.lowest, pressure.highest)]

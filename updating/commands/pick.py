@@ -30,7 +30,7 @@ def pick(
     A left click adds the nearest pole, a right click takes one away; closing the window writes poles.txt, which
     **lamella ema ... --poles DIR** uses. Needs a display; without one, edit poles.txt with any editor.
     """
-    OUT.print(f"Poles: [bold]{choose_poles(campaign, configuration, output)}[/bold]")
+    OUT.print(f"Poles: {choose_poles(campaign, configuration, output)}")
 
 
 def choose_poles(campaign_file: Path, configuration: str, output: Path) -> Path:

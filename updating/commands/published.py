@@ -77,7 +77,7 @@ def published(
         found = screen_published(data, calibrations, screen, output, OUT, cluster)
         OUT.print(screening_table(found))
         OUT.print(published_verdict(found, read_published(data).table), highlight=False)
-    OUT.print(f"Results in [bold]{output}[/bold]")
+    OUT.print(f"Results in {output}")
 
 
 def reproduce_campaign(

@@ -28,9 +28,9 @@ def report(
     """
     with OUT.status("drawing"):
         page = make_report(folder)
-    OUT.print(f"Report: [bold]{page}[/bold]")
+    OUT.print(f"Report: {page}")
     if pdf:
-        OUT.print(f"PDF: [bold]{print_pdf(page)}[/bold]")
+        OUT.print(f"PDF: {print_pdf(page)}")
 
 
 def make_report(folder: Path) -> Path:

@@ -27,4 +27,4 @@ def simulate(
     The truth goes to truth.json, which no other command reads. The same file and seed give the same bytes.
     """
     write_virtual_test(read_virtual_test(specification, effect_file or ()), output)
-    OUT.print(f"Campaign: [bold]{output / 'campaign.toml'}[/bold]")
+    OUT.print(f"Campaign: {output / 'campaign.toml'}")

@@ -2,16 +2,69 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.status import Status
+from rich.table import Table
+from rich.text import Text
 
-OUT = Console() if sys.stdout.isatty() else Console(width=100)  # a file or pipe has no width of its own
+_WIDEST = 10_000  # characters of a table in a file
+_CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
+
+
+class LiteralConsole(Console):
+    r"""Prints every string as it stands: brackets are no markup, and control characters become such as ``\x1b``.
+
+    Names and paths are the user's, and may hold either.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as any console does, but into a file or pipe no table narrower than its words: cells would be empty."""
+        page = self.width
+        if not self.is_terminal:
+            self.width = max([page, *(self._needed(each) for each in objects if isinstance(each, Table))])
+        super().print(*objects, **options)
+        self.width = page
+
+    def _needed(self, table: Table) -> int:
+        """Return the width of a table in which no word of it is cut."""
+        wide, found = self.options.update(width=_WIDEST), 1
+        for column in table.columns:
+            cells = [Measurement.get(self, wide, cell) for cell in (column.header, *column.cells)]
+            words = max(cell.maximum if column.no_wrap else cell.minimum for cell in cells)
+            found += max(words, column.min_width or 0, column.width or 0) + 3  # its frame
+        return found
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return a string as what is printed of it, in tables too."""
+        return super().render_str(literal(text), **options)
+
+
+def literal(text: str) -> str:
+    """Return a text without control characters, which would move the cursor or colour what follows."""
+    return text.translate(_CONTROL)
+
+
+OUT = LiteralConsole() if sys.stdout.isatty() else LiteralConsole(width=100)  # a pipe has no width of its own
+ERR = LiteralConsole(stderr=True)
+
+
+def print_what_can_be() -> None:
+    """Let stdout and stderr print signs that their encoding lacks as escapes, in place of a UnicodeEncodeError."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 class _Shown(logging.Handler):
@@ -23,7 +76,7 @@ class _Shown(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show a message."""
-        self._status.update(f"{self._title}: {record.getMessage()}")
+        self._status.update(Text(literal(f"{self._title}: {record.getMessage()}")))
 
 
 @contextmanager
@@ -53,6 +106,6 @@ def progress(title: str, console: Console) -> Iterator[None]:
 def bar(console: Console) -> Progress:
     """Return a bar that shows how many steps are done, and is gone at the end."""
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         console=console, transient=True,
     )  # fmt: skip

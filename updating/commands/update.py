@@ -64,7 +64,7 @@ def update(
     updated = run_update(specification, output, OUT, effect_file or (), cluster)
     OUT.print(parameter_table(updated.fit))
     OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file or ())))
-    OUT.print(f"Results in [bold]{output}[/bold]")
+    OUT.print(f"Results in {output}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -49,7 +49,7 @@ def view(
     """
     page = show(folder, configuration)
     if page is not None:
-        OUT.print(f"No display for a window; page: [bold]{page}[/bold]")
+        OUT.print(f"No display for a window; page: {page}")
 
 
 def show(folder: Path, configuration: str | None) -> Path | None:

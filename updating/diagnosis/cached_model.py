@@ -2,26 +2,56 @@
 
 from __future__ import annotations
 
-import pickle
+import inspect
 import platform
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-import cloudpickle
 import platformdirs
 
-from model import Effect, Instruments, Stack
+from model import (
+    Assembly,
+    Effect,
+    Instruments,
+    Kron,
+    Mesh,
+    Monomial,
+    ReducedEquations,
+    ReducedSystem,
+    Stack,
+    Term,
+)
+from model.contact.pressure import InterfaceLaw, PressureField
+from model.effects import parts
 from model.effects.catalogue import shipped
+from model.elements.equations import Formula, Product
+from model.elements.mesh import Plan, plan_on
+from model.reduction.reduced_equations import ReducedTerm
+from model.stack.curve import CompressionCurve
+from model.stack.material import Material
+from model.stack.outline import Outline, Triangulation
+from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, PatchSupport, Pressing
 from updating.diagnosis.candidates import CandidateModel, candidate_model
+from updating.diagnosis.rig import clamp_places
 from updating.errors import StoreError
-from updating.results.store import digest, versions, write_bytes
+from updating.results.array_file import read_arrays, write_arrays
+from updating.results.graph import Special, flattened, restored
+from updating.results.store import digest, versions
 
 N_CACHED = 3
 """Models that are cached, those that were used last; each takes some 170 MB."""
+_TYPES = (
+    Assembly, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, Instruments, InterfaceLaw, Interlayer,
+    Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product, ReducedEquations,
+    ReducedSystem, ReducedTerm, Stack, Term, Triangulation,
+)  # fmt: skip
 
 
 def cached_model(
@@ -45,18 +75,17 @@ def cached_model(
     if any(effect not in own for effect in (*stack.effects, *effects.values())):
         return candidate_model(stack, instruments, effects, aids, executor)
     made_by = {**versions(), "scikit-fem": version("scikit-fem"), "python": platform.python_version()}
-    what = {
-        "versions": made_by,
-        "stack": replace(stack, instruments=instruments),
-        "effects": [*effects, *(aid.name for aid in aids)],
-    }
-    path = folder() / f"model_{digest(what)}.pickle"
-    found = _read(path)
+    base = replace(stack, instruments=instruments)
+    what = digest({"stack": base, "effects": [*effects, *(aid.name for aid in aids)]})
+    path = folder() / f"model_{what}.arrays"
+    made = {"versions": made_by, "stack": stack.name, "digest": what}
+    special = _special((*stack.effects, *effects.values(), *aids, *clamp_places(base)))
+    found = _read(path, made, special)
     if found is not None:
-        return replace(found, effects={name: effects[name] for name in found.effects})
+        return found
     found = candidate_model(stack, instruments, effects, aids, executor)
-    with suppress(StoreError, OSError):
-        write_bytes(path, cloudpickle.dumps(found))
+    with suppress(StoreError, OSError, TypeError):  # what cannot be written is made anew
+        write_arrays(path, flattened(found, _TYPES, special), made)
         _forget(path.parent)
     return found
 
@@ -66,17 +95,81 @@ def folder() -> Path:
     return platformdirs.user_cache_path("lamella", appauthor=False)
 
 
-def _read(path: Path) -> CandidateModel | None:
+def _read(path: Path, made: Mapping[str, Any], special: Sequence[Special]) -> CandidateModel | None:
     try:
-        found: CandidateModel = pickle.loads(path.read_bytes())
+        graph = read_arrays(path, made)
+        found = None if graph is None else restored(graph, _TYPES, special)
         path.touch()  # for it was used now
-    except Exception:  # no file, or what a damaged one makes of reading it
+    except Exception:  # no file, or what one makes of its reading that somebody wrote by hand
         return None
-    return found
+    return found if isinstance(found, CandidateModel) else None
 
 
 def _forget(where: Path) -> None:
     """Remove all models but those that were used last."""
-    every = sorted(where.glob("model_*.pickle"), key=lambda file: file.stat().st_mtime, reverse=True)
+    every = sorted(where.glob("model_*"), key=lambda file: file.stat().st_mtime, reverse=True)
     for file in every[N_CACHED:]:
         file.unlink(missing_ok=True)
+
+
+def _special(effects: Iterable[Effect]) -> tuple[Special, ...]:
+    """Return how what is no data is written: effects and their factors by name, and a mesh's spaces by the mesh."""
+    known = {effect.name: effect for effect in effects}
+    return (
+        Special(kind=Effect, down=lambda effect: effect.name, up=known.__getitem__),
+        Special(kind=Formula, down=_written, up=_formula),
+        Special(
+            kind=Plan,
+            down=lambda plan: (plan.membrane.mesh.p, plan.membrane.mesh.t),
+            up=lambda mesh: plan_on(*mesh),
+        ),
+    )
+
+
+def _written(formula: Formula) -> dict[str, Any]:
+    """Return the name of a factor's function in its module and, of a partial one, what it is given.
+
+    Raises
+    ------
+    TypeError
+        It cannot be found by a name.
+    """
+    function: Any = formula.function
+    given = dict[str, Any]()
+    if isinstance(function, partial) and not function.args:
+        function, given = function.func, function.keywords
+    written = {"module": function.__module__, "name": function.__qualname__, "given": given}
+    if _function(written) is not function:
+        message = f"{function} is not found by its name"
+        raise TypeError(message)
+    return written
+
+
+def _formula(written: Mapping[str, Any]) -> Formula:
+    function = _function(written)
+    return Formula(partial(function, **written["given"]) if written["given"] else function)
+
+
+@cache
+def _modules() -> frozenset[str]:
+    """Return the modules that factors of the effects that ship are in."""
+    return frozenset((parts.__name__, *(effect.terms.__module__ for effect in shipped())))
+
+
+def _function(written: Mapping[str, Any]) -> Any:
+    """Return a function by its name: one of the parameters alone, in the modules of the effects that ship.
+
+    Raises
+    ------
+    TypeError
+        There is none: a file must not choose what code runs.
+    """
+    module, name = written["module"], written["name"]
+    if module in _modules():
+        found = getattr(sys.modules[module], name, None)
+        if inspect.isfunction(found) and found.__module__ == module:
+            (first, *_) = inspect.get_annotations(found).values()
+            if first == "Theta":
+                return found
+    message = f"{module}.{name} is no factor of an effect"
+    raise TypeError(message)

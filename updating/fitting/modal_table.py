@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ema.io.form import Section, read_form
+from ema.io.form import Section, read_form, read_toml
 from ema.types.arrays import readonly
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.shape_class import class_grid, solve_by_class
@@ -116,7 +115,7 @@ class TableFit:
 def is_modal_table(path: Path) -> bool:
     """Whether a campaign file describes a modal table; an unreadable file is not, and its reader will say why."""
     try:
-        return "modal_table" in tomllib.loads(path.read_text(encoding="utf-8"))
+        return "modal_table" in read_toml(path)
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -235,7 +234,7 @@ def _predictor(row: TableRow, shape_class: tuple[str, ...]) -> Callable[[float],
 def _column(path: Path, key: str, column: str) -> dict[str, float]:
     """Read one column of numbers of a CSV table by the entries of its key column."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file)
             names = reader.fieldnames or []
             for name in (key, column):

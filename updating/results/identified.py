@@ -20,6 +20,7 @@ from updating.results.store import folder_name, read_current, write_frf, write_r
 from updating.workers.workers import in_parallel
 
 R = TypeVar("R")
+_MEASUREMENT = "measurement.npz"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,9 +132,10 @@ def identified(assigned: Assignment) -> Identified:
     (found,) = identify(assigned.campaign, by_hand)
     modes, checks = found.modal_model, quality(found)
     inputs, options = _made_from(assigned)
-    write_frf(folder / "measurement.npz", found.measurement.frf)
+    write_frf(folder / _MEASUREMENT, found.measurement.frf)
     write_result(folder / "quality.json", checks, inputs=inputs, options=options)
-    # last, for it tells that the others are there
+    # last, for it tells that the others are there, and by its digest which measurement is
+    inputs = (*inputs, folder / _MEASUREMENT)
     write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
     return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
 
@@ -212,9 +214,16 @@ def read_back(assigned: Assignment) -> Identified | None:
     """
     folder = assigned.folder
     inputs, options = _made_from(assigned)
-    modes = read_current(folder / "modal_model.json", ModalModel, inputs=inputs, options=options)
     checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options)
-    if modes is None or checks is None or not (folder / "measurement.npz").exists():
+    measurement = folder / _MEASUREMENT
+    if checks is None or not measurement.exists():
+        return None
+    inputs = (
+        *inputs,
+        measurement,
+    )  # what was truncated, edited or put there from elsewhere has another digest
+    modes = read_current(folder / "modal_model.json", ModalModel, inputs=inputs, options=options)
+    if modes is None:
         return None
     return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from ema import write_uff
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
+from model.stack.stack_file import read_toml
 from updating.results.store import write_bytes, write_result
 from updating.virtual.measurement import TrueModes, simulate
 from updating.virtual.vibration_test import VirtualConfiguration, VirtualTest, drawn_deviations, specimens
@@ -99,7 +99,7 @@ def _stack_files(stack_file: Path) -> Iterator[tuple[Path, str]]:
             for part in value.values() if isinstance(value, dict) else value:
                 yield from texts(part)
 
-    for text in texts(tomllib.loads(stack_file.read_text(encoding="utf-8"))):
+    for text in texts(read_toml(stack_file)):
         if Path(text).suffix and (stack_file.parent / text).is_file():
             yield stack_file.parent / text, text
 
