@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all test-lowest lint docs picture benchmark blind published clean
+.PHONY: demo test test-all lint docs picture benchmark blind published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -17,13 +17,6 @@ test: $(READY)
 
 test-all: $(READY)
 	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile
-
-# The lowest versions that pyproject.toml allows, each as a constraint, in an environment of their own.
-test-lowest:
-	$(PYTHON) -m venv .venv-lowest
-	sed -n 's/^    "\([A-Za-z0-9-]*\)>=\([0-9.]*\)",$$/\1==\2/p' pyproject.toml > .venv-lowest/constraints.txt
-	.venv-lowest/bin/python -m pip install --quiet --editable . "pytest>=8" "pytest-xdist>=3.6" --constraint .venv-lowest/constraints.txt
-	.venv-lowest/bin/python -m pytest tests/unit -n auto --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -50,7 +43,7 @@ published: $(READY)
 	$(BIN)/lamella published -o out/published
 
 clean:
-	rm -rf $(VENV) .venv-lowest build dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml
