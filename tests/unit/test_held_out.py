@@ -1,5 +1,6 @@
 """What an explanation says of modes and configurations that it has not seen, against fits without them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -156,3 +157,13 @@ def test_a_prediction_that_fails_altogether_has_an_error_all_the_same():
     evidence, found, *_ = problem(8, column=hardly)
     far = Residual(**{**vars(found), "value": found.value * 1e5})
     assert 0.3 < mispredicted(evidence, far.value, far.jacobian).frequency < 2.0
+
+
+def test_rows_that_all_but_coincide_can_be_left_out():
+    """A discrepancy far above the noise makes rows of a shape the same to the last digit."""
+    evidence, found, *_ = problem(9)
+    shapes = evidence.covariance.blocks[0]
+    same = np.ones_like(shapes.rotation)
+    blocks = (replace(shapes, rotation=same), *evidence.covariance.blocks[1:])
+    evidence.covariance = Discrepancy(blocks=blocks)
+    assert np.isfinite(mispredicted(evidence, found.value, found.jacobian).frequency)

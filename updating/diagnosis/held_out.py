@@ -17,6 +17,7 @@ from updating.diagnosis.residual import reweighed, span_of
 Vector = NDArray[np.float64]
 
 _FARTHEST = 1.0  # of the logarithm of a frequency: to first order, more says only that a prediction fails
+_ROUNDING = 1e-11  # of the squared length of a column
 _UNKNOWN = 1e-9  # share of a direction that other data determine, below which they do not
 
 
@@ -112,7 +113,8 @@ def _shift(evidence: Evidence, value: Vector, span: Vector, out: NDArray[np.intp
     whole = columns.T @ columns
     left = whole - seen.T @ seen
     scale = 1.0 / np.sqrt(np.diag(whole))
-    left, whole = left * np.outer(scale, scale), whole * np.outer(scale, scale)
+    rounding = _ROUNDING * np.eye(out.size)  # columns that all but coincide leave the Gram matrices singular
+    left, whole = left * np.outer(scale, scale) + rounding, whole * np.outer(scale, scale) + rounding
     if la.eigh(left, whole, eigvals_only=True, subset_by_index=(0, 0))[0] < _UNKNOWN:
         return np.full(out.size, np.nan), float("nan")
     pull = scale * (columns.T @ value - seen.T @ (span.T @ value))
