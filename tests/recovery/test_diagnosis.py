@@ -206,7 +206,7 @@ def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
 
 
 @pytest.mark.parametrize("seed", [31, pytest.param(32, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("each", ["one of two sensors", "every point"])
+@pytest.mark.parametrize("each", ["one of two sensors", pytest.param("every point", marks=pytest.mark.slow)])
 def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidates, catalogue, seed, each):
     test = blind_test(SPECIFICATION, seed, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
 
