@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import tempfile
 
@@ -59,6 +60,41 @@ def run(tasks):
 def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(tasks, error, words):
     with pytest.raises(error, match=words):
         run(tasks)
+
+
+STOPPED_AMIDST_A_RESULT = """
+import time
+from updating.workers.workers import workers
+
+class Slow:  # to read
+    def __init__(self):
+        time.sleep(0.2)
+    def __reduce__(self):
+        return time.sleep, (1.5,)
+
+class Large:  # more than a pipe holds, and sent while the other is read
+    def __init__(self):
+        time.sleep(0.4)
+    def __reduce__(self):
+        return bytes, (bytes(10_000_000),)
+
+if __name__ == "__main__":
+    with workers(2) as executor:
+        list(executor.map(abs, range(9)))  # both processes have begun
+        executor.submit(Slow)
+        executor.submit(Large)
+        time.sleep(1.0)
+        raise KeyboardInterrupt
+"""
+
+
+def test_a_stop_amidst_a_result_that_is_being_sent_ends(tmp_path):
+    script = tmp_path / "stopped.py"
+    script.write_text(STOPPED_AMIDST_A_RESULT, encoding="utf-8")
+    stopped = subprocess.run(
+        [sys.executable, script], check=False, timeout=60, capture_output=True, text=True
+    )
+    assert stopped.stderr.splitlines()[-1] == "KeyboardInterrupt"
 
 
 def test_results_come_in_order_from_tasks_that_none_can_import_and_no_file_stays(tmp_path, monkeypatch):

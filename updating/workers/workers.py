@@ -177,6 +177,15 @@ class _Processes(ProcessPoolExecutor):
             file.writelines(array.raw() for array in arrays)
         return path
 
+    def close_results(self) -> None:
+        """Close this process's own end for writing results.
+
+        Results are read until all such ends are closed. Of a worker that ends amidst a large result half of it is
+        in the pipe, and the executor would wait for the other half forever.
+        """
+        if self._result_queue is not None:  # as it is after an end in good order
+            self._result_queue._writer.close()  # type: ignore[attr-defined]  # there is no public way
+
 
 @contextmanager
 def _pool(n_process: int) -> Iterator[Executor]:
@@ -198,6 +207,7 @@ def _pool(n_process: int) -> Iterator[Executor]:
     finally:
         starting.join()
         end.close()
+        executor.close_results()
         executor.shutdown(cancel_futures=True)
         executor.folder.cleanup()
         ended.close()
