@@ -20,8 +20,9 @@ _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their 
 class Derivatives:
     """Eigenvalues, vectors and phi' C phi of some modes, with derivatives by each parameter as the last axis.
 
-    With c = V' C V, mode r obeys s**2 (1 - S) + s c_rr + lambda_r = 0 to second order of the damping, where its
-    `coupling` S is the sum of c_rs**2 / (lambda_s - lambda_r) over the other modes.
+    `coordinate` are the vectors, (n, n_mode), and `d_shape` the derivatives of their observed rows,
+    (n_dof, n_mode, n_parameter). With c = V' C V, mode r obeys s**2 (1 - S) + s c_rr + lambda_r = 0 to second order of
+    the damping, where its `coupling` S is the sum of c_rs**2 / (lambda_s - lambda_r) over the other modes.
     """
 
     eigenvalue: NDArray[np.float64]
@@ -29,7 +30,7 @@ class Derivatives:
     modal_damping: NDArray[np.float64]
     coupling: NDArray[np.float64]
     d_eigenvalue: NDArray[np.float64]
-    d_coordinate: NDArray[np.float64]
+    d_shape: NDArray[np.float64]
     d_modal_damping: NDArray[np.float64]
 
     def without_omega(self) -> Derivatives:
@@ -44,36 +45,55 @@ class Derivatives:
         return dataclasses.replace(
             self,
             d_eigenvalue=d_eigenvalue,
-            d_coordinate=self.d_coordinate[:, :, :-1] + self.d_coordinate[:, :, -1:] * d_omega,
+            d_shape=self.d_shape[:, :, :-1] + self.d_shape[:, :, -1:] * d_omega,
             d_modal_damping=self.d_modal_damping[:, :-1] + self.d_modal_damping[:, -1:] * d_omega,
         )
 
     @classmethod
     def steady(
-        cls, eigenvalue: NDArray[np.float64], coordinate: NDArray[np.float64], n_parameter: int
+        cls, eigenvalue: NDArray[np.float64], coordinate: NDArray[np.float64], n_dof: int, n_parameter: int
     ) -> Derivatives:
         """Return modes that no parameter changes, undamped: rigid-body motion, of which any mixture is as good."""
-        n, n_mode = coordinate.shape
+        n_mode = eigenvalue.size
         return cls(
             eigenvalue=eigenvalue,
             coordinate=coordinate,
             modal_damping=np.zeros(n_mode),
             coupling=np.zeros(n_mode),
             d_eigenvalue=np.zeros((n_mode, n_parameter)),
-            d_coordinate=np.zeros((n, n_mode, n_parameter)),
+            d_shape=np.zeros((n_dof, n_mode, n_parameter)),
             d_modal_damping=np.zeros((n_mode, n_parameter)),
         )
+
+    def unknown_by(self, n_parameter: int) -> Derivatives:
+        """Return the modes with derivatives that nobody asked for: NaN."""
+        n_mode = self.eigenvalue.size
+        return dataclasses.replace(
+            self,
+            d_eigenvalue=np.full((n_mode, n_parameter), np.nan),
+            d_shape=np.full((len(self.d_shape), n_mode, n_parameter), np.nan),
+            d_modal_damping=np.full((n_mode, n_parameter), np.nan),
+        )
+
+    def ordered(self, order: NDArray[np.intp]) -> Derivatives:
+        """Return the modes in another order."""
+        return self._each(lambda axis, value: np.take(value, order, axis=axis))
 
     @classmethod
     def joined(cls, parts: list[Derivatives]) -> Derivatives:
         """Return the modes of all parts, in their order."""
-        axis = {"coordinate": 1, "d_coordinate": 1}
-        return cls(
+        first, *rest = parts
+        return first._each(lambda axis, value, *others: np.concatenate([value, *others], axis=axis), *rest)
+
+    def _each(self, function: Callable[..., NDArray[np.float64]], *others: Derivatives) -> Derivatives:
+        """Return what a function makes of each array's axis of modes and the array, beside those of others."""
+        axis = {"coordinate": 1, "d_shape": 1}
+        return Derivatives(
             **{
-                field.name: np.concatenate(
-                    [getattr(part, field.name) for part in parts], axis=axis.get(field.name, 0)
+                f.name: function(
+                    axis.get(f.name, 0), getattr(self, f.name), *(getattr(o, f.name) for o in others)
                 )
-                for field in dataclasses.fields(cls)
+                for f in dataclasses.fields(self)
             }
         )
 
@@ -84,7 +104,8 @@ def mode_derivatives(
     names: tuple[str, ...],
     eigenvalues: NDArray[np.float64],
     vectors: NDArray[np.float64],
-    which: range,
+    which: NDArray[np.intp],
+    rows: NDArray[np.float64],
     omega: NDArray[np.float64] | None = None,
 ) -> Derivatives:
     """Return modes and their derivatives as sums over all modes (Fox and Kapoor 1968).
@@ -99,12 +120,14 @@ def mode_derivatives(
         Those by which derivatives are wanted.
     eigenvalues, vectors : (n,), (n, n)
         All eigenpairs at `theta`, the vectors mass-normalised.
-    which : range
-        Modes whose derivatives are wanted.
+    which : (n_mode,) int
+        Modes that are wanted.
+    rows : (n_dof, n)
+        Observed degrees of freedom in the coordinates of the equations.
     omega : (n_mode,), optional
         Angular frequencies, rad/s, of these: factors are taken at each mode's own.
     """
-    row, column = np.array(which, dtype=np.intp), np.arange(len(which))
+    row, column = which, np.arange(which.size)
     chosen, lam = vectors[:, row], eigenvalues[row]
     gap = lam - eigenvalues[:, None]
     scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
@@ -122,7 +145,7 @@ def mode_derivatives(
         modal_damping=damped[row, column],
         coupling=-np.sum(damped**2 / apart, axis=0),
         d_eigenvalue=coupling[:, row, column].T,
-        d_coordinate=np.moveaxis(vectors @ mixing, 0, -1),
+        d_shape=np.moveaxis((rows @ vectors) @ mixing, 0, -1),
         d_modal_damping=d_modal.T,
     )
 
@@ -134,6 +157,7 @@ def own_derivatives(
     shape: NDArray[np.float64],
     mass: NDArray[np.float64],
     stiffness: NDArray[np.float64],
+    rows: NDArray[np.float64],
 ) -> Derivatives:
     """Return one mode and its derivatives without the other modes: one factorisation takes their place (Nelson 1976).
 
@@ -145,6 +169,8 @@ def own_derivatives(
         The mode, of unit modal mass.
     mass, stiffness : (n, n)
         The matrices at `theta`.
+    rows : (n_dof, n)
+        As in `mode_derivatives`.
     """
     eigenvalue = theta[OMEGA] ** 2
     found, image = _images(system, theta, names, lambda matrix: matrix @ shape[:, None], 1)
@@ -160,7 +186,7 @@ def own_derivatives(
         modal_damping=np.array([shape @ damped]),
         coupling=np.array([answer[:, -1] @ damped]),
         d_eigenvalue=(shape @ unbalanced)[None],
-        d_coordinate=d_shape[:, None],
+        d_shape=(rows @ d_shape)[:, None],
         d_modal_damping=(2.0 * damped @ d_shape + shape @ slopes["C"])[None],
     )
 

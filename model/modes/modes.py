@@ -12,7 +12,7 @@ complex eigenproblem, whose frequencies then differ from the undamped ones by 2.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,6 +129,7 @@ def solve_modes(
     observation: Observation | Observed,
     parameters: Mapping[str, float] | None = None,
     by: Collection[str] | None = None,
+    differentiated: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.intp]] | None = None,
 ) -> Modes:
     """Solve for the lowest modes at given contact parameters.
 
@@ -150,6 +151,9 @@ def solve_modes(
         Values of further parameters that differ from `system.theta`.
     by : collection of str, optional
         Parameters whose derivatives are wanted; all by default.
+    differentiated : callable, optional
+        Takes the frequencies, (n,), Hz, and shapes, (n_dof, n), of the elastic modes to the indices of those whose
+        derivatives are wanted; others have NaN. All by default.
 
     Returns
     -------
@@ -166,10 +170,20 @@ def solve_modes(
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     observed = observe(system, observation)
     names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
-    rigid = Derivatives.steady(eigenvalues[:n_rigid], vectors[:, :n_rigid], len(names))
-    elastic = _elastic_derivatives(system, theta, names, eigenvalues, vectors, range(n_rigid, n_mode))
-    found = Derivatives.joined([rigid, elastic])
-    return _modes(found, observed, names, n_rigid, outside_ranges(system, theta))
+    rows = observed.reduced_rows
+    rigid = Derivatives.steady(eigenvalues[:n_rigid], vectors[:, :n_rigid], len(rows), len(names))
+    found = _elastic(system, theta, eigenvalues, vectors, range(n_rigid, n_mode))
+    if differentiated is None:
+        wanted = np.ones(len(found.mode), dtype=bool)
+    else:
+        wanted = np.zeros(len(found.mode), dtype=bool)
+        wanted[differentiated(found.frequency, rows @ found.coordinate)] = True
+    own, rest = found.derivatives(wanted, names, rows), found.derivatives(~wanted, (), rows)
+    order = np.argsort(np.append(np.flatnonzero(wanted), np.flatnonzero(~wanted)))
+    elastic = Derivatives.joined([own, rest.unknown_by(len(names))]).ordered(order)
+    return _modes(
+        Derivatives.joined([rigid, elastic]), observed, names, n_rigid, outside_ranges(system, theta)
+    )
 
 
 def _modes(
@@ -180,12 +194,11 @@ def _modes(
     safe = np.where(omega > 0.0, omega, np.inf)
     d_omega = found.d_eigenvalue / (2.0 * safe[:, None])
     damping = found.modal_damping / (2.0 * safe)
-    rows = observed.reduced_rows
     return Modes(
         frequency=omega / (2.0 * np.pi),
         damping=damping,
         pole_frequency=omega / (2.0 * np.pi) / np.sqrt(np.maximum(1.0 - found.coupling, _LEAST)),
-        shape=rows @ found.coordinate,
+        shape=observed.reduced_rows @ found.coordinate,
         node=observed.node,
         direction=observed.direction,
         n_rigid=n_rigid,
@@ -193,31 +206,71 @@ def _modes(
         frequency_gradient=d_omega / (2.0 * np.pi),
         damping_gradient=found.d_modal_damping / (2.0 * safe[:, None])
         - damping[:, None] * d_omega / safe[:, None],
-        shape_gradient=np.einsum("di,irp->drp", rows, found.d_coordinate, optimize=True),
+        shape_gradient=found.d_shape,
         coordinate=found.coordinate,
         outside=outside,
     )
 
 
-def _elastic_derivatives(
+@dataclass(frozen=True, eq=False)
+class _Elastic:
+    """The elastic modes of a system at some parameters, from which their derivatives follow.
+
+    `eigenvalues` and `vectors` are all of the matrices at `theta`; `mode` are the elastic ones' indices in them.
+    `settled` holds each elastic mode at its own frequency where stiffness or mass follow frequency, and is empty
+    where they do not.
+    """
+
+    system: ReducedEquations
+    theta: Mapping[str, float]
+    eigenvalues: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    mode: range
+    settled: tuple[_Settled, ...]
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Return the undamped natural frequencies, Hz, (n_mode,)."""
+        if self.settled:
+            return np.array([own.omega for own in self.settled]) / (2.0 * np.pi)
+        return np.sqrt(self.eigenvalues[self.mode.start : self.mode.stop]) / (2.0 * np.pi)
+
+    @property
+    def coordinate(self) -> NDArray[np.float64]:
+        """Return the modes in the coordinates of the system, (n, n_mode)."""
+        if self.settled:
+            return np.column_stack([own.shape for own in self.settled])
+        return self.vectors[:, self.mode.start : self.mode.stop]
+
+    def derivatives(
+        self, wanted: NDArray[np.bool_], names: tuple[str, ...], rows: NDArray[np.float64]
+    ) -> Derivatives:
+        """Return the wanted ones with their derivatives, each with the matrices at its own frequency."""
+        which = np.array(self.mode, dtype=np.intp)[wanted]
+        pairs = self.eigenvalues, self.vectors
+        if self.settled and which.size:
+            chosen = [self.settled[i] for i in np.flatnonzero(wanted)]
+            return Derivatives.joined([own.derivatives(self.system, names, rows) for own in chosen])
+        if OMEGA not in self.theta:
+            return mode_derivatives(self.system, self.theta, names, *pairs, which, rows)
+        # only damping follows frequency: the undamped modes are the same for all
+        at = np.sqrt(self.eigenvalues[which])
+        every = (*names, OMEGA)
+        return mode_derivatives(self.system, self.theta, every, *pairs, which, rows, at).without_omega()
+
+
+def _elastic(
     system: ReducedEquations,
     theta: Mapping[str, float],
-    names: tuple[str, ...],
     eigenvalues: NDArray[np.float64],
     vectors: NDArray[np.float64],
-    elastic: range,
-) -> Derivatives:
-    """Return the elastic modes with their derivatives, each with the matrices at its own frequency."""
-    if OMEGA not in theta:
-        return mode_derivatives(system, theta, names, eigenvalues, vectors, elastic)
-    if any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
+    mode: range,
+) -> _Elastic:
+    settled: tuple[_Settled, ...] = ()
+    if OMEGA in theta and any(t.target != "C" and t.factor.derivative(theta, OMEGA) for t in system.terms):
         moving = _OverFrequency.of(system, theta)
-        return Derivatives.joined(
-            [_at_own_frequency(system, moving, names, eigenvalues, vectors, r) for r in elastic]
-        )
-    # only damping follows frequency: the undamped modes are the same for all
-    at = np.sqrt(eigenvalues[elastic.start : elastic.stop])
-    return mode_derivatives(system, theta, (*names, OMEGA), eigenvalues, vectors, elastic, at).without_omega()
+        settled = tuple(_Settled.of(moving, eigenvalues, vectors, r) for r in mode)
+    return _Elastic(system, theta, eigenvalues, vectors, mode, settled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,45 +331,71 @@ class _OverFrequency:
         return omega
 
 
-def _at_own_frequency(
-    system: ReducedEquations,
-    moving: _OverFrequency,
-    names: tuple[str, ...],
-    eigenvalues: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    mode: int,
-) -> Derivatives:
-    """Solve for one mode with the matrices at its own frequency, the mode being followed by its shape.
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """A mode with the matrices at its own frequency: `theta` holds it; `twin` tells whether another is next to it."""
 
-    The shape is improved by inverse iteration at the frequency of its nonlinear Rayleigh quotient, which converges
-    cubically (Schwetlick and Schreiber 2012).
+    theta: Mapping[str, float]
+    omega: float
+    shape: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    twin: bool
 
-    Raises
-    ------
-    SolveError
-        The iteration does not converge.
-    """
-    omega, shape = float(np.sqrt(eigenvalues[mode])), vectors[:, mode]
-    for _ in range(_MOST_STEPS):
-        last, omega = omega, moving.rayleigh(shape, omega)
-        mass, stiffness = moving.matrix("M", omega), moving.matrix("K", omega)
-        if abs(omega - last) < _CONVERGED * omega:
-            break
-        better = inverse_iterated(stiffness - omega**2 * mass, mass @ shape)
-        shape = better / np.sqrt(better @ mass @ better)
-    else:
-        message = (
-            f"mode {mode}: its frequency-dependent stiffness does not settle near {omega / 2 / np.pi:.6g} Hz"
+    @classmethod
+    def of(
+        cls,
+        moving: _OverFrequency,
+        eigenvalues: NDArray[np.float64],
+        vectors: NDArray[np.float64],
+        mode: int,
+    ) -> _Settled:
+        """Follow one mode by its shape to its own frequency.
+
+        The shape is improved by inverse iteration at the frequency of its nonlinear Rayleigh quotient, which converges
+        cubically (Schwetlick and Schreiber 2012).
+
+        Raises
+        ------
+        SolveError
+            The iteration does not converge.
+        """
+        omega, shape = float(np.sqrt(eigenvalues[mode])), vectors[:, mode]
+        for _ in range(_MOST_STEPS):
+            last, omega = omega, moving.rayleigh(shape, omega)
+            mass, stiffness = moving.matrix("M", omega), moving.matrix("K", omega)
+            if abs(omega - last) < _CONVERGED * omega:
+                break
+            better = inverse_iterated(stiffness - omega**2 * mass, mass @ shape)
+            shape = better / np.sqrt(better @ mass @ better)
+        else:
+            hertz = omega / 2 / np.pi
+            message = f"mode {mode}: its frequency-dependent stiffness does not settle near {hertz:.6g} Hz"
+            raise SolveError(message)
+        near = np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]
+        return cls(
+            theta={**moving.theta, OMEGA: omega},
+            omega=omega,
+            shape=shape,
+            mass=mass,
+            stiffness=stiffness,
+            twin=bool(np.count_nonzero(near) > 1),
         )
-        raise SolveError(message)
-    here = {**moving.theta, OMEGA: omega}
-    if np.count_nonzero(np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]) > 1:
-        values, basis = la.eigh(stiffness, mass)  # only beside all modes are twins resolved from it
-        index = int(np.argmax(np.abs(basis.T @ (mass @ shape))))
-        own = mode_derivatives(system, here, (*names, OMEGA), values, basis, range(index, index + 1))
-    else:
-        own = own_derivatives(system, here, (*names, OMEGA), shape, mass, stiffness)
-    return own.without_omega()
+
+    def derivatives(
+        self, system: ReducedEquations, names: tuple[str, ...], rows: NDArray[np.float64]
+    ) -> Derivatives:
+        """Return the mode with its derivatives."""
+        every = (*names, OMEGA)
+        if self.twin:
+            values, basis = la.eigh(
+                self.stiffness, self.mass
+            )  # only beside all modes are twins resolved from it
+            index = np.array([np.argmax(np.abs(basis.T @ (self.mass @ self.shape)))])
+            own = mode_derivatives(system, self.theta, every, values, basis, index, rows)
+        else:
+            own = own_derivatives(system, self.theta, every, self.shape, self.mass, self.stiffness, rows)
+        return own.without_omega()
 
 
 def reduced_eigenpairs(

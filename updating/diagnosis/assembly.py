@@ -235,7 +235,7 @@ def base_shift(evidence: Assembled, configuration: int, G_f: float) -> Shift:
             parameters={"pressure": own.pressure},
             by=(),
         ).elastic()
-        partner = pair(base.shape, base.frequency, other)[1][column]
+        partner = pair(base.shape, base.frequency, other.shape, other.frequency)[1][column]
         finer = (other.frequency[partner], other.shape[:, partner])
     before, after = (unit_shapes(own.modes.shape, every)[1] for every in (shape, finer[1]))
     difference = EXTRAPOLATED * (after - before)
@@ -289,7 +289,7 @@ def _matched(evidence: Evidence, G_f: float) -> tuple[float, tuple[NDArray[np.in
     cost, used = 0.0, []
     for c, tested in enumerate(evidence.tested):
         modes = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
-        row, column = pair(tested.modes.shape, tested.modes.frequency, modes)
+        row, column = pair(tested.modes.shape, tested.modes.frequency, modes.shape, modes.frequency)
         alike = mac(tested.modes.shape, modes.shape)[row, column]
         far = np.log(tested.modes.frequency[row] / modes.frequency[column])
         cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))

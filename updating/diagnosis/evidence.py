@@ -7,7 +7,7 @@ expected to meet better than, such as mesh and dimensions, is a scatter of its o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -414,8 +414,12 @@ def solved(
     theta: Mapping[str, float],
     by: Sequence[str],
     n_mode: int = N_SOLVED,
+    differentiated: Callable[[Vector, Vector], NDArray[np.intp]] | None = None,
 ) -> Modes:
-    """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`."""
+    """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`.
+
+    `differentiated` is that of `solve_modes`.
+    """
     own = evidence.tested[configuration]
     moved = {"pressure": own.pressure, **own.known, **theta}
     return solve_modes(
@@ -426,15 +430,19 @@ def solved(
         observation=evidence.observed[configuration],
         parameters={k: v for k, v in moved.items() if k not in ("G_f", "d_f")},
         by=tuple(by),
+        differentiated=differentiated,
     ).elastic()
 
 
 def pair(
-    shape: NDArray[np.complex128] | Vector, frequency: Vector, modes: Modes
+    shape: NDArray[np.complex128] | Vector,
+    frequency: Vector,
+    modelled_shape: Vector,
+    modelled_frequency: Vector,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pair measured with modelled modes by MAC less a small penalty for distance in frequency."""
-    far = np.abs(np.log(frequency[:, None] / modes.frequency))
-    row, column = linear_sum_assignment(mac(shape, modes.shape) - np.minimum(far, 0.5), maximize=True)
+    far = np.abs(np.log(frequency[:, None] / modelled_frequency))
+    row, column = linear_sum_assignment(mac(shape, modelled_shape) - np.minimum(far, 0.5), maximize=True)
     return row, column
 
 

@@ -21,6 +21,7 @@ _N_LOOKED, _N_TRIED = 11, 7  # sizes of a kind at which its posterior is looked 
 _ZOOMED = 1.25  # steps of a look to either side of the best size, which the next look is at
 _RESOLVED = 0.6  # standard deviations over steps, from which a look is fine enough
 _MOST_LOOKS, _MOST_ROUNDS = 5, 4
+_NO_GROWTH = 1e-12  # of a variance, which the largest size adds to it
 _SETTLED = 0.3  # standard deviations that a size may still move from round to round
 
 
@@ -97,8 +98,9 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
         The kinds for which it does.
     """
     known = {kind: float(getattr(stated, kind)) for kind in stated_kinds} if stated is not None else {}
-    size, log_step = _placed(own, known)
-    found = _tried(own, size)
+    rows = {kind: _Rows.of(own, kind) for kind in KINDS}
+    size, log_step = _placed(own, rows, known)
+    found = _tried(own, {kind: rows[kind].at(size[kind]) for kind in KINDS})
     log_posterior = found.log_likelihood + _log_prior(found.size, known) + log_step
     top = float(np.max(log_posterior))
     weight = np.exp(log_posterior - top)
@@ -124,6 +126,59 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
 
 
 @dataclass(frozen=True, eq=False)
+class _Equations:
+    """Sizes of one kind with the normal equations of its data at each: Gram matrices, slopes, and misfits.
+
+    The misfits hold the logarithms of the determinants of the variances.
+    """
+
+    size: Vector
+    gram: Vector
+    slope: Vector
+    misfit: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The data of one kind: those that no discrepancy of it reaches, summed once for all sizes, and the others."""
+
+    gram: Vector
+    slope: Vector
+    misfit: float
+    value: Vector
+    jacobian: Vector
+    growth: Vector
+
+    @classmethod
+    def of(cls, own: Linearized, kind: Kind) -> _Rows:
+        """Sort the rows of a kind."""
+        largest = (MEDIAN[kind] * max(RANGE)) ** 2
+        grows = (own.kind == kind) & (largest * own.growth > _NO_GROWTH)
+        still = (own.kind == kind) & ~grows
+        value, jacobian = own.value[still], own.jacobian[still]
+        return cls(
+            gram=jacobian.T @ jacobian,
+            slope=jacobian.T @ value,
+            misfit=float(value @ value),
+            value=own.value[grows],
+            jacobian=own.jacobian[grows],
+            growth=own.growth[grows],
+        )
+
+    def at(self, size: Vector) -> _Equations:
+        """Return the normal equations at some sizes."""
+        variance = 1.0 + size[:, None] ** 2 * self.growth
+        weighted = (self.jacobian / variance[..., None]).swapaxes(1, 2)
+        misfit = np.sum(self.value**2 / variance + np.log(variance), axis=1)
+        return _Equations(
+            size=size,
+            gram=self.gram + weighted @ self.jacobian,
+            slope=self.slope + weighted @ self.value,
+            misfit=self.misfit + misfit,
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class _Tried:
     """Sizes of all kinds, (n, n_kind), with what a fit says at each; `step` is from where it stands."""
 
@@ -133,14 +188,15 @@ class _Tried:
     precision: Vector
 
 
-def _tried(own: Linearized, size: Mapping[Kind, Vector]) -> _Tried:
+def _tried(own: Linearized, equations: Mapping[Kind, _Equations]) -> _Tried:
     """Integrate over the coordinates at every combination of some sizes of each kind."""
-    parts = [_normal_equations(own, kind, size[kind]) for kind in KINDS]
+    parts = [equations[kind] for kind in KINDS]
     index = np.stack(
-        np.meshgrid(*(np.arange(size[kind].size) for kind in KINDS), indexing="ij"), axis=-1
+        np.meshgrid(*(np.arange(part.size.size) for part in parts), indexing="ij"), axis=-1
     ).reshape(-1, len(KINDS))
     gram, slope, constant = (
-        sum(part[k][i] for part, i in zip(parts, index.T, strict=True)) for k in range(3)
+        sum(getattr(part, name)[i] for part, i in zip(parts, index.T, strict=True))
+        for name in ("gram", "slope", "misfit")
     )
     precision = np.asarray(gram) + np.diag(own.prior_precision)
     slope = np.asarray(slope) - own.prior_precision * own.prior_value
@@ -152,14 +208,16 @@ def _tried(own: Linearized, size: Mapping[Kind, Vector]) -> _Tried:
     misfit = constant + np.einsum("ij,ij->i", 2.0 * slope + np.einsum("ijk,ik->ij", precision, step), step)
     logdet = np.linalg.slogdet(precision + np.diag(own.unseen))[1]
     return _Tried(
-        size=np.column_stack([size[kind][i] for kind, i in zip(KINDS, index.T, strict=True)]),
+        size=np.column_stack([part.size[i] for part, i in zip(parts, index.T, strict=True)]),
         log_likelihood=-0.5 * (misfit + logdet),
         step=step,
         precision=precision,
     )
 
 
-def _placed(own: Linearized, known: Mapping[Kind, float]) -> tuple[dict[Kind, Vector], float]:
+def _placed(
+    own: Linearized, rows: Mapping[Kind, _Rows], known: Mapping[Kind, float]
+) -> tuple[dict[Kind, Vector], float]:
     """Return the sizes of each kind that the sum is over, and the logarithm of the volume between them.
 
     They lie about the posterior of each size, the others being where theirs are.
@@ -171,7 +229,7 @@ def _placed(own: Linearized, known: Mapping[Kind, float]) -> tuple[dict[Kind, Ve
         moved = 0.0
         for kind in free:
             before = center[kind]
-            center[kind], spread[kind] = _looked(own, kind, center, known)
+            center[kind], spread[kind] = _looked(own, rows, kind, center, known)
             moved = max(moved, abs(np.log(center[kind] / before)) / spread[kind])
         if moved < _SETTLED:
             break
@@ -183,13 +241,18 @@ def _placed(own: Linearized, known: Mapping[Kind, float]) -> tuple[dict[Kind, Ve
 
 
 def _looked(
-    own: Linearized, kind: Kind, center: Mapping[Kind, float], known: Mapping[Kind, float]
+    own: Linearized,
+    rows: Mapping[Kind, _Rows],
+    kind: Kind,
+    center: Mapping[Kind, float],
+    known: Mapping[Kind, float],
 ) -> tuple[float, float]:
     """Return where the posterior of a kind's size is, and the standard deviation of its logarithm."""
     low, high = np.log(MEDIAN[kind] * np.array(RANGE))
+    others = {other: rows[other].at(np.array([center[other]])) for other in KINDS if other != kind}
     for _ in range(_MOST_LOOKS):
         logs = np.linspace(low, high, _N_LOOKED)
-        found = _tried(own, {**{k: np.array([c]) for k, c in center.items()}, kind: np.exp(logs)})
+        found = _tried(own, {**others, kind: rows[kind].at(np.exp(logs))})
         log_posterior = found.log_likelihood + _log_prior(found.size, known)
         weight = np.exp(log_posterior - np.max(log_posterior))
         weight /= weight.sum()
@@ -212,18 +275,6 @@ def _log_prior(size: Vector, known: Mapping[Kind, float]) -> Vector:
 
 def _sizes(of_kind: Vector) -> Sizes:
     return Sizes(**dict(zip(KINDS, of_kind.tolist(), strict=True)))
-
-
-def _normal_equations(own: Linearized, kind: Kind, size: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return Gram matrices, slopes and misfits with log determinants of one kind of data, for each of its sizes."""
-    rows = own.kind == kind
-    value, jacobian, growth = own.value[rows], own.jacobian[rows], own.growth[rows]
-    variance = 1.0 + size[:, None] ** 2 * growth
-    weighted = jacobian / variance[..., None]
-    gram = np.einsum("sij,ik->sjk", weighted, jacobian, optimize=True)
-    slope = np.einsum("sij,i->sj", weighted, value)
-    constant = np.sum(value**2 / variance + np.log(variance), axis=1)
-    return gram, slope, constant
 
 
 def _log_volume(own: Linearized) -> float:

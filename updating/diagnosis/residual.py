@@ -224,14 +224,19 @@ def _compared(
     n_shared, n_sized, n_common = len(evidence.shared), evidence.n_sized, evidence.n_common
     theta = evidence.theta(nuisance, c)
     by = (*theta, *effect)
-    modes = solved(evidence, c, {**theta, **{name: v for name, (v, _) in effect.items()}}, by)
-    place = [modes.parameter.index(name) for name in by]
     by_gain = evidence.by_gain(c)
     gain = np.exp(by_gain @ nuisance[n_sized : n_common - 2])
     moved, decay = nuisance[n_common - 2 : n_common]
     used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]
-    shape, gradient = gain[:, None] * modes.shape, gain[:, None, None] * modes.shape_gradient
-    _, column = pair(measured.shape[:, used], measured.frequency[used], replace(modes, shape=shape))
+
+    def partners(frequency: Vector, shape: Vector) -> NDArray[np.int64]:
+        return pair(measured.shape[:, used], measured.frequency[used], gain[:, None] * shape, frequency)[1]
+
+    values = {**theta, **{name: v for name, (v, _) in effect.items()}}
+    modes = solved(evidence, c, values, by, differentiated=partners)
+    place = [modes.parameter.index(name) for name in by]
+    shape, column = gain[:, None] * modes.shape, partners(modes.frequency, modes.shape)
+    gradient = gain[:, None, None] * modes.shape_gradient[:, column]
 
     def spread(derivative: Vector) -> Vector:
         return _by_coordinates(evidence, c, theta, effect, derivative[..., place])
@@ -254,7 +259,7 @@ def _compared(
     v = v + shift.mesh_shape[:, used] + moved * along[:, 0]
     rows = []
     for i, m in enumerate(column):
-        slope = spread(_without_twins(gradient[:, m], shape, modes.frequency, int(m))) / length[i]
+        slope = spread(_without_twins(gradient[:, i], shape, modes.frequency, int(m))) / length[i]
         slope[:, n_sized : n_common - 2] = by_gain * v[:, i, None]
         slope[:, n_common - 2] = along[:, 0, i]
         rows.append(-slope)

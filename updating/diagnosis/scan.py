@@ -101,7 +101,7 @@ def _used_there(evidence: Evidence, c: int, place: Place) -> NDArray[np.int64]:
     """Return the measured modes of a configuration that the model has at a place, or had before."""
     theta = {"G_f": place.G_f, "d_f": D_F_START, **_values(evidence, place.effect, place.coordinate)}
     modes, measured = solved(evidence, c, theta, ()), evidence.tested[c].modes
-    row, column = pair(measured.shape, measured.frequency, modes)
+    row, column = pair(measured.shape, measured.frequency, modes.shape, modes.frequency)
     alike = mac(measured.shape, modes.shape)[row, column]
     return np.union1d(evidence.used[c], row[alike >= _LIKE])
 
@@ -180,7 +180,7 @@ def _place(evidence: Evidence, name: str, G_f: float, where: Vector) -> Place:
         modes = solved(evidence, c, theta, ("G_f",))
     except SolveError:  # so strong that the contact turns negative
         return Place(effect=name, cost=np.inf, G_f=G_f, coordinate=where)
-    row, column = pair(shape, frequency, modes)
+    row, column = pair(shape, frequency, modes.shape, modes.frequency)
     alike = mac(shape, modes.shape)[row, column]
     far = np.log(frequency[row] / modes.frequency[column])
     slope = G_f * modes.frequency_gradient[column, 0] / modes.frequency[column]
