@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from ema.identification.functions import Functions, inside
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
@@ -51,7 +52,9 @@ def select_modes(
     left : tuple of (Peak, str)
         Peaks that stay unexplained, each with the reason why it was not taken in.
     """
-    fit = _without_images(data, _refined(data, _screen(data, candidates), band), band)
+    none = np.empty(0, dtype=complex)
+    fit = _without_images(data, _refined(data, _screen(data, candidates), band), band, none)
+    before = fit.pole
     threshold = significance_threshold(*data.value.shape)
     searching = True
     while searching:
@@ -67,7 +70,7 @@ def select_modes(
                 fit = extended
                 searching = True
                 break
-    fit = _without_images(data, _refined(data, fit.pole, band), band)
+    fit = _without_images(data, _refined(data, fit.pole, band), band, before)
     fit, left = take_in_peaks(data, fit, candidates, band)
     return *_finished(data, fit, band), left
 
@@ -128,26 +131,42 @@ def _flanks(fit: Fit, band: tuple[float, float]) -> NDArray[np.complex128]:
     return np.asarray(ends * (1j * np.sqrt(1.0 - damping**2) - damping))
 
 
-def _without_images(data: Functions, fit: Fit, band: tuple[float, float]) -> Fit:
+def _without_images(
+    data: Functions, fit: Fit, band: tuple[float, float], tried: NDArray[np.complex128]
+) -> Fit:
     """Take away poles that stand for one mode at different places in different roving runs.
 
-    Of two close poles the weaker one goes if the runs, each with poles of its own, are likelier without it.
+    Of two close poles the weaker one goes if the runs, each with poles of its own, are likelier without it. Those that
+    are both at poles `tried` before are no such pair.
     """
+    while (image := _image(data, fit, tried)) is not None:
+        fit = _refined(data, np.delete(fit.pole, image), band)
+    return fit
+
+
+def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | None:
+    """Return the index of the weakest pole that the runs are likelier without, if there is one."""
     numbers = np.unique(data.run)
     if numbers.size < 3:
-        return fit
-    rank = np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0))
-    for pole in fit.pole[rank]:
-        rest = fit.pole[fit.pole != pole]
-        if not np.any(np.abs(rest - pole) < CLOSE * -(rest.real + pole.real)):
+        return None
+    close = np.abs(fit.pole[:, None] - fit.pole) < CLOSE * -(fit.pole.real[:, None] + fit.pole.real)
+    np.fill_diagonal(close, False)
+    distance = np.abs(fit.pole[:, None] - tried)
+    row, column = linear_sum_assignment(distance)
+    added = np.ones(fit.pole.size, dtype=bool)
+    added[row] = distance[row, column] > -fit.pole.real[row]
+    suspects = np.any(close & (added[:, None] | added), axis=1)
+    for i in np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0)):
+        if not suspects[i]:
             continue
+        rest = np.delete(fit.pole, i)
         alone = sum(
             refine(data.frequency, data.value[data.run == n], rest, data.quantity).objective for n in numbers
         )
         # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
         if alone + 2 * rest.size * (numbers.size - 1) < fit.objective + 2:
-            fit = _refined(data, rest, band)
-    return fit
+            return int(i)
+    return None
 
 
 def _run_by_run(data: Functions, fit: Fit) -> Fit:
