@@ -7,7 +7,7 @@ expected to meet better than, such as mesh and dimensions, is a scatter of its o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ema.modal.mac import mac
 from model import Effect, Modes, Observed, Parameter, ReducedEquations, Stack, shared_parameters, solve_modes
+from model.modes.modes import Wanted
 from updating.diagnosis.candidates import N_SOLVED
 from updating.diagnosis.discrepancy import KINDS, Discrepancy, Kind, Sizes
 from updating.diagnosis.sensor_place import USUAL
@@ -414,7 +415,7 @@ def solved(
     theta: Mapping[str, float],
     by: Sequence[str],
     n_mode: int = N_SOLVED,
-    differentiated: Callable[[Vector, Vector], NDArray[np.intp]] | None = None,
+    differentiated: Wanted | None = None,
 ) -> Modes:
     """Return the elastic modes of a configuration at model parameters, with derivatives by those named in `by`.
 
