@@ -159,3 +159,11 @@ def test_intervals_hold_the_truth():
         std = np.sqrt(np.diag(found.covariance))
         held.append(np.abs(best - true) < Z95 * std)
     assert 0.90 <= np.mean(held) <= 0.99
+
+
+def test_what_is_due_to_noise_alone_is_told_from_what_discrepancies_leave():
+    rng = np.random.default_rng(7)
+    column = rng.normal(size=20)
+    found = marginal(problem(2e-3 * rng.normal(size=20), column, prior_std=1.0))
+    assert found.noise_variance == pytest.approx([NOISE**2 / (column @ column)], rel=1e-6)
+    assert found.covariance[0, 0] > 100.0 * found.noise_variance[0]

@@ -39,8 +39,10 @@ class Ranked:
     left_out_error, left_out_damping_error : float
         The same where each mode is predicted from all others, to first order; NaN where none can be, or where an
         explanation is far behind.
+    left_out_shape_error : float
+        Mean length of what a shape is mispredicted by from all other modes, over its own; NaN as above.
     left_out_configuration_error, left_out_configuration_damping_error : float
-        The same where each configuration is predicted from the others.
+        Of frequencies and damping ratios where each configuration is predicted from the others.
     misfit : float
         Sum of its squared differences from the data, over their variances of noise and discrepancy.
     n_residual : int
@@ -58,6 +60,7 @@ class Ranked:
     damping_error: float
     left_out_error: float
     left_out_damping_error: float
+    left_out_shape_error: float
     left_out_configuration_error: float
     left_out_configuration_damping_error: float
     misfit: float

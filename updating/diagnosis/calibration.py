@@ -34,3 +34,6 @@ STRAINED = 3.0
 MODEL_FORM = 0.3
 """Share of what an effect changes by which its form may be wrong: what a further effect brings beside it must be more,
 or it may be no more than that."""
+WIDER = 1.8
+"""Ratio of the standard deviations of effect parameters under real discrepancies, over those under ones that differ
+freely from mode to mode: a wrong form is wrong alike in neighbouring modes. What is due to noise is not widened."""

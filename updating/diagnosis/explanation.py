@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from model import Parameter, SolveError
+from updating.diagnosis.calibration import WIDER
 from updating.diagnosis.candidates import G_F_RANGE
 from updating.diagnosis.coordinates import bounds_of, scaled
 from updating.diagnosis.discrepancy import KINDS, Sizes
@@ -164,8 +165,9 @@ def _explanation(
     n_own, parameters = len(evidence.nuisances), evidence.parameters(effects)
     low, high = bounds_of(parameters)
     z = solution[n_own:]
-    every = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    std = every[n_own:]
+    variance = np.maximum(np.diag(found.covariance), 0.0)
+    by_form = np.maximum(variance - found.noise_variance, 0.0)
+    std = np.sqrt(variance + (WIDER**2 - 1.0) * by_form)[n_own:]
 
     def ends(step: Vector) -> Vector:
         clipped = np.clip(z + step, low, high)
@@ -180,7 +182,7 @@ def _explanation(
         std=std,
         at_bound=_at_bound(parameters, solution),
         nuisance=solution[:n_own],
-        nuisance_std=every[:n_own],
+        nuisance_std=np.sqrt(variance[:n_own]),
         coordinate=z,
         misfit=float(best.value @ best.value),
         log_evidence=found.log_evidence,

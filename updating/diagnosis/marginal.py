@@ -76,6 +76,8 @@ class Marginal:
         Standard deviations of these logarithms.
     covariance : (n_coordinate, n_coordinate) float
         Of the coordinates, sizes and linear parameters integrated out.
+    noise_variance : (n_coordinate,) float
+        Of the coordinates, were there no discrepancy.
     """
 
     log_evidence: float
@@ -83,6 +85,7 @@ class Marginal:
     mean: Sizes
     spread: Sizes
     covariance: Vector
+    noise_variance: Vector
 
 
 def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[Kind, ...] = ()) -> Marginal:
@@ -116,12 +119,14 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
     middle = weight @ step
     covariance = np.einsum("i,ijk->jk", weight, inverse)
     covariance += np.einsum("i,ij,ik->jk", weight, step - middle, step - middle)
+    exact = {kind: rows[kind].at(np.zeros(1)) for kind in KINDS}
     return Marginal(
         log_evidence=top + float(np.log(total) + _log_volume(own)),
         likeliest=_sizes(found.size[at]),
         mean=_sizes(np.exp(mean)),
         spread=_sizes(spread),
         covariance=covariance,
+        noise_variance=np.diag(np.linalg.pinv(_tried(own, exact).precision[0], hermitian=True)),
     )
 
 

@@ -44,6 +44,7 @@ def ranked(found: Search, own: Explanation, probability: float, *, judged: bool)
         damping_error=own.residual.damping_error,
         left_out_error=mode.frequency,
         left_out_damping_error=mode.damping,
+        left_out_shape_error=mode.shape,
         left_out_configuration_error=configuration.frequency,
         left_out_configuration_damping_error=configuration.damping,
         misfit=own.misfit,

@@ -139,8 +139,12 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
             f"{start} the mean error of damping ratios falls from {percent(base.damping_error)} to "
             f"{percent(own.damping_error)}; {stays}."
         )
-    before, after = percent(base.discrepancy.shape), percent(own.discrepancy.shape)
-    return f"{start} shapes are off by {after} of their length instead of {before}; {stays}."
+    length = f"{percent(own.discrepancy.shape)} of their length instead of {percent(base.discrepancy.shape)}"
+    predicted = ""
+    if np.isfinite([base.left_out_shape_error, own.left_out_shape_error]).all():
+        ends = percent(own.left_out_shape_error), percent(base.left_out_shape_error)
+        predicted = f" ({ends[0]} instead of {ends[1]} where each mode is predicted from all others)"
+    return f"{start} shapes are off by {length}{predicted}; {stays}."
 
 
 def _rests_on(found: Diagnosis) -> str:
