@@ -242,10 +242,14 @@ def point_mass(
     return (Term(name=effect, target="M", factor=Monomial(exponent={parameter: 1}), krons=krons),)
 
 
-def centred(weight: Vector, dx: Vector) -> Vector:
-    """Return a change of pressure that keeps the force: without mean, and -1 where pressure falls most."""
-    change = weight - float(np.sum(weight * dx) / np.sum(dx))
-    return np.asarray(change / -change.min())
+def centred(weight: Vector, dx: Vector, corner: Vector) -> Vector:
+    """Return a change of pressure that keeps the force: without mean, and -1 where pressure falls most.
+
+    That may be at a `corner` of an element: by its values at the quadrature points alone, a loss at the ends would
+    mean something else on every mesh.
+    """
+    mean = float(np.sum(weight * dx) / np.sum(dx))
+    return np.asarray((weight - mean) / (mean - min(weight.min(), corner.min())))
 
 
 def _once(t: Theta, name: str) -> Any:
@@ -283,7 +287,7 @@ def pressure_change(
     """
     plan = assembly.plan
     x, y = plan.quadrature_points
-    f = centred(shape(x, y), np.asarray(plan.membrane.dx))
+    f = centred(shape(x, y), np.asarray(plan.membrane.dx), shape(*plan.membrane.mesh.p))
     field = contact_fields(assembly.stack, plan)
 
     change, twice, squared = (partial(part, name=amplitude) for part in (_once, _twice, _squared))

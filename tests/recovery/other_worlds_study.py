@@ -53,12 +53,12 @@ PARAMETER = {
     "lost_contact_ends": {"loss": "end_loss"},
     "normal_stiffness": {"ratio": "normal_ratio"},
     "stinger_mass": {"mass": "stinger_moving_mass"},
-    "stinger_spring": {"stiffness": "stinger_lateral"},
     "contact_loss": {"eta": "contact_eta"},
     "steel_orthotropy": {"ratio": "transverse_excess"},
     "height_gradient": {"excess": "height_excess"},
 }
-"""What the catalogue calls a parameter where it means the same."""
+"""What the catalogue calls a parameter where it means the same; its stinger holds against turning as well, so that half
+the stiffness of the second models' springs does as much."""
 MEAN_OF_SHAPE = {"lost_contact_middle": 0.4166, "lost_contact_ends": 1.0 / 3.0}
 """Of what is lost of the pressure, over its largest: the catalogue counts what is lost of the mean pressure."""
 

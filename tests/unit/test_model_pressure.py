@@ -8,6 +8,8 @@ import model
 from model.contact.contact import SEPARATION
 from model.contact.pressing import press
 from model.contact.pressure import separate
+from model.effects.parts import centred
+from model.elements.mesh import rectangle
 from model.stack.curve import read_curve
 from model.stack.parts import Interlayer, Pressing
 
@@ -140,3 +142,16 @@ def test_a_soft_layer_takes_the_place_of_contact():
     rigid[assembly.slices()["w"]] = np.tile(assembly.plan.interpolate("w", (1, 0, 0)), 20)
     assert energy(assembly, "interlayer mass", rigid) == pytest.approx(1200.0 * 2e-3 * area, rel=1e-9)
     assert stack.mass == pytest.approx(area * (7650.0 * 0.032 + 2.4), rel=1e-12)
+
+
+@pytest.mark.parametrize("n_x", [4, 18])
+def test_what_is_lost_at_the_ends_is_counted_there_on_every_mesh(n_x):
+    """The last quadrature point lies within the last element: on 4 elements 14 % less was lost there than was said."""
+    plan = rectangle(0.4, 0.1, n_x, 2)
+    x, _ = plan.quadrature_points
+
+    def shape(x):
+        return -((x / 0.2) ** 2)
+
+    change = centred(shape(x), np.asarray(plan.membrane.dx), shape(plan.membrane.mesh.p[0]))
+    np.testing.assert_allclose(change, (1.0 / 3.0 - (x / 0.2) ** 2) / (2.0 / 3.0), atol=1e-3)
