@@ -330,7 +330,7 @@ def test_what_falls_is_said_and_nothing_else_is_said_to_fall(before, after, said
 )
 def test_what_would_have_to_be_far_off_is_said_in_words(name, value, std, text):
     own = Strained(name=name, value=value, std=std)
-    assert strained(own) == text
+    assert strained([own]) == [text]
     assert f"Beware: {text}" in sentences(diagnosis("nothing missing", strained=(own,)))
     assert f"Without it, {text}" in sentences(diagnosis("identified", STINGER, relieved=(own,)))
 
@@ -449,6 +449,13 @@ def test_quantities_are_read_in_units_of_their_size(value, unit, text):
     assert quantity(value, unit) == text
 
 
+def test_the_ends_of_an_interval_are_in_the_unit_of_the_value():
+    own = parameter("clamp_added_mass", 1.0, "kg", lower=0.881, upper=1.13)
+    assert interval_text(own) == "clamp_added_mass = 1 kg (95 %: 0.881 kg to 1.13 kg)"
+    none = parameter("stinger_moving_mass", 0.0, "kg", lower=0.0, upper=0.002)
+    assert interval_text(none) == "stinger_moving_mass = 0 g (95 %: 0 g to 2 g)"
+
+
 @pytest.mark.parametrize(
     ("share", "text"),
     [(0.198, "20 %"), (0.057, "5.7 %"), (1e-4, "0.010 %"), (1.0, "100 %"), (1.5, "150 %"), (0.994, "99 %"),
@@ -461,3 +468,12 @@ def test_shares_are_percent_with_two_digits(share, text):
 def test_an_interval_says_what_must_be_said_of_it():
     assert interval_text(parameter(determined=False)).endswith("6.53 g, not determined)")
     assert interval_text(parameter(at_bound=True)).endswith("6.53 g, at its bound)")
+
+
+def test_two_torques_that_differ_are_one_difference():
+    each = Strained(name="G_f[M1]", value=-0.13, std=0.03), Strained(name="G_f[M2]", value=0.13, std=0.03)
+    said = sentences(diagnosis("nothing missing", strained=each))
+    assert (
+        "Beware: the contact stiffness G_f would have to be 30 % higher at M2 than at M1, beyond what their pressures "
+        "do; reassembly and torque explain 4.3 %."
+    ) in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,6 +18,7 @@ _STEEL = {
     "density": "density",
     "normal_modulus": "stiffness of the contact across",
 }
+_CONTACT = {"G_f": "stiffness G_f", "d_f": "damping d_f"}
 _CLAMP = re.compile(r"clamp_(\d+)_([xy])")
 
 
@@ -39,17 +41,41 @@ def misstated(p: ParameterEstimate) -> str:
         text = f"all points sit {value} farther along x"
     else:
         return interval_text(p)
-    return f"{text} (95 %: {quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)})"
+    return f"{text} (95 %: {quantity(p.lower, p.unit, p.value)} to {quantity(p.upper, p.unit, p.value)})"
 
 
-def strained(own: Strained) -> str:
-    """Say, after a word such as beware, that something stated would have to be far from what is known of it."""
-    what, _, where = own.name.partition("[")
+def strained(every: Sequence[Strained]) -> list[str]:
+    """Say, each after a word such as beware, what stated would have to be far from what is known of it.
+
+    The contact at two torques that is off in opposite ways is one difference, not two.
+    """
+    text, left = [], list(every)
+    for what in _CONTACT:
+        own = [one for one in left if one.name.partition("[")[0] == what]
+        if len(own) == 2 and own[0].value * own[1].value < 0.0:
+            left = [one for one in left if one not in own]
+            low, high = sorted(own, key=lambda one: one.value)
+            more, known = (
+                percent(float(np.expm1(high.value - low.value))),
+                _off(high, np.sqrt(2.0) * high.std),
+            )
+            text.append(
+                f"the contact {_CONTACT[what]} would have to be {more} higher at {_where(high)} than at {_where(low)}, "
+                f"beyond what their pressures do; reassembly and torque explain {known}."
+            )
+    return text + [_strained(one) for one in left]
+
+
+def _where(own: Strained) -> str:
+    return own.name.partition("[")[2].rstrip("]")
+
+
+def _strained(own: Strained) -> str:
+    what = own.name.partition("[")[0]
     value, known, clamp = _off(own, own.value), _off(own, own.std), _CLAMP.fullmatch(own.name)
-    if what in ("G_f", "d_f"):
-        name = {"G_f": "stiffness G_f", "d_f": "damping d_f"}[what]
+    if what in _CONTACT:
         return (
-            f"the contact {name} at {where.rstrip(']')} would have to differ from the other torques' by "
+            f"the contact {_CONTACT[what]} at {_where(own)} would have to differ from the other torques' by "
             f"{value}; reassembly and torque explain {known}."
         )
     if clamp:

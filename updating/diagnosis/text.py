@@ -33,7 +33,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
             if (values := _values(found.ranked(effects)))
         ]
     without = "Without any of these" if found.verdict == "one of" else "Without it"
-    text += [f"{without}, {strained(own)}" for own in found.relieved[:_LISTED]]
+    text += [f"{without}, {own}" for own in strained(found.relieved)[:_LISTED]]
     if len(found.steps) > 2:
         text.append(_way(found))
     if found.set:
@@ -44,7 +44,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
     text += _further(found)
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
-    text += [f"Beware: {strained(own)}" for own in found.strained]
+    text += [f"Beware: {own}" for own in strained(found.strained)]
     text += _at_bounds(found)
     text += _misread(found.sensor_gains)
     text += _next(found)

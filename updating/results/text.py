@@ -35,7 +35,7 @@ def estimate_text(estimate: Estimate) -> str:
 
 def interval_text(p: ParameterEstimate) -> str:
     """Write a parameter with its 95 % interval, such as ``stinger_mass = 5.02 g (95 %: 3.5 g to 6.6 g)``."""
-    ends = f"{quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)}"
+    ends = f"{quantity(p.lower, p.unit, p.value)} to {quantity(p.upper, p.unit, p.value)}"
     remark = f", {p.remark}" if p.remark else ""
     return f"{p.name} = {quantity(p.value, p.unit)} (95 %: {ends}{remark})"
 
@@ -49,15 +49,16 @@ def percent(share: float) -> str:
     return f"{100.0 * share:#.2g} %".replace(". %", " %")
 
 
-def quantity(value: float, unit: str) -> str:
-    """Write a value with three digits in a unit that reads well: 5 g, 1.2 mm, 35 MPa."""
+def quantity(value: float, unit: str, beside: float | None = None) -> str:
+    """Write a value with three digits in a unit that reads well, 5 g, 1.2 mm, 35 MPa, or in that of one `beside` it."""
     if unit in ("", "1"):
         return _three(value)
+    like = abs(value if beside is None else beside) or abs(value)
     if unit in _PREFIXED:
-        name, size = next((own for own in _PREFIXED[unit] if abs(value) < 1e3 * own[1]), _PREFIXED[unit][-1])
+        name, size = next((own for own in _PREFIXED[unit] if like < 1e3 * own[1]), _PREFIXED[unit][-1])
         return f"{_three(value / size)} {name}"
     if unit[0] in "NP":
-        prefix, size = next((own for own in _PREFIXES if abs(value) >= own[1]), ("", 1.0))
+        prefix, size = next((own for own in _PREFIXES if like >= own[1]), ("", 1.0))
         return f"{_three(value / size)} {prefix}{unit}"
     return f"{_three(value)} {unit}"
 
