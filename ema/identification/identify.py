@@ -23,7 +23,6 @@ from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.shapes import driving_points, shapes_from_residues
-from ema.identification.significance import variance_inflation
 from ema.identification.stabilization import highest_order, stabilization
 from ema.modal.mac import frac
 from ema.quality.channels import check, usable
@@ -346,7 +345,7 @@ def _model(
     """Collect the results of a fit of `frf`; noise and errors are those of the measured quantity."""
     n_output, n_input, _ = frf.value.shape
     n_mode = int(np.count_nonzero(inside(fit.pole, band)))  # those outside come last
-    inflation = np.repeat(np.sqrt(variance_inflation(frf.frequency, fit)), 2)
+    inflation = np.repeat(np.sqrt(runs.enlargement), 2)
     covariance = fit.pole_covariance * np.outer(inflation, inflation)
     frequency_std, damping_std = frequency_damping_std(fit.pole, covariance)
     residue = fit.residue.reshape(n_output, n_input, fit.pole.size)

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.special as special
 from numpy.typing import NDArray
 
+from ema.identification.common_noise import enlargement, run_noise
 from ema.identification.functions import Functions
 from ema.identification.lsfd import mode_basis
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
@@ -37,7 +38,9 @@ class RunPoles:
     residue : (n_function, n_mode) complex
         Residues of the receptance at the poles of each function's own run, m/(N s).
     frequency_std, damping_std : (n_run, n_mode) float
-        Standard deviations, infinite where a run does not determine a mode.
+        Standard deviations, noise common to a run included, infinite where a run does not determine a mode.
+    enlargement : (n_mode,) float
+        Factor by which noise that is not independent enlarges the variances of the poles of all runs together.
     probability : (n_run, n_mode) float
         Probability that noise alone would make any run's frequency of any mode differ this much from those of
         the other runs (Bonferroni's bound); 1 where there is nothing to compare.
@@ -48,6 +51,7 @@ class RunPoles:
     residue: NDArray[np.complex128]
     frequency_std: NDArray[np.float64]
     damping_std: NDArray[np.float64]
+    enlargement: NDArray[np.float64]
     probability: NDArray[np.float64]
 
     def disagree(self) -> bool:
@@ -89,30 +93,36 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
     """
     numbers, n_mode = np.unique(data.run), fit.pole.size
     if numbers.size == 1:
-        frequency_std, damping_std = _stds(data.frequency, fit)
+        (_, together), stds = enlargement((run_noise(data.frequency, fit),)), _stds(fit)
         return RunPoles(
             run=numbers,
             pole=fit.pole[None],
             residue=fit.residue,
-            frequency_std=frequency_std[None],
-            damping_std=damping_std[None],
+            frequency_std=np.sqrt(together) * stds[:1],
+            damping_std=np.sqrt(together) * stds[1:],
+            enlargement=together,
             probability=np.ones((1, n_mode)),
         )
     weighted = replace(data, weight=fit.weight)
     pole = np.empty((numbers.size, n_mode), dtype=complex)
-    frequency_std, damping_std = np.empty((2, numbers.size, n_mode))
-    residue = np.empty(fit.residue.shape, dtype=complex)
+    std = np.empty((2, numbers.size, n_mode))
+    residue, noise = np.empty(fit.residue.shape, dtype=complex), []
     for k, number in enumerate(numbers):
         own = weighted.of_run(number)
-        pole[k], frequency_std[k], damping_std[k] = _refined_alone(own, fit.pole)
-        residue[data.run == number] = _linear_fit(own, pole[k]).residue
+        pole[k], std[0, k], std[1, k] = _refined_alone(own, fit.pole)
+        alone = _linear_fit(own, pole[k])
+        residue[data.run == number] = alone.residue
+        noise.append(run_noise(data.frequency, alone))
+    each, together = enlargement(tuple(noise))
+    std *= np.sqrt(each)
     return RunPoles(
         run=numbers,
         pole=pole,
         residue=residue,
-        frequency_std=frequency_std,
-        damping_std=damping_std,
-        probability=_disagreement(np.abs(pole) / (2.0 * np.pi), frequency_std),
+        frequency_std=std[0],
+        damping_std=std[1],
+        enlargement=together,
+        probability=_disagreement(np.abs(pole) / (2.0 * np.pi), std[0]),
     )
 
 
@@ -121,7 +131,7 @@ def _refined_alone(
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
     """Refine on the functions of one run the poles that it determines; standard deviations of the others are infinite.
 
-    Returned are the poles and the standard deviations of frequencies, Hz, and damping ratios.
+    Returned are the poles and the standard deviations of frequencies, Hz, and damping ratios in independent noise.
     """
     at_all = _linear_fit(run, pole)
     visible = _visible(at_all)
@@ -129,8 +139,8 @@ def _refined_alone(
         # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
         rest = run.value - _response(run, pole[~visible], at_all.residue[:, ~visible])
         own = refine(run.frequency, rest, pole[visible], run.quantity, run.weight)
-        stds = _stds(run.frequency, own)
-        determined = _determined(own.pole, pole[visible], stds[0])
+        stds, inflation = _stds(own), variance_inflation(run.frequency, own)
+        determined = _determined(own.pole, pole[visible], np.sqrt(inflation) * stds[0])
         if determined.all():
             break
         # A pole that did wander leaves the others to rounding: again without it.
@@ -146,10 +156,9 @@ def _linear_fit(run: Functions, pole: NDArray[np.complex128]) -> Fit:
     return linear_fit(run.frequency, run.value, pole, run.quantity, run.weight)
 
 
-def _stds(frequency: NDArray[np.float64], fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return standard deviations of frequencies, Hz, and damping ratios; a misfit around a pole counts as noise."""
-    inflation = np.repeat(np.sqrt(variance_inflation(frequency, fit)), 2)
-    return frequency_damping_std(fit.pole, fit.pole_covariance * np.outer(inflation, inflation))
+def _stds(fit: Fit) -> NDArray[np.float64]:
+    """Return standard deviations of frequencies, Hz, and damping ratios, ``(2, n_mode)``, in independent noise."""
+    return np.stack(frequency_damping_std(fit.pole, fit.pole_covariance))
 
 
 def _determined(
