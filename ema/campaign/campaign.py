@@ -160,6 +160,8 @@ class Campaign:
         How FRFs are estimated from files of time histories; None where the files hold FRFs.
     decay_rate : float
         What an exponential window of the analyser adds to the decay rate of every mode in files of FRFs, 1/s.
+    sensor_mass : float
+        Mass of each sensor that roves, kg, to be taken out of the modes; 0 where not stated.
     corrections : tuple of Correction
         Corrections of single functions.
     notes : tuple of str
@@ -181,6 +183,7 @@ class Campaign:
     variables: VariableLayout | None
     averaging: Averaging | None
     decay_rate: float
+    sensor_mass: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
 
@@ -217,6 +220,7 @@ def read_campaign(path: str | Path) -> Campaign:
         [measurement]
         format = "uff"                         # or "csv", "mat", "hdf5"; left out, the suffix decides
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
+        sensor_mass_g = 35                     # of each sensor that roves, to be taken out; may be left out
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
         [measurement.variables]                # MATLAB and HDF5 files, see `ema.io.variables.VariableLayout`
@@ -293,6 +297,7 @@ def _campaign(path: Path) -> Campaign:
         variables=content.measurement.variables,
         averaging=content.measurement.time,
         decay_rate=1.0 / content.measurement.exponential_window_s,
+        sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
     )

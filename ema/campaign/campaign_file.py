@@ -93,6 +93,7 @@ class MeasurementSection(Section):
     variables: VariableLayout | None = None
     time: Averaging | None = None
     exponential_window_s: float = Field(default=math.inf, gt=0.0)
+    sensor_mass_g: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
 
     @model_validator(mode="after")
     def _is_frf_unit(self) -> MeasurementSection:

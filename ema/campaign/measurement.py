@@ -449,7 +449,8 @@ def _block(
 ) -> tuple[FRF, NDArray[np.float64]]:
     table = [[pairs[o, i] for i in inputs] for o in outputs]
     responses, forces = [row[0].output for row in table], [entry.input for entry in table[0]]
-    if len(inputs) > len(outputs):
+    reciprocal = len(inputs) > len(outputs)
+    if reciprocal:
         notes.append(
             f"{len(inputs)} force points and {len(outputs)} response(s): given by reciprocity as "
             f"{len(inputs)} responses to {len(outputs)} force(s)"
@@ -473,6 +474,7 @@ def _block(
         source=tuple(row[0].source for row in table),
         coherence=coherence,
         decay_rate=_decay_rate(entries),
+        reciprocal=reciprocal,
     )
     return frf, overload
 

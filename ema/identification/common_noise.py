@@ -3,8 +3,9 @@
 The likelihood takes the noise of functions as independent. Noise of the force is common to all sensors of a run, and
 grows with the response, so that it is strongest where a pole is read. The variance of a pole follows from what is left
 of each run along the mode's own shape, over the lines that the pole is read from: the sandwich of White (Econometrica
-48, 1980) with runs and lines as clusters (Liang and Zeger, Biometrika 73, 1986), taken for one pole at a time. Residuals
-are smaller than the noise by the leverage of their lines (MacKinnon and White, J. Econometrics 29, 1985, HC2).
+48, 1980) with runs and lines as clusters (Liang and Zeger, Biometrika 73, 1986), taken for one pole at a time.
+Residuals are smaller than the noise by the leverage of their lines (MacKinnon and White, J. Econometrics 29, 1985,
+HC2).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 import scipy.special as special
 from numpy.typing import NDArray
 
+from ema.identification.functions import Functions
 from ema.identification.maximum_likelihood import Fit
 
 _REACH = 4.0
@@ -34,6 +36,9 @@ class RunNoise:
     ----------
     strength : (n_mode,) float
         Sum of squared residues over the variances of their functions: what a run tells of a pole.
+    response : (n_mode,) float
+        Variance along the shape of the functions themselves, over the same lines: what noise that grows with the
+        response, as that of the force does, is in proportion to.
     ratio : (n_mode,) float
         Variance of what is left along the shape, over the lines that the pole is read from; 1 for independent noise.
     freedom : (n_mode,) float
@@ -43,78 +48,102 @@ class RunNoise:
     """
 
     strength: NDArray[np.float64]
+    response: NDArray[np.float64]
     ratio: NDArray[np.float64]
     freedom: NDArray[np.float64]
     correlation: tuple[NDArray[np.float64], ...]
 
 
-def run_noise(frequency: NDArray[np.float64], fit: Fit) -> RunNoise:
+def run_noise(run: Functions, fit: Fit) -> RunNoise:
     """Measure the noise that the functions of one run share.
 
     Parameters
     ----------
-    frequency : (n_frequency,) float
-        Lines, Hz.
+    run : Functions
+        The functions of the run.
     fit : Fit
         Fit of the functions of the run; its noise is that of each function.
     """
     n_mode = fit.pole.size
-    strength, ratio, freedom = np.zeros((3, n_mode))
+    frequency, fitted = run.frequency, run.value - fit.residual
+    strength, response, ratio, freedom = np.zeros((4, n_mode))
     correlation = []
     for r, pole in enumerate(fit.pole):
         window = _window(frequency, pole)
         weight = fit.weight[:, window] / fit.noise[:, None] ** 2
         size = np.abs(fit.residue[:, r, None]) ** 2 * weight
-        along = np.sum(fit.residue[:, r, None].conj() * weight * fit.residual[:, window], axis=0)
-        along /= np.sqrt(size.sum(axis=0))
+        shape = fit.residue[:, r, None].conj() * weight / np.sqrt(size.sum(axis=0))
+        along = np.sum(shape * fit.residual[:, window], axis=0)
         share, leverage = _read_from(frequency[window], pole)
         power = share * np.abs(along) ** 2 / (1.0 - leverage)
         strength[r] = np.mean(size.sum(axis=0))
+        response[r] = np.sum(share * np.abs(np.sum(shape * fitted[:, window], axis=0)) ** 2)
         ratio[r] = power.sum()
         freedom[r] = (1.0 - share @ leverage) / np.sum(share**2)
         read = np.sqrt(share) * along
         lags = range(max(1, read.size // 2))
         correlation.append(np.array([np.vdot(read[: read.size - k], read[k:]).real for k in lags]))
-    return RunNoise(strength=strength, ratio=ratio, freedom=freedom, correlation=tuple(correlation))
+    return RunNoise(
+        strength=strength, response=response, ratio=ratio, freedom=freedom, correlation=tuple(correlation)
+    )
 
 
-def enlargement(runs: tuple[RunNoise, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Enlargement:
+    """Factors by which noise that is not independent enlarges the variances of poles.
+
+    Attributes
+    ----------
+    each : (n_run, n_mode) float
+        Of the poles of each run alone.
+    together : (n_mode,) float
+        Of the poles of all runs together.
+    freedom : (n_mode,) float
+        Degrees of freedom of both; infinite where the noise is independent.
+    """
+
+    each: NDArray[np.float64]
+    together: NDArray[np.float64]
+    freedom: NDArray[np.float64]
+
+    @property
+    def student(self) -> NDArray[np.float64]:
+        """Student's over the normal quantile of 95 %, (n_mode,): what makes normal intervals wide enough."""
+        return np.asarray(special.stdtrit(self.freedom, _TWO_SIDED) / special.ndtri(_TWO_SIDED))
+
+
+def enlargement(runs: tuple[RunNoise, ...]) -> Enlargement:
     """Return by which factors the noise enlarges the variances of poles.
 
-    What is shared grows with the strength of a mode in a run; by how much is estimated over all runs, so that weak
-    modes and runs of few lines have it from the strong ones. Where few values tell it, the factor is larger by the
-    square of Student's over the normal quantile, for intervals are taken as normal.
+    What is shared grows with the response of a run; by how much is estimated over all runs, so that weak
+    modes and runs of few lines have it from the strong ones.
 
     Parameters
     ----------
     runs : tuple of RunNoise
         One for each run.
-
-    Returns
-    -------
-    each : (n_run, n_mode) float
-        Of the poles of each run alone.
-    together : (n_mode,) float
-        Of the poles of all runs together.
     """
     strength = np.array([run.strength for run in runs])
-    each, together = np.ones(strength.shape), np.ones(strength.shape[1])
+    each, together, freedoms = np.ones(strength.shape), *np.ones((2, strength.shape[1]))
+    freedoms[:] = np.inf
     for r in range(strength.shape[1]):
-        g = strength[:, r] / strength[:, r].max()
-        ratio, freedom = (np.array([getattr(run, name)[r] for run in runs]) for name in ("ratio", "freedom"))
+        response, ratio, freedom = (
+            np.array([getattr(run, name)[r] for run in runs]) for name in ("response", "ratio", "freedom")
+        )
+        g = response / response.max()
         slope = _slope(g, ratio, freedom)
         effective = float(freedom.sum())
         serial = _serial([run.correlation[r] for run in runs], effective)
         if slope == 0.0 and serial == 1.0:
             continue
-        quantile = special.stdtrit(max(2.0 * effective, 1.0), _TWO_SIDED) / special.ndtri(_TWO_SIDED)
-        each[:, r] = (1.0 + slope * g) * serial * quantile**2
-        together[r] = (1.0 + slope * np.sum(g**2) / np.sum(g)) * serial * quantile**2
-    return each, together
+        each[:, r] = (1.0 + slope * g) * serial
+        together[r] = np.average(each[:, r], weights=strength[:, r])
+        freedoms[r] = max(2.0 * effective, 1.0)
+    return Enlargement(each=each, together=together, freedom=freedoms)
 
 
 def _slope(g: NDArray[np.float64], ratio: NDArray[np.float64], freedom: NDArray[np.float64]) -> float:
-    """Rise of the variance ratio with the strength, ``ratio = 1 + slope g``; 0 where chance makes as much.
+    """Rise of the variance ratio with the response, ``ratio = 1 + slope g``; 0 where chance makes as much.
 
     Weighted least squares, the weights from the rise itself: the variance of a ratio is its square over the freedom.
     """

@@ -22,16 +22,18 @@ from ema.identification.noise_colour import whitest
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std
 from ema.identification.selection import fit_chosen, select_modes
-from ema.identification.shapes import driving_points, shapes_from_residues
+from ema.identification.shapes import shapes_from_residues
 from ema.identification.stabilization import highest_order, stabilization
 from ema.modal.mac import frac
+from ema.modal.over_runs import over_runs
+from ema.modal.run_changes import run_changes
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.linearity import check_force_levels
 from ema.quality.verdict import Verdict
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.geometry import Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel, UnexplainedPeak
 from ema.types.threads import single_threaded
 
@@ -142,9 +144,16 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
     levels = read_force_levels(campaign, name)
     verdicts += check_force_levels(measurement, verdicts, levels, options.band)
     modal_model = identify_frf(
-        kept.frf, kept.geometry, name=name, band=options.band, order=options.order, pole=pole
+        kept.frf,
+        kept.geometry,
+        name=name,
+        band=options.band,
+        order=options.order,
+        pole=pole,
+        sensor_mass=campaign.sensor_mass,
     )
-    kept = replace(kept, notes=(*kept.notes, *_unscaled(modal_model)))
+    notes = (*_unscaled(modal_model), *_without_sensors(modal_model, campaign.sensor_mass))
+    kept = replace(kept, notes=(*kept.notes, *notes))
     explained = explained_power(_by_reciprocity(kept.frf), modal_model)
     verdicts += check_explained(explained, modal_model)
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)
@@ -159,6 +168,7 @@ def identify_frf(
     band: tuple[float, float] | None = None,
     order: int | None = None,
     pole: NDArray[np.complex128] | None = None,
+    sensor_mass: float = 0.0,
 ) -> ModalModel:
     """Identify the modes of one configuration.
 
@@ -179,6 +189,9 @@ def identify_frf(
         bands of few lines.
     pole : (n_mode,) complex, optional
         Poles chosen by hand (`ema.identification.picking`), rad/s. They are refined; none is added or taken away.
+    sensor_mass : float
+        Mass of each roving sensor, kg, to be taken out (`ema.modal.over_runs`); 0 where it is not stated. A sensor that
+        stays while a hammer roves is part of the structure.
 
     Raises
     ------
@@ -198,6 +211,8 @@ def identify_frf(
     white = lines.convert(whitest(lines))
     fit, runs, left = _fitted(white, order, pole, band, name)
     model = _model(fit, runs, white, lines.quantity, geometry, name, band)
+    changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
+    model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
     return replace(model, unexplained=_unexplained(left, lines.input.node.size))
 
 
@@ -265,6 +280,29 @@ def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
     )
 
 
+def _without_sensors(modal_model: ModalModel, stated: float) -> tuple[str, ...]:
+    """Say what the mass of the sensors was worth, or that it was not taken out although it is stated."""
+    shift = np.array(modal_model.sensor_shift)
+    if not shift.size:
+        return (
+            ()
+            if stated == 0.0
+            else (
+                "the mass of the sensors is not taken out: no mode is mass-normalised by a driving point or differs "
+                "enough from run to run, or the hammer roves",
+            )
+        )
+    mass = f"{1e3 * modal_model.sensor_mass:.3g} g each, " if modal_model.sensor_mass > 0.0 else ""
+    told = "as stated" if stated > 0.0 else "as the runs tell"
+    listed = ", ".join(f"M{r + 1} {100 * own:+.2f} %" for r, own in enumerate(shift) if own != 0.0)
+    kept = ", ".join(f"M{r + 1}" for r in np.flatnonzero(shift == 0.0))
+    rest = f"; not {kept}, whose shifts are not known" if kept else ""
+    return (
+        f"frequencies are those of the structure without the sensors ({mass}{told}), which shift them by "
+        f"{listed}{rest}",
+    )
+
+
 def _unexplained(left: Left, n_input: int) -> tuple[UnexplainedPeak, ...]:
     """Give the peaks that no mode was found for with their outputs."""
     return tuple(
@@ -301,6 +339,7 @@ def _by_reciprocity(frf: FRF) -> FRF:
         source=(", ".join(dict.fromkeys(frf.source)),) * n_input,
         coherence=None if frf.coherence is None else frf.coherence.swapaxes(0, 1),
         decay_rate=frf.decay_rate,
+        reciprocal=True,
     )
 
 
@@ -346,17 +385,17 @@ def _model(
     n_output, n_input, _ = frf.value.shape
     n_mode = int(np.count_nonzero(inside(fit.pole, band)))  # those outside come last
     inflation = np.repeat(np.sqrt(runs.enlargement), 2)
-    covariance = fit.pole_covariance * np.outer(inflation, inflation)
+    variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
+    growth = np.repeat(runs.growth(*frequency_damping_std(fit.pole, variance_of_poles)), 2)
+    covariance = variance_of_poles * np.outer(growth, growth)
     frequency_std, damping_std = frequency_damping_std(fit.pole, covariance)
     residue = fit.residue.reshape(n_output, n_input, fit.pole.size)
     variance = _variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))
     variance = variance[:, :n_mode].reshape(n_output, n_input, n_mode)
     pole = fit.pole[:n_mode]
     free = _without_window(pole, frf.decay_rate)
-    # Residues at a pole that a run does not have are too small; shapes then join the runs at their own poles.
-    constant = (runs.residue if runs.disagree() else fit.residue)[:, :n_mode]
     shapes = shapes_from_residues(
-        pole, constant.reshape(n_output, n_input, n_mode), variance, frf.output, frf.input
+        pole, _joined(fit, runs, frf)[..., :n_mode], variance, frf.output, frf.input
     )
     noise, correlation, error = _as_measured(fit, frf, quantity)
     return ModalModel(
@@ -393,6 +432,19 @@ def _model(
         run_probability=runs.probability[:, :n_mode],
         decay_rate=frf.decay_rate,
     )
+
+
+def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> NDArray[np.complex128]:
+    """Return the residues (n_output, n_input, n_mode) that shapes are drawn from.
+
+    Residues at a pole that a run does not have are too small. Where runs disagree they are those at the poles of each
+    run, made those of the pole of all: a modal constant is a residue times its own frequency.
+    """
+    shape = (*frf.value.shape[:2], fit.pole.size)
+    if not runs.disagree():
+        return fit.residue.reshape(shape)
+    own = runs.pole.imag[np.searchsorted(runs.run, frf.run)] / fit.pole.imag
+    return np.asarray(runs.residue.reshape(shape) * own[:, None, :], dtype=complex)
 
 
 def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[np.complex128]:

@@ -18,6 +18,8 @@ from ema.identification.functions import Functions
 from ema.identification.lsfd import mode_basis
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.significance import variance_inflation
+from ema.modal.run_scatter import run_scatter, std_with_scatter
+from ema.types.modal_model import RESOLVED
 
 VISIBLE = 1e-6
 """Chance that noise alone makes a mode visible in a run."""
@@ -58,6 +60,26 @@ class RunPoles:
         """Whether any run differs significantly from the others."""
         return bool(np.any(self.probability < FALSE_ALARM))
 
+    def growth(
+        self, frequency_std: NDArray[np.float64], damping_std: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Factor by which the scatter between runs enlarges intervals of the poles of all runs together, (n_mode,).
+
+        Parameters
+        ----------
+        frequency_std, damping_std : (n_mode,) float
+            Standard deviations from noise.
+        """
+        frequency, damping = np.abs(self.pole) / (2.0 * np.pi), -self.pole.real / np.abs(self.pole)
+        with_scatter = [
+            std_with_scatter(std, run_std, run_scatter(value, run_std)) / std
+            for std, run_std, value in (
+                (frequency_std, self.frequency_std, frequency),
+                (damping_std, self.damping_std, damping),
+            )
+        ]
+        return np.maximum(*with_scatter)
+
 
 def frequency_damping_std(
     pole: NDArray[np.complex128], covariance: NDArray[np.float64]
@@ -93,14 +115,15 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
     """
     numbers, n_mode = np.unique(data.run), fit.pole.size
     if numbers.size == 1:
-        (_, together), stds = enlargement((run_noise(data.frequency, fit),)), _stds(fit)
+        enlarged = enlargement((run_noise(data, fit),))
+        stds = np.sqrt(enlarged.together) * enlarged.student * _stds(fit)
         return RunPoles(
             run=numbers,
             pole=fit.pole[None],
             residue=fit.residue,
-            frequency_std=np.sqrt(together) * stds[:1],
-            damping_std=np.sqrt(together) * stds[1:],
-            enlargement=together,
+            frequency_std=stds[:1],
+            damping_std=stds[1:],
+            enlargement=enlarged.together * enlarged.student**2,
             probability=np.ones((1, n_mode)),
         )
     weighted = replace(data, weight=fit.weight)
@@ -112,17 +135,19 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
         pole[k], std[0, k], std[1, k] = _refined_alone(own, fit.pole)
         alone = _linear_fit(own, pole[k])
         residue[data.run == number] = alone.residue
-        noise.append(run_noise(data.frequency, alone))
-    each, together = enlargement(tuple(noise))
-    std *= np.sqrt(each)
+        noise.append(run_noise(own, alone))
+    enlarged = enlargement(tuple(noise))
+    std *= np.sqrt(enlarged.each)
     return RunPoles(
         run=numbers,
         pole=pole,
         residue=residue,
-        frequency_std=std[0],
-        damping_std=std[1],
-        enlargement=together,
-        probability=_disagreement(np.abs(pole) / (2.0 * np.pi), std[0]),
+        frequency_std=std[0] * enlarged.student,
+        damping_std=std[1] * enlarged.student,
+        enlargement=enlarged.together * enlarged.student**2,
+        probability=_disagreement(
+            np.abs(pole) / (2.0 * np.pi), _resolved(std[0], fit.pole), enlarged.freedom
+        ),
     )
 
 
@@ -194,7 +219,14 @@ def _stacked(residue: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.stack([residue.real.T, residue.imag.T], axis=1).reshape(-1, residue.shape[0])
 
 
-def _disagreement(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np.float64]:
+def _resolved(std: NDArray[np.float64], pole: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the standard deviations with which frequencies of runs are compared, Hz."""
+    return np.hypot(std, RESOLVED * -pole.real / (2.0 * np.pi))
+
+
+def _disagreement(
+    value: NDArray[np.float64], std: NDArray[np.float64], freedom: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Probability of each run's distance ``(n_run, n_mode)`` from the others, which may scatter among themselves.
 
     The others' centre is their weighted median, so that a second odd run does not hide the first.
@@ -211,5 +243,5 @@ def _disagreement(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArr
             centre = value[rank[np.searchsorted(weight, 0.5 * weight[-1])], r]
             # A median is pi / 2 times as uncertain, in variance, as the mean of normal numbers.
             spread = std[k, r] ** 2 + (0.5 * np.pi if others.size > 2 else 1.0) / weight[-1]
-            probability[k, r] = 2.0 * special.ndtr(-abs(value[k, r] - centre) / np.sqrt(spread))
+            probability[k, r] = 2.0 * special.stdtr(freedom[r], -abs(value[k, r] - centre) / np.sqrt(spread))
     return np.minimum(1.0, probability * probability.size)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.geometry import Dofs
+from ema.types.geometry import Dofs, driving_points
 
 PHASE_TOLERANCE = np.pi / 4
 """Largest phase of a driving-point modal constant that still counts as positive."""
@@ -32,17 +32,6 @@ class Shapes:
     shape: NDArray[np.complex128]
     std: NDArray[np.float64]
     scaled: NDArray[np.bool_]
-
-
-def driving_points(output: Dofs, inputs: Dofs) -> list[tuple[int, int, float]]:
-    """Find outputs and inputs at one point along one line, with the product of their directions' signs."""
-    pairs: list[tuple[int, int, float]] = []
-    for i, (node, direction) in enumerate(zip(inputs.node, inputs.direction, strict=True)):
-        for o in np.flatnonzero(output.node == node):
-            cosine = float(output.direction[o] @ direction)
-            if abs(cosine) > 0.999:
-                pairs.append((int(o), i, float(np.sign(cosine))))
-    return pairs
 
 
 def shapes_from_residues(

@@ -40,6 +40,8 @@ class FRF:
         Ordinary coherence of each function, or None when the test system did not store it.
     decay_rate : float
         What an exponential window on the responses adds to the decay rate of every mode, 1/s.
+    reciprocal : bool
+        Whether responses and forces have changed places, as for a roving hammer: outputs are then where it struck.
     """
 
     frequency: NDArray[np.float64]
@@ -51,6 +53,7 @@ class FRF:
     source: tuple[str, ...]
     coherence: NDArray[np.float64] | None = None
     decay_rate: float = 0.0
+    reciprocal: bool = False
 
     def __post_init__(self) -> None:
         frequency = readonly("FRF", "frequency", self.frequency, (None,))

@@ -92,3 +92,14 @@ class Dofs:
         if abs(direction[axis]) < 0.999:
             return f"{self.node[index]} along {np.round(direction, 3).tolist()}"
         return f"{self.node[index]}{'+' if direction[axis] > 0 else '-'}{'xyz'[axis]}"
+
+
+def driving_points(output: Dofs, inputs: Dofs) -> list[tuple[int, int, float]]:
+    """Find outputs and inputs at one point along one line, with the product of their directions' signs."""
+    pairs: list[tuple[int, int, float]] = []
+    for i, (node, direction) in enumerate(zip(inputs.node, inputs.direction, strict=True)):
+        for o in np.flatnonzero(output.node == node):
+            cosine = float(output.direction[o] @ direction)
+            if abs(cosine) > 0.999:
+                pairs.append((int(o), i, float(np.sign(cosine))))
+    return pairs

@@ -12,6 +12,10 @@ from ema.types.errors import IdentificationError
 from ema.types.frf import DERIVATIVE, Quantity
 from ema.types.geometry import Dofs, Geometry
 
+RESOLVED = 0.01
+"""Half bandwidths by which a pole of one run may be off for other reasons than noise: the flanks of modes beyond the
+band, which residual terms meet nearly, moved those of one and the same simulated stack by up to 0.006."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class UnexplainedPeak:
@@ -48,7 +52,8 @@ class ModalModel:
     name : str
         The configuration.
     frequency, damping : (n_mode,) float
-        Undamped natural frequency abs(pole) / 2 pi, Hz, and damping ratio -Re(pole) / abs(pole).
+        Undamped natural frequency abs(pole) / 2 pi, Hz, and damping ratio -Re(pole) / abs(pole); where runs disagree
+        those of the mean over the runs, and where sensors have mass those of the structure without them.
     frequency_std, damping_std : (n_mode,) float
         Their standard deviations.
     pole : (n_mode,) complex
@@ -109,6 +114,12 @@ class ModalModel:
     decay_rate : float
         What an exponential window adds to every decay rate, 1/s: it is in the poles, which the functions have, and
         in those of runs, and is taken out of frequencies and damping ratios.
+    sensor_shift : tuple of float
+        Share by which the sensors lower each frequency in the mean over the runs, negative: it is in the poles and
+        residues, which the functions have, and is taken out of frequencies, damping ratios and shapes. Empty where
+        nothing was taken out; 0 for modes that the sensors are not known to move.
+    sensor_mass : float
+        Mass of one sensor that was taken out, kg; 0 where it is not known.
     """
 
     name: str
@@ -144,6 +155,8 @@ class ModalModel:
     run_probability: NDArray[np.float64]
     unexplained: tuple[UnexplainedPeak, ...] = ()
     decay_rate: float = 0.0
+    sensor_shift: tuple[float, ...] = ()
+    sensor_mass: float = 0.0
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)
@@ -182,8 +195,14 @@ class ModalModel:
 
     @property
     def free_pole(self) -> NDArray[np.complex128]:
-        """Poles without what a window adds, rad/s, ``(n_mode,)``."""
-        return self.pole + self.decay_rate
+        """Poles without what a window and the mass of sensors add, rad/s, ``(n_mode,)``."""
+        root = 1j * np.sqrt(1.0 - self.damping**2)
+        return np.asarray(2.0 * np.pi * self.frequency * (root - self.damping))
+
+    @property
+    def resolved_run_std(self) -> NDArray[np.float64]:
+        """Standard deviations with which frequencies of runs are compared, Hz, ``(n_run, n_mode)``."""
+        return np.hypot(self.run_frequency_std, RESOLVED * -self.pole.real / (2.0 * np.pi))
 
     @property
     def run_frequency(self) -> NDArray[np.float64]:

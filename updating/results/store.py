@@ -183,6 +183,7 @@ def write_frf(path: Path, frf: FRF) -> None:
         "quantity": np.array(frf.quantity),
         "source": np.array(frf.source),
         "decay_rate": np.array(frf.decay_rate),
+        "reciprocal": np.array(frf.reciprocal),
     }
     np.savez_compressed(buffer, **arrays)
     write_bytes(path, buffer.getvalue())
@@ -208,6 +209,7 @@ def read_frf(path: Path) -> FRF:
                 source=tuple(str(s) for s in archive["source"]),
                 coherence=archive.get("coherence"),
                 decay_rate=float(archive["decay_rate"]),
+                reciprocal=bool(archive["reciprocal"]),
             )
     except Exception as error:  # zip, deflate and NumPy raise what they like at damaged archives
         message = f"cannot read the FRFs in {path}: {error}"

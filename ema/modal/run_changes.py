@@ -1,0 +1,172 @@
+"""Why roving runs differ: the mass of their sensors, a drift, all modes of a run alike, or scatter.
+
+Each cause is a pattern of shifts over runs and modes. A mass lowers each mode by the square of its shape where the
+sensors of a run sit; a drift moves all modes alike with the order of the runs, and temperature or settling all modes
+of a run alike. A cause is named only where its pattern explains most of what noise does not, and better than the others
+(Schwarz, Ann. Stat. 6, 1978), their numbers of unknowns counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.stats
+from numpy.typing import NDArray
+
+from ema.types.modal_model import ModalModel
+
+Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
+_EXPLAINED = 0.5
+"""Share of the squared shifts that a cause must explain."""
+_CHANCE = 0.01
+"""Probability that scatter alone explains as much, below which a cause is named."""
+_EACH = 3  # runs whose modes are told one by one
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunChanges:
+    """How the roving runs of a configuration differ.
+
+    Attributes
+    ----------
+    cause : {"none", "sensor mass", "drift", "all modes alike", "scatter"}
+        What makes them differ.
+    finding : str
+        The runs, the size and the cause in one line; empty where they agree.
+    """
+
+    cause: Cause
+    finding: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Pattern:
+    """Shifts that a cause explains, (n_run, n_mode), with its number of unknowns and what it adds to the finding."""
+
+    cause: Cause
+    shift: NDArray[np.float64]
+    unknowns: int
+    text: str
+
+
+def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove: bool) -> RunChanges:
+    """Say whether runs differ, and what makes them differ.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+    run : (n_dof,) int
+        Run of each of its outputs.
+    sensors_rove : bool
+        Whether its outputs are where sensors sat; not so where a hammer roved and one sensor stayed.
+    """
+    differs = modal_model.disagreeing_runs()
+    if not differs.any():
+        return RunChanges(cause="none", finding="")
+    std = modal_model.resolved_run_std / modal_model.frequency
+    weight = np.where(np.isfinite(std), std, np.inf) ** -2.0
+    shift = modal_model.run_frequency / modal_model.frequency - 1.0
+    shift = shift - np.average(shift, axis=0, weights=weight)
+    freedom = np.count_nonzero(weight) - shift.shape[1]
+    whole = float(np.sum(weight * shift**2))
+    felt = sensors_rove * np.array(
+        [np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run]
+    )
+    best, least = _Pattern(cause="scatter", shift=np.zeros_like(shift), unknowns=0, text=""), np.log(whole)
+    for pattern in _patterns(shift, weight, felt, modal_model.scaled):
+        left = float(np.sum(weight * (shift - pattern.shift) ** 2))
+        spare = freedom - pattern.unknowns
+        if spare < 1 or left > (1.0 - _EXPLAINED) * whole:
+            continue
+        ratio = (whole - left) / pattern.unknowns / max(left / spare, 1.0)
+        likelihood = np.log(max(left, spare)) + pattern.unknowns * np.log(freedom) / freedom
+        if scipy.stats.f.sf(ratio, pattern.unknowns, spare) < _CHANCE and likelihood < least:
+            best, least = pattern, likelihood
+    return RunChanges(cause=best.cause, finding=f"{_size(modal_model, differs)}; {_cause(best)}")
+
+
+def _patterns(
+    shift: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    felt: NDArray[np.float64],
+    scaled: NDArray[np.bool_],
+) -> list[_Pattern]:
+    """Return what each cause can explain of shifts of zero mean."""
+    patterns = [_mass_of_each_mode(shift, weight, felt)] if felt.any() else []
+    if felt.any() and scaled.any():
+        patterns.append(_one_mass(shift, weight, np.where(scaled, felt, 0.0)))
+    order = np.broadcast_to(np.arange(len(shift), dtype=float)[:, None], shift.shape)
+    line = order - np.average(order, axis=0, weights=weight)
+    slope = float(np.sum(weight * line * shift) / np.sum(weight * line**2))
+    change = 100.0 * slope * (len(shift) - 1)
+    text = f"by {change:+.2g} % from the first to the last"
+    patterns.append(_Pattern(cause="drift", shift=slope * line, unknowns=1, text=text))
+    if shift.shape[1] > 1:
+        own = np.sum(weight * shift, axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
+        alike = np.broadcast_to(own[:, None], shift.shape)
+        alike = alike - np.average(alike, axis=0, weights=weight)
+        patterns.append(_Pattern(cause="all modes alike", shift=alike, unknowns=len(shift) - 1, text=""))
+    return patterns
+
+
+def _mass_of_each_mode(
+    shift: NDArray[np.float64], weight: NDArray[np.float64], felt: NDArray[np.float64]
+) -> _Pattern:
+    """Return the shifts by masses, over modal masses that nobody knows."""
+    around = felt - np.average(felt, axis=0, weights=weight)
+    stiffness = np.sum(weight * around**2, axis=0)
+    load = -2.0 * np.sum(weight * around * shift, axis=0) / np.where(stiffness > 0.0, stiffness, np.inf)
+    pattern = -0.5 * np.maximum(load, 0.0) * around
+    return _Pattern(cause="sensor mass", shift=pattern, unknowns=shift.shape[1], text="")
+
+
+def _one_mass(shift: NDArray[np.float64], weight: NDArray[np.float64], felt: NDArray[np.float64]) -> _Pattern:
+    """Return the shifts of mass-normalised modes by one mass at each sensor."""
+    around = felt - np.average(felt, axis=0, weights=weight)
+    stiffness = float(np.sum(weight * around**2))
+    mass = max(0.0, -2.0 * float(np.sum(weight * around * shift)) / stiffness)
+    text = f"about {1e3 * mass:.2g} g each"
+    return _Pattern(cause="sensor mass", shift=-0.5 * mass * around, unknowns=1, text=text)
+
+
+def _cause(pattern: _Pattern) -> str:
+    told = {
+        "sensor mass": "the mass of the sensors does this, for shifts follow the square of the shape where they sit",
+        "drift": "all modes drift with the order of the runs, as temperature or ageing moves them",
+        "all modes alike": "all modes of a run move alike, as temperature or settling moves them",
+        "scatter": "scatter between runs, which neither a sensor's mass nor a drift explains",
+    }[pattern.cause]
+    return f"{told}: {pattern.text}" if pattern.text else told
+
+
+def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
+    """Say which runs are off the median of the others, and by how much."""
+    odd = np.flatnonzero(differs.any(axis=1))
+    shift = np.array([_shift(modal_model, int(k)) for k in odd])
+    numbers = [int(modal_model.run[k]) + 1 for k in odd]
+    if odd.size <= _EACH:
+        modes = [
+            ", ".join(
+                f"{modal_model.frequency[r]:.1f} Hz by {100 * own[r]:+.3f} %" for r in np.flatnonzero(which)
+            )
+            for own, which in zip(shift, differs[odd], strict=True)
+        ]
+        if odd.size == 1:
+            return f"run {numbers[0]} disagrees with the others: {modes[0]}"
+        each = "; ".join(f"run {n}: {m}" for n, m in zip(numbers, modes, strict=True))
+        return f"runs {', '.join(map(str, numbers))} disagree with the others: {each}"
+    size = np.where(differs[odd], np.abs(shift), 0.0)
+    i, r = np.unravel_index(int(np.argmax(size)), size.shape)
+    return (
+        f"{odd.size} of {modal_model.run.size} runs disagree with the others, in the median by "
+        f"{100 * np.median(size[differs[odd]]):.2g} % and at most by {100 * size[i, r]:.2g} % "
+        f"(run {numbers[i]} at {modal_model.frequency[r]:.1f} Hz)"
+    )
+
+
+def _shift(modal_model: ModalModel, run: int) -> NDArray[np.float64]:
+    """Return by which shares of their frequencies a run's modes are off those of the others, (n_mode,)."""
+    others = np.delete(modal_model.run_frequency, run, axis=0)
+    return np.asarray(modal_model.run_frequency[run] / np.median(others, axis=0) - 1.0)
