@@ -20,7 +20,7 @@ from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit
 from ema.identification.noise_colour import whitest
 from ema.identification.residual_search import Left
-from ema.identification.run_poles import RunPoles, frequency_damping_std
+from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.shapes import shapes_from_residues
 from ema.identification.stabilization import highest_order, stabilization
@@ -390,12 +390,13 @@ def _model(
     covariance = variance_of_poles * np.outer(growth, growth)
     frequency_std, damping_std = frequency_damping_std(fit.pole, covariance)
     residue = fit.residue.reshape(n_output, n_input, fit.pole.size)
-    variance = _variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))
-    variance = variance[:, :n_mode].reshape(n_output, n_input, n_mode)
+    variance = variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))
+    variance = variance.reshape(residue.shape)[..., :n_mode]
     pole = fit.pole[:n_mode]
     free = _without_window(pole, frf.decay_rate)
+    joined, its_variance = _joined(fit, runs, frf) if runs.disagree() else (residue, variance)
     shapes = shapes_from_residues(
-        pole, _joined(fit, runs, frf)[..., :n_mode], variance, frf.output, frf.input
+        pole, joined[..., :n_mode], its_variance[..., :n_mode], frf.output, frf.input
     )
     noise, correlation, error = _as_measured(fit, frf, quantity)
     return ModalModel(
@@ -434,17 +435,15 @@ def _model(
     )
 
 
-def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> NDArray[np.complex128]:
-    """Return the residues (n_output, n_input, n_mode) that shapes are drawn from.
+def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return residues of runs that disagree, each at its own poles, and their variance, (n_output, n_input, n_mode).
 
-    Residues at a pole that a run does not have are too small. Where runs disagree they are those at the poles of each
-    run, made those of the pole of all: a modal constant is a residue times its own frequency.
+    Residues at a pole that a run does not have are too small. They are made those of the pole of all runs: a modal
+    constant is a residue times its own frequency.
     """
     shape = (*frf.value.shape[:2], fit.pole.size)
-    if not runs.disagree():
-        return fit.residue.reshape(shape)
-    own = runs.pole.imag[np.searchsorted(runs.run, frf.run)] / fit.pole.imag
-    return np.asarray(runs.residue.reshape(shape) * own[:, None, :], dtype=complex)
+    own = (runs.pole.imag[np.searchsorted(runs.run, frf.run)] / fit.pole.imag)[:, None, :]
+    return np.asarray(runs.residue.reshape(shape) * own, dtype=complex), runs.variance.reshape(shape) * own**2
 
 
 def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[np.complex128]:
@@ -465,14 +464,3 @@ def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[
         )
         raise IdentificationError(message)
     return free
-
-
-def _variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance ``(n_function, n_mode)`` of each residue along its own phase."""
-    direction = np.exp(1j * np.angle(residue))
-    index = 2 * np.arange(residue.shape[1])
-    return (
-        direction.real**2 * covariance[:, index, index]
-        + 2.0 * direction.real * direction.imag * covariance[:, index, index + 1]
-        + direction.imag**2 * covariance[:, index + 1, index + 1]
-    )

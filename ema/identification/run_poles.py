@@ -39,6 +39,8 @@ class RunPoles:
         Poles, rad/s; those of all runs together where a run does not determine a mode.
     residue : (n_function, n_mode) complex
         Residues of the receptance at the poles of each function's own run, m/(N s).
+    variance : (n_function, n_mode) float
+        Variance of each of them along its own phase, noise common to a run included.
     frequency_std, damping_std : (n_run, n_mode) float
         Standard deviations, noise common to a run included, infinite where a run does not determine a mode.
     enlargement : (n_mode,) float
@@ -51,6 +53,7 @@ class RunPoles:
     run: NDArray[np.int64]
     pole: NDArray[np.complex128]
     residue: NDArray[np.complex128]
+    variance: NDArray[np.float64]
     frequency_std: NDArray[np.float64]
     damping_std: NDArray[np.float64]
     enlargement: NDArray[np.float64]
@@ -103,6 +106,17 @@ def frequency_damping_std(
     )
 
 
+def variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the variance ``(n_function, n_mode)`` of each residue along its own phase."""
+    direction = np.exp(1j * np.angle(residue))
+    index = 2 * np.arange(residue.shape[1])
+    return (
+        direction.real**2 * covariance[:, index, index]
+        + 2.0 * direction.real * direction.imag * covariance[:, index, index + 1]
+        + direction.imag**2 * covariance[:, index + 1, index + 1]
+    )
+
+
 def run_poles(data: Functions, fit: Fit) -> RunPoles:
     """Refine the poles of a fit run by run and compare the runs.
 
@@ -121,6 +135,7 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
             run=numbers,
             pole=fit.pole[None],
             residue=fit.residue,
+            variance=_variance(fit, enlarged.together * enlarged.student**2),
             frequency_std=stds[:1],
             damping_std=stds[1:],
             enlargement=enlarged.together * enlarged.student**2,
@@ -129,19 +144,24 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
     weighted = replace(data, weight=fit.weight)
     pole = np.empty((numbers.size, n_mode), dtype=complex)
     std = np.empty((2, numbers.size, n_mode))
-    residue, noise = np.empty(fit.residue.shape, dtype=complex), []
+    residue, alone = np.empty(fit.residue.shape, dtype=complex), []
     for k, number in enumerate(numbers):
         own = weighted.of_run(number)
         pole[k], std[0, k], std[1, k] = _refined_alone(own, fit.pole)
-        alone = _linear_fit(own, pole[k])
-        residue[data.run == number] = alone.residue
-        noise.append(run_noise(own, alone))
-    enlarged = enlargement(tuple(noise))
+        alone.append(_linear_fit(own, pole[k]))
+        residue[data.run == number] = alone[k].residue
+    enlarged = enlargement(
+        tuple(run_noise(data.of_run(n), own) for n, own in zip(numbers, alone, strict=True))
+    )
     std *= np.sqrt(enlarged.each)
+    variance = np.empty(residue.shape)
+    for number, own, factor in zip(numbers, alone, enlarged.each * enlarged.student**2, strict=True):
+        variance[data.run == number] = _variance(own, factor)
     return RunPoles(
         run=numbers,
         pole=pole,
         residue=residue,
+        variance=variance,
         frequency_std=std[0] * enlarged.student,
         damping_std=std[1] * enlarged.student,
         enlargement=enlarged.together * enlarged.student**2,
@@ -149,6 +169,11 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
             np.abs(pole) / (2.0 * np.pi), _resolved(std[0], fit.pole), enlarged.freedom
         ),
     )
+
+
+def _variance(fit: Fit, factor: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the variance of residues along their own phase, each mode's larger by a factor ``(n_mode,)``."""
+    return variance_along(fit.residue, fit.residue_covariance()) * factor
 
 
 def _refined_alone(

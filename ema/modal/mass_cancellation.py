@@ -22,6 +22,8 @@ _MAX_STEP = 200
 _SHARE = 0.5
 """Of a step that is taken: near a node of a mode at the force, whole steps overshoot and come back for ever."""
 _CONVERGED = 1e-12  # of the squared frequencies
+_MOST_AT_FORCE = 2.0
+"""Factor by which sensors may change the shape at the force: next to its nodes the modes of the band tell no more."""
 _HEAVIEST = 0.5
 """Largest share of a modal mass that sensors of one run may add; beyond it the modes of the band do not suffice."""
 
@@ -176,6 +178,7 @@ def _differences(
         if modes.drive_run == k:
             at_force = modes.drive - force
         ratio = np.divide(force, reference, out=np.ones_like(force), where=known & (reference != 0.0))
+        ratio = np.clip(ratio, 1.0 / _MOST_AT_FORCE, _MOST_AT_FORCE)
         constant[own] = modes.shape[own] - here * ratio
     return off, constant, at_force, felt
 

@@ -8,7 +8,7 @@ of a run alike. A cause is named only where its pattern explains most of what no
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -84,6 +84,8 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
         likelihood = np.log(max(left, spare)) + pattern.unknowns * np.log(freedom) / freedom
         if scipy.stats.f.sf(ratio, pattern.unknowns, spare) < _CHANCE and likelihood < least:
             best, least = pattern, likelihood
+    if best.cause == "sensor mass" and modal_model.sensor_mass > 0.0:
+        best = replace(best, text=f"{1e3 * modal_model.sensor_mass:.2g} g each")
     return RunChanges(cause=best.cause, finding=f"{_size(modal_model, differs)}; {_cause(best)}")
 
 
@@ -94,9 +96,9 @@ def _patterns(
     scaled: NDArray[np.bool_],
 ) -> list[_Pattern]:
     """Return what each cause can explain of shifts of zero mean."""
-    patterns = [_mass_of_each_mode(shift, weight, felt)] if felt.any() else []
-    if felt.any() and scaled.any():
-        patterns.append(_one_mass(shift, weight, np.where(scaled, felt, 0.0)))
+    patterns = []
+    if felt.any():  # one mass must explain all modes wherever their scale is known
+        patterns.append((_one_mass if scaled.all() else _mass_of_each_mode)(shift, weight, felt))
     order = np.broadcast_to(np.arange(len(shift), dtype=float)[:, None], shift.shape)
     line = order - np.average(order, axis=0, weights=weight)
     slope = float(np.sum(weight * line * shift) / np.sum(weight * line**2))
@@ -127,8 +129,9 @@ def _one_mass(shift: NDArray[np.float64], weight: NDArray[np.float64], felt: NDA
     around = felt - np.average(felt, axis=0, weights=weight)
     stiffness = float(np.sum(weight * around**2))
     mass = max(0.0, -2.0 * float(np.sum(weight * around * shift)) / stiffness)
-    text = f"about {1e3 * mass:.2g} g each"
-    return _Pattern(cause="sensor mass", shift=-0.5 * mass * around, unknowns=1, text=text)
+    return _Pattern(
+        cause="sensor mass", shift=-0.5 * mass * around, unknowns=1, text=f"{1e3 * mass:.2g} g each"
+    )
 
 
 def _cause(pattern: _Pattern) -> str:

@@ -63,8 +63,10 @@ def std_with_scatter(
     known = np.isfinite(run_std)
     weight = np.where(known, 1.0, 0.0)
     least = np.where(known, run_std, 1.0)
-    with np.errstate(divide="ignore"):
-        within, both = (1.0 / np.sum(weight / (least**2 + s**2), axis=0) for s in (0.0, scatter))
+    within, both = (
+        1.0 / np.maximum(np.sum(weight / (least**2 + s**2), axis=0), np.finfo(float).tiny)
+        for s in (0.0, scatter)
+    )
     freedom = np.maximum(known.sum(axis=0) - 1.0, 1.0)
     quantile = special.stdtrit(freedom, _TWO_SIDED) / special.ndtri(_TWO_SIDED)
     more = np.where(scatter > 0.0, both - within, 0.0)
