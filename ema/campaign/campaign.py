@@ -220,7 +220,6 @@ def read_campaign(path: str | Path) -> Campaign:
         [measurement]
         format = "uff"                         # or "csv", "mat", "hdf5"; left out, the suffix decides
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
-        sensor_mass_g = 35                     # of each sensor that roves, to be taken out; may be left out
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
         [measurement.variables]                # MATLAB and HDF5 files, see `ema.io.variables.VariableLayout`

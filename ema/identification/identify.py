@@ -394,10 +394,8 @@ def _model(
     variance = variance.reshape(residue.shape)[..., :n_mode]
     pole = fit.pole[:n_mode]
     free = _without_window(pole, frf.decay_rate)
-    joined, its_variance = _joined(fit, runs, frf) if runs.disagree() else (residue, variance)
-    shapes = shapes_from_residues(
-        pole, joined[..., :n_mode], its_variance[..., :n_mode], frf.output, frf.input
-    )
+    joined, its_own = _joined(fit, runs, frf) if runs.disagree() else (residue, variance)
+    shapes = shapes_from_residues(pole, joined[..., :n_mode], its_own[..., :n_mode], frf.output, frf.input)
     noise, correlation, error = _as_measured(fit, frf, quantity)
     return ModalModel(
         name=name,

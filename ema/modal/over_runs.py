@@ -40,27 +40,22 @@ def over_runs(
         How the runs differ.
     """
     told = changes.cause == "sensor mass"
-    if changes.cause == "none" and sensor_mass == 0.0:
-        return modal_model
-    if not told and sensor_mass == 0.0:
-        return _medians(modal_model)
+    common = told and sensor_mass == 0.0 and modal_model.scaled.all()
+    known = modal_model.scaled & (sensor_mass > 0.0)
+    load = np.where(known, sensor_mass, np.nan if told else 0.0)
+    if not load.any():
+        return modal_model if changes.cause == "none" else _medians(modal_model)
     modes, phase = _roved(modal_model, run)
-    n_mode = modal_model.frequency.size
-    load: NDArray[np.float64] | None = np.zeros(n_mode)
-    if sensor_mass > 0.0:
-        load = np.where(modal_model.scaled, sensor_mass, np.nan if told else 0.0)
-    elif told:
-        load = None if modal_model.scaled.all() else np.full(n_mode, np.nan)
-    bare = _certain(modes, load)
-    mass = sensor_mass or (float(bare.load[0]) if load is None else 0.0)
+    bare = _certain(modes, None if common else load)
+    mass = float(bare.load[0]) if common else sensor_mass
     damping, damping_std = _damping(modal_model, bare)
     shift = np.average(modes.frequency, axis=0, weights=modes.std**-2.0) / bare.frequency - 1.0
     changed = _changed(modal_model, (bare.frequency, damping), (bare.frequency_std, damping_std))
     return replace(
         changed,
         shape=modal_model.shape + (bare.shape - modes.shape) * phase,
-        sensor_shift=tuple(np.where(bare.load > 0.0, shift, 0.0).tolist()) if np.any(bare.load) else (),
-        sensor_mass=mass,
+        sensor_shift=tuple(np.where(bare.load > 0.0, shift, 0.0).tolist()) if bare.load.any() else (),
+        sensor_mass=mass if bare.load.any() else 0.0,
     )
 
 

@@ -91,6 +91,20 @@ def test_the_keys_of_a_correction(folder, keys, n_output):
     np.testing.assert_allclose(modes["frequency"], [110.0, 190.0], rtol=1e-3)
 
 
+def test_a_stated_mass_of_the_sensors_is_taken_out_and_said(folder):
+    (folder / "campaign.toml").write_text(
+        BASE.replace("[measurement]", "[measurement]\nsensor_mass_g = 2", 1)
+    )
+    done = CliRunner().invoke(app, ["ema", str(folder / "campaign.toml"), "-o", str(folder / "out")])
+    assert done.exit_code == 0, done.output
+    found = json.loads((folder / "out/M1/modal_model.json").read_text(encoding="utf-8"))["result"]
+    # one run with ten sensors: each adds 2 g times its squared shape, 1/kg, to a modal mass of 1
+    load = 2e-3 * np.sum((np.cos(np.pi * np.outer(np.linspace(0, 1, N), [2, 3])) + 0.1) ** 2, axis=0)
+    np.testing.assert_allclose(found["frequency"], np.array([110.0, 190.0]) * (1 + 0.5 * load), rtol=2e-3)
+    assert found["sensor_mass"] == pytest.approx(2e-3)
+    assert "those of the structure without the sensors (2 g each, as stated)" in " ".join(done.output.split())
+
+
 def windowed(folder, time_constant):
     """Run `lamella ema` on the base campaign with an exponential window stated."""
     text = BASE.replace("[measurement]", f"[measurement]\nexponential_window_s = {time_constant}", 1)
