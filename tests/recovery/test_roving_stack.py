@@ -1,0 +1,65 @@
+"""Sensors that rove over a stack that another model simulates: noise is no mass, and a mass is taken out.
+
+No driving point is measured there, and the sensors move along x and y, too, where nobody measures.
+"""
+
+import numpy as np
+import pytest
+
+from ema.identification.identify import identify_frf
+from ema.modal.run_changes import run_changes
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
+from tests.independent.campaign import SENSORS, SHAKER, Configuration, Plan, simulate
+from tests.independent.layered import Layered
+
+pytestmark = pytest.mark.slow
+N = SHAKER - 1
+UP = np.tile([0.0, 0.0, 1.0], (N, 1))
+
+
+def roved(mass, force_noise):
+    """The simulated test with sensors of a mass, kg, its modes as identified and why its runs differ."""
+    simulated = simulate(
+        Plan(
+            seed=0,
+            model_key="layered",
+            kind="null",
+            configurations=(Configuration(name="M1", torque=1.5, pressure=160e3),),
+            band=(100.0, 900.0),
+            sensor_mass=mass,
+            force_noise=force_noise,
+            response_noise=2e-3,
+        ),
+        Layered(),
+    )
+    frf = FRF(
+        frequency=simulated.frequency,
+        value=simulated.frf[0].reshape(N, 1, -1),
+        quantity="accelerance",
+        output=Dofs(node=np.arange(1, SHAKER), direction=UP),
+        input=Dofs(node=[SHAKER], direction=UP[:1]),
+        run=np.arange(N) // SENSORS,
+        source=("simulated",) * N,
+    )
+    node = np.arange(1, SHAKER + 1)
+    geometry = Geometry(node=node, coordinate=simulated.nominal, line=np.empty((0, 2)))
+    model = identify_frf(frf, geometry, name="M1")
+    return simulated.modes[0].frequency, model, run_changes(model, frf.run, sensors_rove=True)
+
+
+@pytest.mark.parametrize("force_noise", [2e-3, 1e-2])
+def test_noise_of_the_force_is_no_mass(force_noise):
+    # 10 of 22 runs were said to disagree by a sensor's mass; none had mass
+    _, model, changes = roved(0.0, force_noise)
+    assert changes.cause == "none"
+    assert model.sensor_shift == ()
+
+
+def test_the_mass_of_the_sensors_is_taken_out():
+    true, model, changes = roved(2e-3, 2e-3)
+    nearest = true[np.argmin(np.abs(true[:, None] - model.frequency), axis=0)]
+    loaded = np.abs(model.pole) / (2.0 * np.pi)
+    assert changes.cause == "sensor mass"
+    assert np.abs(loaded / nearest - 1.0).max() > 4e-4
+    np.testing.assert_allclose(model.frequency, nearest, rtol=5e-5)
