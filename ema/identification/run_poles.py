@@ -155,8 +155,8 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
     )
     std *= np.sqrt(enlarged.each)
     variance = np.empty(residue.shape)
-    for number, own, factor in zip(numbers, alone, enlarged.each * enlarged.student**2, strict=True):
-        variance[data.run == number] = _variance(own, factor)
+    for number, its, factor in zip(numbers, alone, enlarged.each * enlarged.student**2, strict=True):
+        variance[data.run == number] = _variance(its, factor)
     return RunPoles(
         run=numbers,
         pole=pole,
