@@ -249,8 +249,8 @@ def test_what_is_left_at_a_point_is_told(given, text):
 
 def test_errors_of_the_measurement_come_second():
     both = (
-        MixedUp(kind="turned", configuration=("M1", "M2"), node=(7,), log_odds=40.0),
-        MixedUp(kind="exchanged", configuration=("M2",), node=(3, 4), log_odds=40.0),
+        MixedUp(kind="turned", configuration=("M1", "M2"), node=(7,), log_odds=40.0, factor=-1.0),
+        MixedUp(kind="exchanged", configuration=("M2",), node=(3, 4), log_odds=40.0, factor=1.0),
     )
     assert sentences(diagnosis("nothing missing", mixed_up=both))[1:3] == (
         "In M1 and M2 the sensor at point 7 seems to have been turned over: check the campaign file. The answer takes "

@@ -71,7 +71,7 @@ def ema(
             OUT.print(table)
         for repeat in repeats([found.configuration for found in results], comparison):
             OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
-        print_campaign_findings(results)
+    print_campaign_findings(results)
     if results:
         OUT.print(f"Results in {output}; make a page of them with: lamella report {output}")
     require_none(failed, len(results) + len(failed))
@@ -202,5 +202,5 @@ def print_findings(found: Identified) -> None:
 
 def print_campaign_findings(results: Sequence[Identified]) -> None:
     """Print what configurations beside each other say of the campaign."""
-    for line in campaign_findings(results):
+    for line in campaign_findings(results) if len(results) > 1 else ():
         OUT.print(f"  {line}", markup=False, highlight=False)
