@@ -15,9 +15,9 @@ _NEAR = 0.15  # of the logarithm
 
 
 def factor_text(factor: float) -> str:
-    """Return a factor as text, with the units that it is the ratio of, such as ``9.7 times (g for m/s² would do this)``."""
+    """Return a factor as text, with the units that it is the ratio of, such as ``9.7 times (g for m/s²)``."""
     said = f"{factor:.3g} times"
     for ratio, what in _KNOWN.items():
         if abs(abs(np.log(factor)) - np.log(ratio)) < _NEAR:
-            return f"{said} (taking {what} would do this)"
+            return f"{said} ({what} would do this)"
     return said

@@ -52,7 +52,9 @@ def contradicted(
     )
 
 
-def _pairs(configurations: Sequence[Configuration], key: Literal["pressure", "torque"]) -> Iterator[tuple[int, int]]:
+def _pairs(
+    configurations: Sequence[Configuration], key: Literal["pressure", "torque"]
+) -> Iterator[tuple[int, int]]:
     """Yield pairs of configurations of one stack that follow each other as pressure or torque grows."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for k, own in enumerate(configurations):
@@ -79,8 +81,8 @@ def _out_of_proportion(configurations: Sequence[Configuration]) -> Iterator[str]
         elif abs(np.log(other.pressure * one.torque / (one.pressure * other.torque))) > _IN_PROPORTION:
             yield (
                 f"{_said(one)} and {_said(other)}: that is {1e-3 * one.pressure / one.torque:.4g} and "
-                f"{1e-3 * other.pressure / other.torque:.4g} kPa for each N m, but with the same bolts and clamps pressure "
-                "is proportional to torque; check both"
+                f"{1e-3 * other.pressure / other.torque:.4g} kPa for each N m, but with the same bolts and clamps "
+                "pressure is proportional to torque; check both"
             )
 
 
@@ -89,7 +91,7 @@ def _said(own: Configuration) -> str:
 
 
 def _softer(configurations: Sequence[Configuration], comparison: Comparison) -> Iterator[str]:
-    """Say where a stack gets softer though more pressure, or more torque where no pressure is stated, is said to act."""
+    """Say where a stack gets softer under more pressure or, where none is stated, more torque."""
     for key, unit, factor in (("pressure", "kPa", 1e-3), ("torque", "N m", 1.0)):
         for low, high in _pairs(configurations, key):  # type: ignore[arg-type]
             one, other = configurations[low], configurations[high]
@@ -113,7 +115,10 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Itera
         ratio = _ratios(models[0], models[k], comparison.frequency[[0, k]])
         if not ratio.size:
             continue
-        size, phase = float(np.exp(np.median(np.log(np.abs(ratio))))), float(np.angle(np.sum(ratio / np.abs(ratio))))
+        size, phase = (
+            float(np.exp(np.median(np.log(np.abs(ratio))))),
+            float(np.angle(np.sum(ratio / np.abs(ratio)))),
+        )
         name, first = models[k].name, models[0].name
         if abs(np.log(size)) > np.log(_SCALE):
             yield (
@@ -122,13 +127,13 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Itera
             )
         if abs(phase) > np.pi - _PHASE:
             yield (
-                f"all functions of {name} have the opposite sign to those of {first}: the force or all sensors were turned, "
-                "or their directions are stated the other way round"
+                f"all functions of {name} have the opposite sign to those of {first}: the force or all sensors "
+                "were turned, or their directions are stated the other way round"
             )
         elif abs(phase) > _PHASE:
             yield (
-                f"all functions of {name} are turned by {np.degrees(phase):.0f} degrees against those of {first}: one holds "
-                "another quantity than stated (velocity for acceleration turns by 90 degrees)"
+                f"all functions of {name} are turned by {np.degrees(phase):.0f} degrees against those of {first}: "
+                "one holds another quantity than stated (velocity for acceleration turns by 90 degrees)"
             )
 
 
@@ -140,9 +145,13 @@ def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]
     """
     if first.input.name(0) != other.input.name(0):
         return np.empty(0, complex)
-    keys = [[(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)]
+    keys = [
+        [(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)
+    ]
     place = {key: i for i, key in enumerate(keys[1])}
-    rows = np.array([(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64).reshape(-1, 2)
+    rows = np.array(
+        [(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64
+    ).reshape(-1, 2)
     common = np.flatnonzero(np.isfinite(frequency).all(axis=0))
     if len(rows) < _FEWEST_DOFS or not common.size:
         return np.empty(0, complex)

@@ -46,7 +46,8 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     Notes
     -----
     Checked are, in this order: frequency axis, numbers, dead and clipped channels, copies, runs of two states
-    of the structure (`ema.quality.run_states`), channels that share nothing with the others, coherence, driving points (the real part of the mobility must not be negative,
+    of the structure (`ema.quality.run_states`), channels that share nothing with the others,
+    coherence, driving points (the real part of the mobility must not be negative,
     which also places an anti-resonance between any two resonances), sign, scale and exchange of channels
     (see `ema.quality.channels.spatial_consistency`), reciprocity, units, and the number of lines in a resonance.
     """
@@ -298,7 +299,10 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
             elif negative > 0.1:
                 lines = frf.frequency[frf.frequency > 0][real < 0]
                 band = (float(lines[0]), float(lines[-1]))
-                message = f"driving point takes up negative power in {100 * negative:.0f} % of its mobility, which no structure does where response and force are at one point: one of them is elsewhere than stated"
+                message = (
+                    f"driving point takes up negative power in {100 * negative:.0f} % of its mobility, which no "
+                    "structure does where response and force are at one point: one of them is elsewhere than stated"
+                )
                 yield _verdict(frf, "driving point", "warn", int(channel), message, band)
 
 

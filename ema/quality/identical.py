@@ -34,7 +34,9 @@ def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
         before = first.setdefault(digest[channel], int(channel))
         if before != channel:
             both = f"{_label(frf, before)} and {_label(frf, int(channel))}"
-            message = f"{both} hold the same values to the last digit: one is a copy of the other's file or column"
+            message = (
+                f"{both} hold the same values to the last digit: one is a copy of the other's file or column"
+            )
             yield Verdict(
                 check="copied", level="warn", channel=(before, int(channel)), band=None, message=message
             )
@@ -54,10 +56,12 @@ def shared_functions(digests: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
             common = set(digests[name]) & set(digests[other])
             if common:
                 found.append(
-                    f"{other} and {name} share {len(common)} of {len(digests[name])} functions to the last digit: files "
-                    "of one stand in the other, too, which is no second measurement"
+                    f"{other} and {name} share {len(common)} of {len(digests[name])} functions to the last digit: "
+                    "files of one stand in the other, too, which is no second measurement"
                 )
-    more = [f"{len(found) - _TOLD} more pairs of configurations share functions"] if len(found) > _TOLD else []
+    more = (
+        [f"{len(found) - _TOLD} more pairs of configurations share functions"] if len(found) > _TOLD else []
+    )
     return (*found[:_TOLD], *more)
 
 

@@ -54,7 +54,7 @@ def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
     between = float(alike[np.ix_(*parts)].mean())
     if within < _WITHIN or between > _BETWEEN:
         return
-    large, small = sorted(parts, key=lambda part: -part.size)
+    large, small = sorted(parts, key=lambda part: (-part.size, part[0]))
     told = " and ".join(
         f"runs {_listed(number[part])} (from {_source(frf, int(number[part[0]]))}) with peaks at {_peaks(found, part)}"
         for part in (large, small)
@@ -62,7 +62,8 @@ def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
     message = (
         f"runs of two states of the structure: {told}. They share {100 * between:.0f} % of their peaks, among "
         "themselves runs share "
-        f"{100 * within:.0f} % or more. Put each state into a configuration of its own, or take the files that belong here"
+        f"{100 * within:.0f} % or more. Put each state into a configuration of its own, or take the files "
+        "that belong here"
     )
     yield Verdict(check="states", level="fail", channel=(), band=None, message=message)
 

@@ -202,5 +202,5 @@ def print_findings(found: Identified) -> None:
 
 def print_campaign_findings(results: Sequence[Identified]) -> None:
     """Print what configurations beside each other say of the campaign."""
-    for line in campaign_findings(results) if len(results) > 1 else ():
+    for line in campaign_findings(results):
         OUT.print(f"  {line}", markup=False, highlight=False)

@@ -98,15 +98,15 @@ class RigCheck:
         found = []
         if self.turned:
             found.append(
-                f"sensor {self.turned} of each run seems to be upside down in all of them: turned back, its shapes are those "
-                'of the model at their frequencies. Correct it with a [[correction]] of scale = -1 on its "function"'
+                f"sensor {self.turned} of each run seems to be upside down in all of them: turned back, its shapes are "
+                "those of the model at their frequencies. Correct it with a [[correction]] of scale = -1 on it"
             )
         if self.force is not None and self.force.misplaced:
             found.append(
                 f"the force does not act where the points file has it, at {_place(self.force.stated)}: "
                 f"{100.0 * self.force.left:.0f} % of the measured modal constants contradict that, and "
-                f"{100.0 * self.force.left_likely:.1f} % a place near {_place(self.force.likely)}. Its point, or those of the "
-                "sensors, are listed wrongly; effects of the shaker are sought in the wrong place"
+                f"{100.0 * self.force.left_likely:.1f} % a place near {_place(self.force.likely)}. Its point, or those "
+                "of the sensors, are listed wrongly; effects of the shaker are sought in the wrong place"
             )
         elif self.force is not None and self.force.left < _DOUBTFUL and not self.turned:
             found += _scale(self.force.factor)
@@ -122,13 +122,13 @@ def _scale(factor: float) -> list[str]:
     found = []
     if factor < 0.0:
         found.append(
-            "all functions have the opposite sign to the model's: the force or all sensors are turned, or their directions "
-            "are stated the other way round"
+            "all functions have the opposite sign to the model's: the force or all sensors are turned, or their "
+            "directions are stated the other way round"
         )
     if abs(np.log(abs(factor))) > np.log(_SCALE):
         found.append(
-            f"all functions are {factor_text(abs(factor))} as large as the mass of the stack file allows: check the unit, "
-            "the calibration, and the masses of stack and clamps"
+            f"all functions are {factor_text(abs(factor))} as large as the mass of the stack file allows: check the "
+            "unit, the calibration, and the masses of stack and clamps"
         )
     return found
 
@@ -230,7 +230,7 @@ def _signs(sensor: NDArray[np.int64]) -> list[Vector]:
 
 
 def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
-    """Return places of the plan where the force may act, (n, 3) m, the stated one first; none where it is not listed."""
+    """Return places where the force may act, (n, 3) m, the stated one first; none where it is not listed."""
     listed = np.flatnonzero(measured.geometry.node == measured.input.node[0])
     if not listed.size:
         return np.empty((0, 3))

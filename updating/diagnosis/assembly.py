@@ -276,8 +276,8 @@ def _started(evidence: Assembled) -> Assembled:
     unlike = [own.name for own, u in zip(evidence.tested, used, strict=True) if not u.size]
     if unlike:
         message = (
-            f"no measured mode of {' or '.join(unlike)} resembles one of the model, so nothing of it would be used; check "
-            "points, directions and signs there, and that its files are of this stack"
+            f"no measured mode of {' or '.join(unlike)} resembles one of the model, so nothing of it would be used; "
+            "check points, directions and signs there, and that its files are of this stack"
         )
         raise FitError(message)
     start = np.zeros(len(evidence.nuisances))

@@ -85,8 +85,7 @@ def diagnose(
         require_points(modes)
     candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)
     rig = tuple(
-        upright(check_rig(candidates.system, pressure, modes, G_F_RANGE))
-        for _, pressure, modes in tested
+        upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested
     )
     return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor, asked, rig)
 
@@ -97,7 +96,10 @@ def conclude(
     asked: Sequence[Sequence[str]] = (),
     rig: tuple[RigCheck, ...] = (),
 ) -> Diagnosis:
-    """Say which effect is missing from evidence that has been assembled, and how its rig was checked; see `diagnose`."""
+    """Say which effect is missing from evidence that has been assembled; see `diagnose`.
+
+    `rig` is what was checked of force, scale and sensors of each configuration.
+    """
     found = search(evidence, executor, asked)
     _LOG.info("weigh %d explanations", len(found.explanations))
     decision = decide(found)

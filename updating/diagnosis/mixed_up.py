@@ -25,8 +25,8 @@ AnyEvidence = TypeVar("AnyEvidence", bound=Evidence)
 MOST = 4
 """Such errors that are put right in one measurement."""
 _FREE = 8.0
-"""Fall of the misfit that a factor must bring beside what is asked of all, for it is fitted: it is known to a per mille,
-and was anything from a tenth to ten."""
+"""Fall of the misfit that a factor must bring beside what is asked of all, for it is fitted: it is known to some per
+mille, and was anything from a tenth to ten."""
 _LEAST = 0.03  # logarithm of a factor that is an error and no calibration
 _WIDEST = np.log(20.0)  # logarithm of the largest factor
 
