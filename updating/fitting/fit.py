@@ -173,7 +173,7 @@ def fit(
     pairing = pair(measured, modes, threshold=threshold)
     if pairing.measured.size == 0:
         message = (
-            f"{measured.name}: at the best G_f ({G_f.value:.0f}) none of {measured.frequency.size} measured modes pairs "
+            f"{measured.name}: at the best G_f none of {measured.frequency.size} measured modes pairs "
             f"with the model by a MAC of {threshold:g}; check points, signs, that all runs are of one state"
         )
         raise FitError(message)
