@@ -170,13 +170,7 @@ def fit(
     used = _modes_that_pair(system, observed, measured, threshold, G_f_bounds)
     G_f, d_f = _estimates(system, observed, measured, used, (G_f_bounds, d_f_bounds))
     modes = _elastic(system, observed, G_f.value, d_f.value)
-    pairing = pair(measured, modes, threshold=threshold)
-    if pairing.measured.size == 0:
-        message = (
-            f"{measured.name}: at the best G_f none of {measured.frequency.size} measured modes pairs "
-            f"with the model by a MAC of {threshold:g}; check points, signs, that all runs are of one state"
-        )
-        raise FitError(message)
+    pairing = _paired(measured, modes, threshold)
     return Fit(
         name=measured.name,
         stack=replace(stack, contact=replace(stack.contact, G_f=G_f.value, d_f=d_f.value)),
@@ -188,6 +182,18 @@ def fit(
         error=frequency_error(measured.frequency[pairing.measured], modes.frequency[pairing.model]),
         rig=rig,
     )
+
+
+def _paired(measured: ModalModel, modes: Modes, threshold: float) -> Pairing:
+    """Return pairs of modes; refuse a fit that leaves none, for its error would be of nothing."""
+    pairing = pair(measured, modes, threshold=threshold)
+    if pairing.measured.size == 0:
+        message = (
+            f"{measured.name}: at the best G_f none of {measured.frequency.size} measured modes pairs with the model by a "
+            f"MAC of {threshold:g}; check points and signs, and that all runs are of one state"
+        )
+        raise FitError(message)
+    return pairing
 
 
 def _estimates(
