@@ -189,8 +189,8 @@ def _paired(measured: ModalModel, modes: Modes, threshold: float) -> Pairing:
     pairing = pair(measured, modes, threshold=threshold)
     if pairing.measured.size == 0:
         message = (
-            f"{measured.name}: at the best G_f none of {measured.frequency.size} measured modes pairs with the model by a "
-            f"MAC of {threshold:g}; check points and signs, and that all runs are of one state"
+            f"{measured.name}: at the best G_f none of {measured.frequency.size} measured modes pairs with the model "
+            f"by a MAC of {threshold:g}; check points and signs, and that all runs are of one state"
         )
         raise FitError(message)
     return pairing
