@@ -11,9 +11,11 @@ from ema.modal.comparison import Comparison, compare
 from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.modal.repeats import Repeats, repeats
+from ema.modal.stated import contradicted
 from ema.plot.picking import pick_poles
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower
+from ema.quality.identical import content_digests, shared_functions
 from ema.quality.linearity import check_force_levels, check_linearity
 from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, EmaError, IdentificationError, MeasurementError
@@ -49,6 +51,8 @@ __all__ = [
     "cmif",
     "comac",
     "compare",
+    "content_digests",
+    "contradicted",
     "estimate_frf",
     "frac",
     "identify",
@@ -65,6 +69,7 @@ __all__ = [
     "read_poles",
     "real_shape",
     "repeats",
+    "shared_functions",
     "stabilization",
     "synthesize",
     "synthesized_frf",

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.measurement import Measurement
+from ema.quality.identical import repeated
 from ema.quality.peaks import MIN_LINES, peaks
+from ema.quality.run_states import run_states
 from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undetectable_signs
 from ema.quality.verdict import Verdict
 from ema.types.errors import MeasurementError
@@ -43,8 +45,9 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
 
     Notes
     -----
-    Checked are, in this order: frequency axis, numbers, dead and clipped channels, channels that share
-    nothing with the others, coherence, driving points (the real part of the mobility must not be negative,
+    Checked are, in this order: frequency axis, numbers, dead and clipped channels, copies, runs of two states
+    of the structure (`ema.quality.run_states`), channels that share nothing with the others,
+    coherence, driving points (the real part of the mobility must not be negative,
     which also places an anti-resonance between any two resonances), sign, scale and exchange of channels
     (see `ema.quality.channels.spatial_consistency`), reciprocity, units, and the number of lines in a resonance.
     """
@@ -57,6 +60,8 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     sound = _sound(frf, findings)
     findings += _dead(frf, sound)
     findings += _clipped(frf, measurement.overload, _sound(frf, findings))
+    findings += repeated(frf, _sound(frf, findings))
+    findings += _states(frf, _sound(frf, findings))
     findings += _unshared(frf, _sound(frf, findings))
     findings += _coherence(frf, _sound(frf, findings))
     findings += _driving_points(measurement, _sound(frf, findings))
@@ -123,6 +128,8 @@ def _passed(findings: list[Verdict]) -> Iterator[Verdict]:
         "number": "all values are finite",
         "dead": "every channel responds",
         "clipped": "no channel is clipped",
+        "copied": "no two channels hold the same values",
+        "states": "the runs are of one state",
         "unshared": "all channels share the same resonances",
         "coherence": "coherence is good or was not stored",
         "driving point": "driving points, if measured, give power to the structure",
@@ -225,6 +232,11 @@ def _resonances_of_others(value: NDArray[np.complex128], left_out: int) -> NDArr
     return np.asarray((vectors[:, ::-1][:, :n].conj().T @ block) / singular[:n, None])
 
 
+def _states(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+    for direction in _parallel(frf, sound):
+        yield from run_states(frf, direction)
+
+
 def _unshared(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     """Find channels that do not share the resonances of the others: unplugged, loose, overloaded, noisy."""
     if sound.size < _MIN_OTHERS:
@@ -287,7 +299,10 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
             elif negative > 0.1:
                 lines = frf.frequency[frf.frequency > 0][real < 0]
                 band = (float(lines[0]), float(lines[-1]))
-                message = f"driving point takes up negative power in {100 * negative:.0f} % of its mobility"
+                message = (
+                    f"driving point takes up negative power in {100 * negative:.0f} % of its mobility, which no "
+                    "structure does where response and force are at one point: one of them is elsewhere than stated"
+                )
                 yield _verdict(frf, "driving point", "warn", int(channel), message, band)
 
 

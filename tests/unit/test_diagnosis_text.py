@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 
+from updating.correlation.rig_check import ForcePlace, RigCheck
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
@@ -247,16 +248,30 @@ def test_what_is_left_at_a_point_is_told(given, text):
     assert text in sentences(diagnosis("unlike anything", point_change=own))
 
 
+def test_what_contradicts_the_measurement_comes_first():
+    force = ForcePlace(
+        stated=(0.21, 0.02), likely=(-0.21, 0.02), left=0.9, left_likely=0.01, factor=1.0, n_mode=6
+    )
+    told = sentences(diagnosis("nothing missing", rig=(RigCheck(name="M1", turned=0, force=force),)))
+    assert told[0].startswith(
+        "First of all: M1: the force does not act where the points file has it, at x = 210, y = 20 mm"
+    )
+    assert told[1].startswith("Nothing is missing")
+
+
 def test_errors_of_the_measurement_come_second():
     both = (
-        MixedUp(kind="turned", configuration=("M1", "M2"), node=(7,), log_odds=40.0),
-        MixedUp(kind="exchanged", configuration=("M2",), node=(3, 4), log_odds=40.0),
+        MixedUp(kind="turned", configuration=("M1", "M2"), node=(7,), log_odds=40.0, factor=-1.0),
+        MixedUp(kind="exchanged", configuration=("M2",), node=(3, 4), log_odds=40.0, factor=1.0),
+        MixedUp(kind="scaled", configuration=("M1",), node=(5,), log_odds=40.0, factor=2.04),
     )
-    assert sentences(diagnosis("nothing missing", mixed_up=both))[1:3] == (
+    assert sentences(diagnosis("nothing missing", mixed_up=both))[1:4] == (
         "In M1 and M2 the sensor at point 7 seems to have been turned over: check the campaign file. The answer takes "
         "the points as put right.",
         "In M2 points 3 and 4 seem to have been exchanged: check the campaign file. The answer takes the points as put "
         "right.",
+        "In M1 the sensor at point 5 seems to read 2.04 times what is there: check the campaign file. The answer takes "
+        "the points as put right.",
     )
 
 

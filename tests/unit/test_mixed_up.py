@@ -149,6 +149,21 @@ def test_a_sensor_that_was_turned_over_is_put_right(where):
         np.testing.assert_array_equal(own.modes.shape.real, expected)
 
 
+@pytest.mark.parametrize("factor", [2.0, 0.5, 1.2])
+@pytest.mark.parametrize("where", [(0,), (0, 1)])
+def test_a_sensor_that_reads_by_a_factor_too_much_is_put_right(where, factor):
+    right = shapes(7)
+    wrong = [own.copy() for own in right]
+    for c in where:
+        wrong[c][5] *= factor
+    found, mixed_up = corrected(evidence_of(wrong))
+    assert (mixed_up.kind, mixed_up.node) == ("scaled", (106,))
+    assert mixed_up.configuration == tuple(NAMES[c] for c in where)
+    assert mixed_up.factor == pytest.approx(factor, rel=0.05)
+    for own, expected in zip(found.tested, right, strict=True):
+        np.testing.assert_allclose(own.modes.shape.real[5], expected[5], rtol=0.05)
+
+
 def test_points_that_differ_between_configurations_are_mixed_up_in_one_alone():
     wrong = shapes(8)
     for own in wrong:
@@ -168,5 +183,5 @@ def test_what_is_promised_is_what_the_misfit_falls_by(seed):
     evidence = evidence_of(wrong)
     found, mixed_up = corrected(evidence)
     before, after = (np.sum(residual_of(own).value ** 2) for own in (evidence, found))
-    tried = len(NAMES) * (N_DOF * (N_DOF + 1) // 2) + N_DOF * (N_DOF + 1) // 2
+    tried = 3 * (N_DOF * (N_DOF + 3) // 2)
     assert mixed_up.log_odds == pytest.approx(0.5 * (before - after) - np.log(tried), rel=1e-6)

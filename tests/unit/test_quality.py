@@ -67,7 +67,7 @@ def channels(measurement):
 def test_a_sound_measurement_passes_every_check():
     verdicts = check(bar())
     assert {v.level for v in verdicts} == {"pass"}
-    assert len({v.check for v in verdicts}) == 13
+    assert len({v.check for v in verdicts}) == 15
     assert usable(bar(), verdicts).frf.value.shape == (N, 1, FREQUENCY.size)
 
 

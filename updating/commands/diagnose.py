@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,12 +22,13 @@ from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.target import model_file, stack_in_state
+from updating.results.campaign_findings import measurement_findings
 from updating.results.identified import assignments, every_identified
 from updating.results.store import kept, write_result
 from updating.workers.workers import workers
 
 EXAMPLE = "lamella diagnose data/hidden_effect/a/campaign.toml -o out/a"
-_MOST_EXPLANATIONS, _MOST_FINDINGS = 8, 4
+_MOST_EXPLANATIONS = 8
 
 
 def diagnose(
@@ -44,8 +45,7 @@ def diagnose(
     for sentence in found.sentences:
         OUT.print(sentence, highlight=False, markup=False)
     OUT.print(diagnosis_table(found))
-    for sentence in measurement_findings(campaign, output, OUT):
-        OUT.print(sentence, highlight=False, markup=False)
+    print_measurement_findings(campaign, output)
     options = [("--effect-file", str(path)) for path in effect_file or ()]
     options += [] if scatter is None else [("--scatter", str(scatter))]
     added = next_command(found, str(campaign), str(output), options)
@@ -107,14 +107,11 @@ def diagnose_campaign(
     return found
 
 
-def measurement_findings(campaign_file: Path, output: Path, console: Console) -> Iterator[str]:
-    """Say what the checks of the measurement found, for an answer is no better than what it rests on."""
-    for found in every_identified(assignments(read_campaign(campaign_file), output), "identify", console):
-        findings = found.quality.findings
-        for finding in findings[:_MOST_FINDINGS]:
-            yield f"In the measurement of {found.configuration.name}: {finding}"
-        if len(findings) > _MOST_FINDINGS:
-            yield f"{len(findings) - _MOST_FINDINGS} more findings are in {found.folder / 'quality.json'}."
+def print_measurement_findings(campaign_file: Path, output: Path) -> None:
+    """Print what was found of the measurement that an answer rests on."""
+    results = every_identified(assignments(read_campaign(campaign_file), output), "identify", OUT)
+    for sentence in measurement_findings(results):
+        OUT.print(sentence, highlight=False, markup=False)
 
 
 def diagnosis_table(diagnosis: Diagnosis) -> Table:

@@ -29,6 +29,7 @@ from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabil
 from updating.commands.options import CampaignFile, Cluster, Folder
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
+from updating.results.campaign_findings import campaign_findings
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -70,6 +71,7 @@ def ema(
             OUT.print(table)
         for repeat in repeats([found.configuration for found in results], comparison):
             OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
+    print_campaign_findings(results)
     if results:
         OUT.print(f"Results in {output}; make a page of them with: lamella report {output}")
     require_none(failed, len(results) + len(failed))
@@ -195,4 +197,10 @@ def _comparison_table(comparison: Comparison, modes: slice, names: int) -> Table
 def print_findings(found: Identified) -> None:
     """Print what the checks of a measurement found."""
     for line in found.quality.findings:
+        OUT.print(f"  {line}", markup=False, highlight=False)
+
+
+def print_campaign_findings(results: Sequence[Identified]) -> None:
+    """Print what configurations beside each other say of the campaign."""
+    for line in campaign_findings(results):
         OUT.print(f"  {line}", markup=False, highlight=False)

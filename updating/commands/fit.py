@@ -17,7 +17,7 @@ from ema import ModalModel, read_campaign
 from model import Effect, Stack, catalogue, find_effects, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import diagnose_campaign
-from updating.commands.ema import print_findings
+from updating.commands.ema import print_campaign_findings, print_findings
 from updating.commands.options import CampaignFile, Cluster, EffectFiles, Folder, ScatterFile, SharedEffects
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
@@ -86,23 +86,26 @@ def fit(
             OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
         OUT.print(f"Report: {make_report(output)}")
         return
-    fits, n_done, failed = [], 0, []
+    fits, done, failed = [], list[Identified](), []
     for one in fit_campaign(campaign, output, threshold, OUT, cluster):
         if isinstance(one, Failed):
             failed.append(one)
             continue
         found, fitted = one
-        n_done += 1
+        done.append(found)
         OUT.print(fit_table(found.modal_model, fitted))
         print_findings(found)
-        if effect:  # without, a campaign of any length takes the same memory
+        for line in fitted.findings:
+            OUT.print(f"  {line}", markup=False, highlight=False)
+        if effect:  # without, models of a campaign of any length are not held
             fits.append(one)
+    print_campaign_findings(done)
     if fits and effect:
         asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file or ()), scatter_file=scatter)
         OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
-    if n_done:
+    if done:
         OUT.print(f"Report: {make_report(output)}")
-    require_none(failed, n_done + len(failed))
+    require_none(failed, len(done) + len(failed))
 
 
 def fit_campaign(
@@ -257,7 +260,8 @@ def fit_table(measured: ModalModel, fit: Fit) -> Table:
     """Put measured beside fitted modes, with the parameters below."""
     pairs = correlate(measured, fit.modes, fit.pairing)
     caption = (
-        f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}\nmean frequency error {100 * fit.error:.2f} %"
+        f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}\nmean frequency error {100 * fit.error:.2f} %, of "
+        f"{fit.pairing.measured.size} of {measured.frequency.size} measured modes"
     )
     left_over = [f"{f:.1f}" for f in measured.frequency[fit.pairing.unpaired_measured]]
     if left_over:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from updating.commands.diagnose import diagnose_campaign
+from updating.commands.diagnose import diagnose_campaign, print_measurement_findings
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
@@ -25,8 +25,9 @@ def next_test(
     found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
     if not found.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
-        return
-    OUT.print(next_test_table(found))
+    else:
+        OUT.print(next_test_table(found))
+    print_measurement_findings(campaign, output)
 
 
 def next_test_table(diagnosis: Diagnosis) -> Table:

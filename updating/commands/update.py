@@ -40,6 +40,7 @@ from updating.fitting.target import (
     target_of_modes,
     target_of_table,
 )
+from updating.results.campaign_findings import measurement_findings
 from updating.results.identified import assignments, every_identified
 from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
@@ -199,14 +200,15 @@ def _targets(
     heights = {state.height for state in states}
     own = output / folder_name(name) if several else output
     assigned = assignments(replace(campaign, configurations=configurations), own)
+    tests = every_identified(assigned, f"identify {name}", console, cluster)
+    for sentence in measurement_findings(tests):
+        console.print(sentence, highlight=False, markup=False)
     found = [
         replace(
             target_of_modes(state, one.modal_model, specimen=specimen_name(name, state.height, heights)),
             name=f"{name}/{one.configuration.name}" if several else one.configuration.name,
         )
-        for state, one in zip(
-            states, every_identified(assigned, f"identify {name}", console, cluster), strict=True
-        )
+        for state, one in zip(states, tests, strict=True)
     ]
     return found, [file, *stack_inputs(stack_file)]
 

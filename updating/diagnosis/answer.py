@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
 from updating.diagnosis.mixed_up import MixedUp
@@ -159,6 +160,8 @@ class Diagnosis:
         Of roving accelerometers beside the first, with the first explanation that is left, or the base model.
     next_tests : tuple of NextTest
         Further tests by how well they would tell the candidates apart.
+    rig : tuple of RigCheck
+        What contradicts each configuration's measurement about force, scale and sensors.
     sentences : tuple of str
         The answer in plain words.
     """
@@ -186,6 +189,7 @@ class Diagnosis:
     impossible: Mapping[str, str]
     sensor_gains: tuple[SensorGain, ...]
     next_tests: tuple[NextTest, ...]
+    rig: tuple[RigCheck, ...]
     sentences: tuple[str, ...]
 
     def has(self, effects: Sequence[str]) -> bool:

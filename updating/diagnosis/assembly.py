@@ -93,7 +93,7 @@ def assemble_evidence(
     Raises
     ------
     FitError
-        No configuration is given, or no measured mode resembles one of the model.
+        No configuration is given, or no measured mode of one resembles one of the model.
     PairingError
         Measured points do not lie on the stack.
     """
@@ -273,8 +273,12 @@ def _started(evidence: Assembled) -> Assembled:
     rough = evidence.rough
     G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _matched(rough, trial)[0])
     used = _matched(evidence, G_f)[1]
-    if not sum(u.size for u in used):
-        message = "no measured mode resembles one of the model; check points, directions and signs"
+    unlike = [own.name for own, u in zip(evidence.tested, used, strict=True) if not u.size]
+    if unlike:
+        message = (
+            f"no measured mode of {' or '.join(unlike)} resembles one of the model, so nothing of it would be used; "
+            "check points, directions and signs there, and that its files are of this stack"
+        )
         raise FitError(message)
     start = np.zeros(len(evidence.nuisances))
     if not evidence.touching:

@@ -17,11 +17,12 @@ import numpy as np
 from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
+from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Diagnosis, ModeError, Strained
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.calibration import STRAINED, VISIBLE
-from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
+from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import aids, rank_tests
@@ -73,9 +74,9 @@ def diagnose(
     Raises
     ------
     FitError
-        No measured mode resembles one of the model.
+        No measured mode of a configuration resembles one of the model.
     PairingError
-        Measured points do not lie on the stack, or are fewer than the modes.
+        Measured points do not lie on the stack, or are fewer than the modes, or a sensor was upside down in all runs.
     """
     if not tested:
         message = "nothing to diagnose: no configuration was identified"
@@ -83,13 +84,22 @@ def diagnose(
     for _, _, modes in tested:
         require_points(modes)
     candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)
-    return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor, asked)
+    rig = tuple(
+        upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested
+    )
+    return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor, asked, rig)
 
 
 def conclude(
-    evidence: Assembled, executor: Executor | None = None, asked: Sequence[Sequence[str]] = ()
+    evidence: Assembled,
+    executor: Executor | None = None,
+    asked: Sequence[Sequence[str]] = (),
+    rig: tuple[RigCheck, ...] = (),
 ) -> Diagnosis:
-    """Say which effect is missing from evidence that has been assembled; see `diagnose`."""
+    """Say which effect is missing from evidence that has been assembled; see `diagnose`.
+
+    `rig` is what was checked of force, scale and sensors of each configuration.
+    """
     found = search(evidence, executor, asked)
     _LOG.info("weigh %d explanations", len(found.explanations))
     decision = decide(found)
@@ -134,6 +144,7 @@ def conclude(
         impossible=evidence.impossible,
         sensor_gains=sensor_gains(evidence, first),
         next_tests=rank_tests(evidence, left[:_COMPARED]),
+        rig=rig,
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))

@@ -14,7 +14,7 @@ import numpy as np
 from model import Effect, Parameter
 from model.elements.equations import Monomial, Target
 from model.reduction.reduced_equations import ReducedTerm
-from updating.diagnosis.calibration import POINT_SHOWS
+from updating.diagnosis.calibration import MOST, POINT_SHOWS
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation
@@ -52,7 +52,7 @@ class PointChange:
 
 
 def point_change(evidence: Evidence, at: Explanation) -> PointChange | None:
-    """Return the change at one measured point that explains what an explanation leaves; None where none does.
+    """Return the change at one measured point that explains most of what an explanation leaves; None where none does.
 
     Parameters
     ----------
@@ -79,7 +79,8 @@ def point_change(evidence: Evidence, at: Explanation) -> PointChange | None:
     screened = screen(replace(evidence, equations=richer, effects={**fitted, **effects}), at)
     best = max(screened, key=lambda own: own.log_gain)
     log_odds = best.log_gain - float(np.log(len(effects)))
-    if log_odds < POINT_SHOWS:
+    left = at.misfit - at.residual.value.size  # beyond what the degrees of freedom leave
+    if log_odds < POINT_SHOWS or best.gain < MOST * left:
         return None
     return PointChange(
         beside=at.effects,

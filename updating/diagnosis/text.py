@@ -24,8 +24,12 @@ _KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape'
 
 
 def sentences(found: Diagnosis) -> tuple[str, ...]:
-    """Write the verdict, what supports it, what stays open and what to measure next."""
-    text = [_verdict(found), *(_mixed_up(own) for own in found.mixed_up)]
+    """Write the verdict, what supports it, what stays open and what to measure next.
+
+    What contradicts the measurement comes first: an answer is no better than what it rests on.
+    """
+    text = [f"First of all: {finding}." for own in found.rig for finding in own.findings]
+    text += [_verdict(found), *(_mixed_up(own) for own in found.mixed_up)]
     if found.verdict == "one of":
         text += [
             f"If it is {named(found, effects)}: {values}."
@@ -160,11 +164,12 @@ def _rests_on(found: Diagnosis) -> str:
 def _mixed_up(own: MixedUp) -> str:
     """Say which points of the measurement were mixed up."""
     where = " and ".join(own.configuration)
-    what = (
-        f"the sensor at point {own.node[0]} seems to have been turned over"
-        if own.kind == "turned"
-        else f"points {own.node[0]} and {own.node[1]} seem to have been exchanged"
-    )
+    if own.kind == "exchanged":
+        what = f"points {own.node[0]} and {own.node[1]} seem to have been exchanged"
+    elif own.kind == "turned":
+        what = f"the sensor at point {own.node[0]} seems to have been turned over"
+    else:
+        what = f"the sensor at point {own.node[0]} seems to read {own.factor:.3g} times what is there"
     return f"In {where} {what}: check the campaign file. The answer takes the points as put right."
 
 

@@ -130,6 +130,7 @@ def _fit_sentences(results: Results) -> tuple[str, ...]:
             if left_over == 0
             else f"{left_over} measured mode{'s have' if left_over > 1 else ' has'} no partner in the model."
         ),
+        *(f"First of all: {finding}." for fit in fits for finding in fit.findings),
         "Which physical effect the model lacks, if any, was not asked; lamella diagnose answers it.",
     )
 

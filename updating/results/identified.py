@@ -20,7 +20,8 @@ from updating.results.store import folder_name, read_current, write_frf, write_r
 from updating.workers.workers import in_parallel
 
 R = TypeVar("R")
-_MEASUREMENT = "measurement.npz"
+MEASUREMENT = "measurement.npz"
+"""File of the functions that were identified, in the folder of a configuration."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,10 +133,10 @@ def identified(assigned: Assignment) -> Identified:
     (found,) = identify(assigned.campaign, by_hand)
     modes, checks = found.modal_model, quality(found)
     inputs, options = _made_from(assigned)
-    write_frf(folder / _MEASUREMENT, found.measurement.frf)
+    write_frf(folder / MEASUREMENT, found.measurement.frf)
     write_result(folder / "quality.json", checks, inputs=inputs, options=options)
     # last, for it tells that the others are there, and by its digest which measurement is
-    inputs = (*inputs, folder / _MEASUREMENT)
+    inputs = (*inputs, folder / MEASUREMENT)
     write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
     return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
 
@@ -215,7 +216,7 @@ def read_back(assigned: Assignment) -> Identified | None:
     folder = assigned.folder
     inputs, options = _made_from(assigned)
     checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options)
-    measurement = folder / _MEASUREMENT
+    measurement = folder / MEASUREMENT
     if checks is None or not measurement.exists():
         return None
     inputs = (

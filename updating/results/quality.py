@@ -28,8 +28,13 @@ class Quality:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What a user should read: warnings and failures of the checks, then the notes."""
-        found = (f"{v.level}: {v.check}: {v.message}" for v in self.verdicts if v.level != "pass")
+        """What a user should read: failures of the checks, then warnings, then the notes."""
+        found = (
+            f"{v.level}: {v.check}: {v.message}"
+            for level in ("fail", "warn")
+            for v in self.verdicts
+            if v.level == level
+        )
         return (*found, *self.notes)
 
 

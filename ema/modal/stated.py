@@ -1,0 +1,165 @@
+"""What is stated of the configurations of a campaign beside what they show: pressure, torque, and the scale of all.
+
+A stack that is pressed more is stiffer, pressure grows with torque, and mode shapes of unit modal mass hardly change:
+what contradicts this was stated wrongly, or stands in the wrong place.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.campaign.campaign import Configuration
+from ema.modal.comparison import Comparison
+from ema.modal.scale import factor_text
+from ema.types.modal_model import ModalModel
+
+_FALL = -2e-3
+"""Median change of the logarithms of frequencies under more pressure, below which a stack gets softer: a repeat of
+one state scatters less."""
+_MORE = 1.02  # ratio of two pressures or torques from which one is more
+_IN_PROPORTION = 0.1
+"""Relative difference of two pressures per torque up to which bolts and clamps are the same."""
+_SCALE = 1.5
+"""Ratio of the functions of two configurations from which they are not of one calibration: sensors agree to some per
+cent, and shapes of unit modal mass hardly change with the contact."""
+_PHASE = np.pi / 4.0
+_FEWEST_DOFS = 3
+
+
+def contradicted(
+    configurations: Sequence[Configuration], models: Sequence[ModalModel], comparison: Comparison
+) -> tuple[str, ...]:
+    """Say what the configurations of a campaign state that contradicts each other or their modes.
+
+    Parameters
+    ----------
+    configurations : sequence of Configuration
+        In the order of the comparison.
+    models : sequence of ModalModel
+        Their modes.
+    comparison : Comparison
+        Modes followed through them.
+    """
+    return (
+        *_out_of_proportion(configurations),
+        *_softer(configurations, comparison),
+        *_out_of_scale(models, comparison),
+    )
+
+
+def _pairs(
+    configurations: Sequence[Configuration], key: Literal["pressure", "torque"]
+) -> Iterator[tuple[int, int]]:
+    """Yield pairs of configurations of one stack that follow each other as pressure or torque grows."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for k, own in enumerate(configurations):
+        if getattr(own, key) is not None:
+            groups.setdefault((own.stack, own.height), []).append(k)
+    for group in groups.values():
+        ordered = sorted(group, key=lambda k: float(getattr(configurations[k], key)))
+        for low, high in itertools.pairwise(ordered):
+            if getattr(configurations[high], key) > _MORE * getattr(configurations[low], key):
+                yield low, high
+
+
+def _out_of_proportion(configurations: Sequence[Configuration]) -> Iterator[str]:
+    """Say where pressure does not grow with torque as it does at the other configurations of a stack."""
+    for low, high in _pairs(configurations, "torque"):
+        one, other = configurations[low], configurations[high]
+        if one.pressure is None or other.pressure is None or not one.torque or not other.torque:
+            continue
+        if other.pressure * _MORE < one.pressure:
+            yield (
+                f"{_said(one)} and {_said(other)}: the pressure falls as the torque rises; one of the four numbers is "
+                "wrong, or two are exchanged"
+            )
+        elif abs(np.log(other.pressure * one.torque / (one.pressure * other.torque))) > _IN_PROPORTION:
+            yield (
+                f"{_said(one)} and {_said(other)}: that is {1e-3 * one.pressure / one.torque:.4g} and "
+                f"{1e-3 * other.pressure / other.torque:.4g} kPa for each N m, but with the same bolts and clamps "
+                "pressure is proportional to torque; check both"
+            )
+
+
+def _said(own: Configuration) -> str:
+    return f"{own.name} states {own.torque:g} N m and {1e-3 * (own.pressure or 0.0):g} kPa"
+
+
+def _softer(configurations: Sequence[Configuration], comparison: Comparison) -> Iterator[str]:
+    """Say where a stack gets softer under more pressure or, where none is stated, more torque."""
+    for key, unit, factor in (("pressure", "kPa", 1e-3), ("torque", "N m", 1.0)):
+        for low, high in _pairs(configurations, key):  # type: ignore[arg-type]
+            one, other = configurations[low], configurations[high]
+            if key == "torque" and None not in (one.pressure, other.pressure):
+                continue
+            change = np.log(comparison.frequency[high] / comparison.frequency[low])
+            change = change[np.isfinite(change)]
+            if change.size and np.median(change) < _FALL:
+                values = (f"{factor * getattr(c, key):g}" for c in (one, other))
+                yield (
+                    f"the stack gets softer under pressure: from {one.name} to {other.name} the stated {key} rises "
+                    f"({' to '.join(values)} {unit}), but frequencies fall by "
+                    f"{100.0 * -np.expm1(np.median(change)):.2g} % in the median of {change.size} modes; the "
+                    f"{key}s or the files of the two are exchanged, or one is stated wrongly"
+                )
+
+
+def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Iterator[str]:
+    """Say of which configurations all functions are larger than those of the first by one factor, or turned."""
+    for k in range(1, len(models)):
+        ratio = _ratios(models[0], models[k], comparison.frequency[[0, k]])
+        if not ratio.size:
+            continue
+        size, phase = (
+            float(np.exp(np.median(np.log(np.abs(ratio))))),
+            float(np.angle(np.sum(ratio / np.abs(ratio)))),
+        )
+        name, first = models[k].name, models[0].name
+        if abs(np.log(size)) > np.log(_SCALE):
+            yield (
+                f"all functions of {name} are {factor_text(size)} as large as those of {first} ({ratio.size} modes in "
+                "common), though the structure is the same: units or calibration differ"
+            )
+        if abs(phase) > np.pi - _PHASE:
+            yield (
+                f"all functions of {name} have the opposite sign to those of {first}: the force or all sensors "
+                "were turned, or their directions are stated the other way round"
+            )
+        elif abs(phase) > _PHASE:
+            yield (
+                f"all functions of {name} are turned by {np.degrees(phase):.0f} degrees against those of {first}: "
+                "one holds another quantity than stated (velocity for acceleration turns by 90 degrees)"
+            )
+
+
+def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return for each mode in common what the modal constants of a model are over those of the first, over shared DOFs.
+
+    The modal constant ``2 i omega_d A`` of a real mode of unit modal mass is ``phi_o phi_i`` (Ewins, Modal Testing,
+    2nd ed., sec. 2.8).
+    """
+    if first.input.name(0) != other.input.name(0):
+        return np.empty(0, complex)
+    keys = [
+        [(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)
+    ]
+    place = {key: i for i, key in enumerate(keys[1])}
+    rows = np.array(
+        [(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64
+    ).reshape(-1, 2)
+    common = np.flatnonzero(np.isfinite(frequency).all(axis=0))
+    if len(rows) < _FEWEST_DOFS or not common.size:
+        return np.empty(0, complex)
+    constant = []
+    for model, at, row in ((first, frequency[0], rows[:, 0]), (other, frequency[1], rows[:, 1])):
+        mode = [int(np.flatnonzero(model.frequency == at[t])[0]) for t in common]
+        constant.append(2j * model.pole[mode].imag * model.residue[row, 0][:, mode])
+    square = np.sum(np.abs(constant[0]) ** 2, axis=0)
+    if not np.all(square > 0.0):
+        return np.empty(0, complex)
+    return np.asarray(np.sum(constant[0].conj() * constant[1], axis=0) / square)

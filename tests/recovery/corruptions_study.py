@@ -1,0 +1,208 @@
+"""What is said of measurements that were spoiled in every way of `corruptions`: cases, their record, and a table.
+
+The campaigns lack nothing and were made by the layered model of `tests.independent`, so that a physical effect that is
+named comes from the corruption alone.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+from threadpoolctl import threadpool_limits
+
+import model
+from ema import (
+    Campaign,
+    Measurement,
+    ModalModel,
+    Verdict,
+    check,
+    compare,
+    content_digests,
+    contradicted,
+    identify_frf,
+    read_campaign,
+    read_measurement,
+    shared_functions,
+    usable,
+)
+from tests.independent.campaign import Plan, simulate, write_campaign
+from tests.independent.layered import Layered
+from tests.recovery.corruptions import CORRUPTIONS, spoil
+from updating.correlation.rig_check import check_rig
+from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.cached_model import cached_model
+from updating.diagnosis.diagnosis import diagnose
+from updating.errors import LAMELLA_ERRORS
+from updating.fitting.fit import G_F_BOUNDS
+from updating.fitting.target import stack_in_state
+
+Outcome = Literal["named", "harmless", "refused", "wrong"]
+OUTCOMES: tuple[Outcome, ...] = ("named", "harmless", "refused", "wrong")
+FIRST_SEED = 700_100
+BAND, STEP = (100.0, 1150.0), 1.0
+_NO_FINDING = ("resolution",)
+"""Checks that say nothing of a corruption: the step of the study's functions is coarse."""
+_BLIND = "too few points or modes"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One spoiled measurement and what was said of it.
+
+    Attributes
+    ----------
+    kind, seed
+        How it was spoiled, and of which campaign.
+    outcome : Outcome
+        A finding names that something is wrong; nothing is named and nothing is missing; an error ends the answer, or
+        what is missing is unlike anything; or a physical effect is named with confidence.
+    said : str
+        The first finding, the error, or the effects.
+    """
+
+    kind: str
+    seed: int
+    outcome: Outcome
+    said: str
+
+
+def write_sound(seed: int, folder: Path) -> None:
+    """Write a campaign that lacks nothing, measured as it should be."""
+    plan = Plan(
+        seed=seed,
+        model_key="layered",
+        kind="null",
+        band=BAND,
+        step=STEP,
+        force_noise=2e-3,
+        response_noise=2e-3,
+        sensor_mass=1e-3,
+    )
+    write_campaign(simulate(plan, Layered()), folder)
+
+
+def run(kind: str, seed: int, sound: Path) -> Case:
+    """Spoil a copy of a sound campaign, and say what comes of it."""
+    with TemporaryDirectory() as temporary, threadpool_limits(1, user_api="blas"):
+        folder = Path(temporary) / "campaign"
+        shutil.copytree(sound, folder)
+        spoil(folder, kind, seed)
+        try:
+            outcome, said = _answered(folder)
+        except LAMELLA_ERRORS as error:
+            outcome, said = "refused", str(error).replace(str(folder), "")
+    return Case(kind=kind, seed=seed, outcome=outcome, said=said[:200])
+
+
+def _answered(folder: Path) -> tuple[Outcome, str]:
+    """Return what is said of a campaign; the diagnosis is asked where nothing was found before."""
+    campaign = read_campaign(folder / "campaign.toml")
+    assert campaign.stack is not None
+    measured = [read_measurement(campaign, own.name) for own in campaign.configurations]
+    checks = [check(own, campaign.identification.band) for own in measured]
+    models = [_identified(own, found) for own, found in zip(measured, checks, strict=True)]
+    found = [*_findings(checks), *_of_campaign(campaign, measured, models), *_of_rig(campaign, models)]
+    if found:
+        return "named", found[0].replace(str(folder), "")
+    stack = model.read_stack(campaign.stack)
+    tested = [
+        (own.name, stack_in_state(stack, own).contact.pressure, modes)
+        for own, modes in zip(campaign.configurations, models, strict=True)
+    ]
+    return _of_diagnosis(diagnose(stack, tested, model.catalogue(), reduced=cached_model))
+
+
+def _findings(checks: Sequence[tuple[Verdict, ...]]) -> Iterator[str]:
+    for verdicts in checks:
+        for own in verdicts:
+            if own.level != "pass" and own.check not in _NO_FINDING and _BLIND not in own.message:
+                yield own.message
+
+
+def _of_campaign(
+    campaign: Campaign, measured: Sequence[Measurement], models: Sequence[ModalModel]
+) -> Iterator[str]:
+    yield from shared_functions({own.name: content_digests(own.frf) for own in measured})
+    yield from contradicted(campaign.configurations, models, compare(models))
+
+
+def _of_rig(campaign: Campaign, models: Sequence[ModalModel]) -> Iterator[str]:
+    assert campaign.stack is not None
+    for own, modes in zip(campaign.configurations, models, strict=True):
+        stack = stack_in_state(model.read_stack(campaign.stack), own)
+        system = _reduced(campaign.stack.read_text(encoding="utf-8"), campaign.stack)
+        yield from check_rig(system, stack.contact.pressure, modes, G_F_BOUNDS).findings
+
+
+@lru_cache(maxsize=2)
+def _reduced(text: str, file: Path) -> model.ReducedSystem:
+    """Return the reduced model of a stack file, known by its text."""
+    return model.reduce(model.read_stack(file), G_f_range=G_F_BOUNDS, n_snapshot=3, n_mode=18)
+
+
+_KNOWN: dict[tuple[object, ...], ModalModel] = {}
+
+
+def _identified(measured: Measurement, found: tuple[Verdict, ...]) -> ModalModel:
+    """Return the modes of a measurement; of one that was identified before, those."""
+    kept = usable(measured, found)
+    frf, place = kept.frf, kept.geometry.coordinate.tobytes()
+    dofs = (frf.output.node.tobytes(), frf.output.direction.tobytes(), frf.input.node.tobytes())
+    key = (measured.name, content_digests(frf), frf.frequency.tobytes(), frf.quantity, dofs, place)
+    if key not in _KNOWN:
+        _KNOWN[key] = identify_frf(frf, kept.geometry, name=measured.name)
+    return _KNOWN[key]
+
+
+def _of_diagnosis(found: Diagnosis) -> tuple[Outcome, str]:
+    effects = found.set[0] if found.set else ()
+    if found.mixed_up or (effects and set(effects) <= set(found.measurement)):
+        return "named", found.sentences[0]
+    if found.verdict == "unlike anything":
+        return "refused", found.sentences[0]
+    return ("wrong" if effects else "harmless"), found.sentences[0]
+
+
+def recorded(record: Path) -> list[Case]:
+    """Read the cases that are done; a line that was cut off is none."""
+    text = record.read_text(encoding="utf-8") if record.exists() else ""
+    return [Case(**json.loads(line)) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+
+def study(seeds: Sequence[int], record: Path, say: Callable[[str], None] = print) -> list[Case]:
+    """Run the cases that are not recorded yet, each written as soon as it is done, and return all of them."""
+    done = {(case.seed, case.kind): case for case in recorded(record)}
+    record.parent.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        left = [kind for kind in CORRUPTIONS if (seed, kind) not in done]
+        if not left:
+            continue
+        _KNOWN.clear()
+        with TemporaryDirectory() as sound:
+            write_sound(seed, Path(sound))
+            for kind in left:
+                case = done[seed, kind] = run(kind, seed, Path(sound))
+                with record.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(case)) + "\n")
+                say(f"{case.outcome:9s} {case.kind}: {case.said[:100]}")
+    return [done[seed, kind] for seed in seeds for kind in CORRUPTIONS]
+
+
+def table(cases: Sequence[Case]) -> str:
+    """Count outcomes over all corruptions, and list what was wrong."""
+    spoiled = [case for case in cases if case.kind != "none"]
+    kinds = len({case.kind for case in spoiled})
+    count = Counter(case.outcome for case in spoiled)
+    lines = [f"{kinds} kinds of corruption, {len(spoiled)} cases"]
+    lines += [f"{name:9s} {count[name]:4d} = {100 * count[name] / len(spoiled):.0f} %" for name in OUTCOMES]
+    lines += [f"wrong: {case.kind} ({case.seed}): {case.said}" for case in spoiled if case.outcome == "wrong"]
+    return "\n".join(lines)

@@ -1,0 +1,107 @@
+"""What configurations state beside what they show: copies, pressures, torques, and the scale of all functions."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ema.modal.comparison import Comparison
+from ema.modal.scale import factor_text
+from ema.modal.stated import contradicted
+from ema.quality.identical import content_digests, shared_functions
+from ema.types.geometry import Dofs
+
+N_DOF, FREQUENCY = 6, (np.array([200.0, 300.0, 450.0]), np.array([240.0, 370.0, 560.0]))
+SHAPE = np.random.default_rng(1).normal(size=(N_DOF, 3))
+
+
+def configuration(name, torque=None, pressure=None):
+    return SimpleNamespace(name=name, stack=None, height=None, torque=torque, pressure=pressure)
+
+
+def model(name, frequency, factor=1.0, force=9):
+    """Return modes of one set of mass-normalised shapes, all functions multiplied by a factor."""
+    pole = 2.0 * np.pi * np.nan_to_num(frequency, nan=100.0) * (-0.002 + 1j)
+    return SimpleNamespace(
+        name=name,
+        frequency=frequency,
+        pole=pole,
+        residue=(factor * SHAPE / (2j * pole.imag))[:, None, :],
+        node=np.arange(1, N_DOF + 1),
+        direction=np.tile([0.0, 0.0, 1.0], (N_DOF, 1)),
+        input=Dofs(node=np.array([force]), direction=np.array([[0.0, 0.0, 1.0]])),
+    )
+
+
+def findings(first, second, frequency=FREQUENCY, factor=1.0, force=9):
+    own = np.array(frequency)
+    names = (first.name, second.name)
+    comparison = Comparison(
+        name=names, frequency=own, frequency_std=own, damping=own, damping_std=own, mac=own
+    )
+    models = [model(names[0], own[0]), model(names[1], own[1], factor, force)]
+    return contradicted([first, second], models, comparison)
+
+
+M1, M2 = configuration("M1", 1.5, 160e3), configuration("M2", 3.0, 320e3)
+
+
+def test_what_agrees_is_not_remarked():
+    assert findings(M1, M2) == ()
+    assert findings(configuration("M1"), configuration("M2")) == ()
+
+
+def test_a_stack_that_gets_softer_under_pressure_is_remarked():
+    (found,) = findings(configuration("M1", pressure=320e3), configuration("M2", pressure=160e3))
+    assert "softer under pressure: from M2 to M1" in found
+    assert "(160 to 320 kPa)" in found
+    assert "19 %" in found
+    (found,) = findings(configuration("M1", torque=3.0), configuration("M2", torque=1.5))
+    assert "the stated torque rises (1.5 to 3 N m)" in found
+
+
+def test_pressure_that_falls_or_is_out_of_proportion_to_torque_is_remarked():
+    both = findings(configuration("M1", 1.5, 320e3), configuration("M2", 3.0, 160e3))
+    assert any("pressure falls as the torque rises" in line for line in both)
+    (found,) = findings(M1, configuration("M2", 3.0, 256e3))
+    assert "106.7 and 85.33 kPa for each N m" in found
+    assert findings(M1, configuration("M2", 3.0, 305e3)) == ()
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1.0 / 9.80665, "0.102 times (g for m/s² would do this) as large as those of M1 (3 modes"),
+        (-1.0, "all functions of M2 have the opposite sign to those of M1"),
+        (1j, "are turned by 90 degrees against those of M1"),
+    ],
+)
+def test_functions_of_another_scale_sign_or_phase_are_named(factor, said):
+    (found,) = findings(M1, M2, factor=factor)
+    assert said in found
+
+
+def test_scale_is_not_compared_where_it_cannot_be():
+    assert findings(M1, M2, factor=1.2) == ()  # sensors of one calibration
+    assert findings(M1, M2, factor=10.0, force=8) == ()  # the force elsewhere
+    assert findings(M1, M2, (FREQUENCY[0], np.full(3, np.nan)), 10.0) == ()
+
+
+def test_a_factor_is_said_with_the_units_that_have_it():
+    assert factor_text(1.7) == "1.7 times"
+    assert factor_text(4.4) == "4.4 times (N for lbf would do this)"
+    assert factor_text(0.104) == "0.104 times (g for m/s² would do this)"
+
+
+def test_configurations_that_share_functions_are_named():
+    rng = np.random.default_rng(2)
+    blocks = [SimpleNamespace(value=rng.normal(size=(3, 1, 5)) + 0j) for _ in range(2)]
+    digests = {name: content_digests(block) for name, block in zip(("M1", "M2"), blocks, strict=True)}
+    assert shared_functions(digests) == ()
+    digests["M3"] = (*digests["M1"][:2], digests["M2"][0])
+    assert shared_functions(digests) == (
+        "M1 and M3 share 2 of 3 functions to the last digit: files of one stand in the other, too, which is no second "
+        "measurement",
+        "M2 and M3 share 1 of 3 functions to the last digit: files of one stand in the other, too, which is no second "
+        "measurement",
+    )

@@ -1,0 +1,288 @@
+"""A measurement beside its model before anything is concluded: where the force acts, the scale, sensors turned over.
+
+A measured modal constant is the product of the shape at the response and at the force. Along the model's shape at the
+responses it gives the shape at the force, mode by mode, which only few places of the stack have; and its size is
+that of shapes of unit modal mass, which the stack's mass sets. A sensor that is turned over in all runs makes shapes
+that no other frequency of the model has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from ema.modal.mac import mac
+from ema.modal.scale import factor_text
+from ema.types.modal_model import ModalModel
+from model import Modes, Observation, ReducedSystem, observe, sample_points, solve_modes
+from updating.correlation.registration import register
+from updating.errors import PairingError
+
+Vector = NDArray[np.float64]
+
+_N_MODE = 22
+_TRIALS = 25  # of G_f
+_ROUGH = 100  # directions of the basis that do for this: frequencies are off by 1 % at most
+_PAIRED = 0.8
+"""MAC from which a measured mode tells of the force, with the model's shape in its place."""
+_FEWEST_MODES = 4
+_FEWEST_POINTS = 3
+"""Points that a sensor must have visited to be taken for one that roves."""
+_STATIONS = (41, 9)  # places along x and y where the force may be
+_DOUBTFUL, _BETTER = 0.15, 0.25
+"""Share of the shape at the force that the stated place leaves at least, and what of it another place leaves at most,
+for the force to be said to act there."""
+_NEAR = 0.02  # m, within which places are one
+_SCALE = 1.3
+"""Factor from which the scale is wrong: calibration, density and the mass of clamps leave less."""
+_WRONG, _RIGHT = 0.2, 0.35
+"""Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
+is turned."""
+_FAR = 0.2  # of the logarithm of a frequency
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForcePlace:
+    """Where the force acts, as the modal constants have it.
+
+    Attributes
+    ----------
+    stated, likely : (float, float)
+        Its place along x and y as the points file has it, and the place that fits best, m.
+    left, left_likely : float
+        Share of the squared shape at the force, over the modes, that each of the two leaves.
+    factor : float
+        Measured modal constants over the model's; negative where the force, or all sensors, are turned.
+    n_mode : int
+        Modes that tell of it.
+    """
+
+    stated: tuple[float, float]
+    likely: tuple[float, float]
+    left: float
+    left_likely: float
+    factor: float
+    n_mode: int
+
+    @property
+    def misplaced(self) -> bool:
+        """Whether another place fits clearly better."""
+        apart = float(np.hypot(self.likely[0] - self.stated[0], self.likely[1] - self.stated[1]))
+        return self.left > _DOUBTFUL and self.left_likely < _BETTER * self.left and apart > _NEAR
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigCheck:
+    """What a configuration beside the model says of its measurement.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    turned : int
+        Number of the sensor of each run, from 1, that was turned over in all of them; 0 where none was.
+    force : ForcePlace, optional
+        Where the force acts; none where too few modes tell.
+    """
+
+    name: str
+    turned: int
+    force: ForcePlace | None
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What a user should read."""
+        found = []
+        if self.turned:
+            found.append(
+                f"sensor {self.turned} of each run seems to be upside down in all of them: turned back, its shapes are "
+                "those of the model at their frequencies. Correct it with a [[correction]] of scale = -1 on it"
+            )
+        if self.force is not None and self.force.misplaced:
+            found.append(
+                f"the force does not act where the points file has it, at {_place(self.force.stated)}: "
+                f"{100.0 * self.force.left:.0f} % of the measured modal constants contradict that, and "
+                f"{100.0 * self.force.left_likely:.1f} % a place near {_place(self.force.likely)}. Its point, or those "
+                "of the sensors, are listed wrongly; effects of the shaker are sought in the wrong place"
+            )
+        elif self.force is not None and self.force.left < _DOUBTFUL and not self.turned:
+            found += _scale(self.force.factor)
+        return tuple(f"{self.name}: {text}" for text in found)
+
+
+def _place(at: tuple[float, float]) -> str:
+    return f"x = {1e3 * at[0]:.0f}, y = {1e3 * at[1]:.0f} mm"
+
+
+def _scale(factor: float) -> list[str]:
+    """Say that all functions are too large or too small for the mass of the stack, or turned."""
+    found = []
+    if factor < 0.0:
+        found.append(
+            "all functions have the opposite sign to the model's: the force or all sensors are turned, or their "
+            "directions are stated the other way round"
+        )
+    if abs(np.log(abs(factor))) > np.log(_SCALE):
+        found.append(
+            f"all functions are {factor_text(abs(factor))} as large as the mass of the stack file allows: check the "
+            "unit, the calibration, and the masses of stack and clamps"
+        )
+    return found
+
+
+def check_rig(
+    system: ReducedSystem, pressure: float, measured: ModalModel, G_f_range: tuple[float, float]
+) -> RigCheck:
+    """Put a measurement beside the model and say what contradicts it about force, scale and sensors.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The model; its effects, if it has some, stay neutral.
+    pressure : float
+        Of the configuration, Pa.
+    measured : ModalModel
+        The identified modes; the first input is looked at.
+    G_f_range : (float, float)
+        Contact stiffness parameters that are tried, Pa per Pa.
+
+    Raises
+    ------
+    PairingError
+        Measured points do not lie on the stack.
+    """
+    stack = system.stack
+    responses = register(stack, measured.geometry, measured.node, measured.direction).observation
+    places = _places(system, measured)
+    n_dof, n_place = responses.node.size, len(places)
+    everywhere = Observation(
+        node=np.concatenate([responses.node, np.zeros(n_place, dtype=np.int64)]),
+        location=np.vstack([responses.location, places]),
+        direction=np.vstack([responses.direction, np.tile(measured.input.direction[0], (n_place, 1))]),
+    )
+    observed = observe(system, everywhere)
+    equations = system.equations.acting({"pressure": pressure}).leading(_ROUGH)
+    observed = replace(observed, reduced_rows=observed.reduced_rows[:, :_ROUGH])
+    tried = np.geomspace(*G_f_range, _TRIALS if stack.n_lamina > 1 else 1)
+    modes = [
+        solve_modes(
+            equations,
+            G_f=float(g),
+            d_f=0.0,
+            n_mode=min(_N_MODE, equations.size),
+            observation=observed,
+            parameters={"pressure": pressure},
+            by=(),
+        ).elastic()
+        for g in tried
+    ]
+    signs = _signs(measured.sensor)
+    distance = np.array([[_distance(measured, sign, own, n_dof)[0] for own in modes] for sign in signs])
+    least = distance.min(axis=1)
+    best = int(np.argmin(least))
+    if least[0] < _WRONG or least[best] > _RIGHT * least[0]:
+        best = 0
+    own = modes[int(np.argmin(distance[best]))]
+    _, row, column = _distance(measured, signs[best], own, n_dof)
+    force = _force_place(measured, signs[best], own, (row, column), places) if n_place else None
+    return RigCheck(name=measured.name, turned=_turned(measured.sensor, signs[best], force), force=force)
+
+
+def upright(checked: RigCheck) -> RigCheck:
+    """Return a check that found no sensor turned over in all runs.
+
+    Raises
+    ------
+    PairingError
+        One was: shapes and all that follows from them would be nobody's.
+    """
+    if checked.turned:
+        raise PairingError(checked.findings[0])
+    return checked
+
+
+def _turned(sensor: NDArray[np.int64], sign: Vector, force: ForcePlace | None) -> int:
+    """Return the number, from 1, of the sensor that was turned over; 0 where none was.
+
+    Of two sensors the force tells which, for the sign of a shape is arbitrary.
+    """
+    turned = np.flatnonzero(sign < 0.0)
+    if not turned.size:
+        return 0
+    if int(sensor.max()) == 1 and force is not None and force.factor < 0.0:
+        return 1
+    return int(sensor[turned[0]]) + 1
+
+
+def _signs(sensor: NDArray[np.int64]) -> list[Vector]:
+    """Return signs of the components with nothing turned, then with each sensor that roves turned.
+
+    Of two sensors turning either is the same, as the sign of a shape is arbitrary.
+    """
+    every = [np.ones(sensor.size)]
+    number = int(sensor.max()) + 1
+    if number == 1 or np.bincount(sensor).min() < _FEWEST_POINTS:
+        return every
+    return every + [np.where(sensor == k, -1.0, 1.0) for k in range(1 if number == 2 else 0, number)]
+
+
+def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
+    """Return places where the force may act, (n, 3) m, the stated one first; none where it is not listed."""
+    listed = np.flatnonzero(measured.geometry.node == measured.input.node[0])
+    if not listed.size:
+        return np.empty((0, 3))
+    stated = sample_points(system.stack, measured.geometry.coordinate[listed[:1]])[0]
+    x, y = (
+        np.linspace(-0.5 * size, 0.5 * size, n)
+        for size, n in zip((system.stack.length, system.stack.width), _STATIONS, strict=True)
+    )
+    grid = np.stack([*np.meshgrid(x, y), np.full((y.size, x.size), stated[0, 2])], axis=-1)
+    return np.vstack([stated, grid.reshape(-1, 3)])
+
+
+def _distance(
+    measured: ModalModel, sign: Vector, modes: Modes, n_dof: int
+) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
+    """Return how far measured modes are from the model's in the mean, by shape and frequency, and which are which."""
+    alike = mac(sign[:, None] * measured.shape, modes.shape[:n_dof])
+    apart = np.abs(np.log(measured.frequency[:, None] / modes.frequency))
+    row, column = linear_sum_assignment(alike - np.minimum(apart, 0.5), maximize=True)
+    far = np.minimum((apart[row, column] / _FAR) ** 2, 1.0) + 1.0 - alike[row, column]
+    paired = alike[row, column] >= _PAIRED
+    return float(np.mean(far)), row[paired], column[paired]
+
+
+def _force_place(
+    measured: ModalModel,
+    sign: Vector,
+    modes: Modes,
+    pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
+    places: Vector,
+) -> ForcePlace | None:
+    """Return where the force acts as the modal constants of paired modes have it; None where they do not tell.
+
+    The constant of a real mode of unit modal mass is ``2 i omega_d A = phi_o phi_i`` (Ewins, Modal Testing, 2nd ed.,
+    sec. 2.8).
+    """
+    row, column = pairs
+    constant = 2j * measured.pole[row].imag * sign[:, None] * measured.residue[:, 0][:, row]
+    if row.size < _FEWEST_MODES or not np.any(constant):
+        return None
+    n_dof = constant.shape[0]
+    response, at_place = modes.shape[:n_dof, column], modes.shape[n_dof:, column]
+    at_force = np.sum(response * constant.real, axis=0) / np.sum(response**2, axis=0)
+    along, size = at_place @ at_force, np.sum(at_place**2, axis=1)
+    left = 1.0 - along**2 / np.maximum(size * (at_force @ at_force), np.finfo(float).tiny)
+    likely = int(np.argmin(left))
+    here = likely if left[0] > _DOUBTFUL else 0
+    return ForcePlace(
+        stated=(float(places[0, 0]), float(places[0, 1])),
+        likely=(float(places[likely, 0]), float(places[likely, 1])),
+        left=float(left[0]),
+        left_likely=float(left[likely]),
+        factor=float(along[here] / size[here]),
+        n_mode=int(row.size),
+    )
