@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.identification.columns import Stability
 from ema.identification.stabilization import StabilizationDiagram
 from ema.modal.comparison import Comparison
 from ema.modal.mac import real_shape
@@ -67,10 +68,13 @@ def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Fig
     return figure
 
 
-def stabilization_figure(diagram: StabilizationDiagram, figure: Figure | None = None) -> Figure:
-    """Draw the poles over the model orders, those of clusters filled, on the mode indicator function.
+def stabilization_figure(
+    diagram: StabilizationDiagram, figure: Figure | None = None, stability: Stability | None = None
+) -> Figure:
+    """Draw the poles over the model orders on the mode indicator function.
 
-    The chart is drawn on a figure of its own, or on `figure` where a window holds one.
+    The chart is drawn on a figure of its own, or on `figure` where a window holds one. Symbols say what of a pole is
+    stable, or, where that was not asked, which poles belong to a cluster.
     """
     from matplotlib.figure import Figure
 
@@ -85,24 +89,34 @@ def stabilization_figure(diagram: StabilizationDiagram, figure: Figure | None = 
     axes.set_zorder(behind.get_zorder() + 1)
     axes.patch.set_visible(False)
     hertz = np.abs(diagram.pole) / (2.0 * np.pi)
-    loose = ~diagram.stable
-    axes.plot(hertz[loose], diagram.order[loose], ".", color="0.45", markersize=2, label="pole")
-    axes.plot(
-        hertz[diagram.stable],
-        diagram.order[diagram.stable],
-        ".",
-        color=FITTED,
-        markersize=4,
-        label="in a cluster",
-    )
+    for label, which, style in pole_groups(diagram, stability):
+        axes.plot(hertz[which], diagram.order[which], linestyle="none", label=label, **style)
     _mark_poles((axes,), np.abs(diagram.chosen) / (2.0 * np.pi))
     axes.set_xlim(diagram.frequency[0], diagram.frequency[-1])
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("model order")
     figure.legend(
-        *axes.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize="small", frameon=False
+        *axes.get_legend_handles_labels(), loc="outside upper right", ncols=4, fontsize="small", frameon=False
     )
     return figure
+
+
+def pole_groups(
+    diagram: StabilizationDiagram, stability: Stability | None
+) -> list[tuple[str, NDArray[np.bool_], dict[str, Any]]]:
+    """Return the poles of a chart in groups, each with its name and symbol."""
+    if stability is None:
+        return [
+            ("pole", ~diagram.stable, {"marker": ".", "color": "0.45", "markersize": 2}),
+            ("in a cluster", diagram.stable, {"marker": ".", "color": FITTED, "markersize": 4}),
+        ]
+    f, d, s = stability.frequency, stability.damping, stability.shape
+    return [
+        ("not stable", ~f, {"marker": ".", "color": "0.6", "markersize": 2}),
+        ("stable: frequency", f & ~d, {"marker": "x", "color": "0.4", "markersize": 3.5}),
+        ("frequency, damping", d & ~s, {"marker": "^", "color": ACCENT, "markersize": 3}),
+        ("frequency, damping, shape", s, {"marker": "o", "color": FITTED, "markersize": 3}),
+    ]
 
 
 def mac_figure(

@@ -17,9 +17,11 @@ from PIL import Image
 from ema.modal.mac import frac
 from updating.commands.view import window
 from updating.report import page as page_module
+from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
 from updating.report.page import write_report
+from updating.report.part import packed
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
 
@@ -72,8 +74,23 @@ addEventListener("load", async () => {
   const modes = [...document.querySelectorAll("table.sortable")].find((t) => t.textContent.includes("f measured"));
   const heads = modes.tHead.rows[0].cells;
   const clicked = (k) => { heads[k].click(); return column(modes, k); };
-  tell("errors", [clicked(4), clicked(4)]);
+  tell("errors", [clicked(3), clicked(3)]);
   tell("anchors", [...document.querySelectorAll("a")].every((a) => document.querySelector(a.getAttribute("href"))));
+  const charts = [...document.querySelectorAll(".chart")];
+  for (const chart of charts) {
+    chart.scrollIntoView();
+    await until(() => chart.querySelector(".js-plotly-plot")?._fullData);
+  }
+  tell("charts", charts.length);
+  const chosen = document.querySelector(".choice select"), plot = chosen.closest(".chart").querySelector(".plot");
+  const curve = () => Array.from(plot.data.find((t) => t.name === "measured").y).slice(0, 40).join();
+  const worst = curve();
+  tell("functions", chosen.options.length);
+  chosen.selectedIndex = 1;
+  chosen.dispatchEvent(new Event("change"));
+  await until(() => curve() !== worst);
+  tell("chosen", true);
+  tell("wide", document.documentElement.scrollWidth <= innerWidth);
   const asked = performance.getEntriesByType("resource").map((e) => e.name);
   tell("requests", asked.filter((name) => !name.startsWith("data:") && !name.startsWith("ADDRESS")));
 });
@@ -139,8 +156,10 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     assert ended, f"the page's scripts did not come to their end; they told {out}"
     assert out["said"] == []
     assert out["requests"] == []
-    for what in ("drawn", "moves", "pauses", "turns", "restsWithoutButton", "returns", "anchors"):
+    for what in ("drawn", "moves", "pauses", "turns", "restsWithoutButton", "returns", "anchors", "chosen", "wide"):
         assert out[what], what
+    assert out["charts"] >= 7  # of each configuration MAC, functions and stabilisation, and the modes of both
+    assert out["functions"] == 44
     assert out["unseen"]  # what is not on the screen is not drawn
     up, down = (np.array(cells, dtype=float) for cells in out["errors"])
     np.testing.assert_array_equal(up, np.sort(up))
@@ -219,10 +238,32 @@ def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
     assert "Dotted" not in picture.caption
 
 
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
+    sync = pytest.importorskip("playwright.sync_api", reason="no playwright, of the extra dev")
+    with sync.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        shown = browser.new_page(viewport={"width": 400, "height": 900}, color_scheme=scheme)
+        shown.goto(page.as_uri())
+        assert shown.evaluate("document.documentElement.scrollWidth") <= 400
+        cut = """[...document.querySelectorAll("td, .opening, .command")].filter((e) => e.getClientRects().length
+          && e.getBoundingClientRect().right > innerWidth).map((e) => e.textContent)"""
+        assert shown.evaluate(cut) == []
+        ink, ground = (
+            sum(map(int, re.findall(r"\d+", shown.evaluate(f"getComputedStyle(document.body).{name}"))[:3]))
+            for name in ("color", "backgroundColor")
+        )
+        assert (ink > ground) == (scheme == "dark")
+        browser.close()
+
+
 def test_the_page_is_small_and_says_what_the_results_say(page):
     text = page.read_text(encoding="utf-8")
-    assert len(text) < 830_000  # so that 36 configurations stay below 15 MB
-    order = ["Answer", "All configurations", "Modes of M1", "MAC and CoMAC of M1", "FRFs of M1", "Mode shapes of M1",
+    script = len(packed(renderer()))
+    assert script + (len(text) - script) * page_module.MOST_TOGETHER / 2 < 15_000_000
+    assert text.count('id="plotly"') == 1
+    order = ["Answer", "In full", "All configurations", "Modes of M1", "MAC and CoMAC of M1", "FRFs of M1", "Mode shapes of M1",
              "Where the model of M1 fails", "Modes of M2", "Parameters", "Provenance"]  # fmt: skip
     headings = re.findall(r"<h[23]>(.*?)</h[23]>", text)
     assert [h for h in headings if h in order] == order

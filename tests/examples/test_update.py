@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from updating.commands.update import Updated, parameter_table, run_update
+from updating.commands.update import parameter_table, run_update
 from updating.commands.update_file import read_update_file
 from updating.errors import FitError
 from updating.results.store import read_result
+from updating.results.updated import Updated
 
 ROOT = Path(__file__).parents[2]
 SPEC = ROOT / "data/demo_stack/update.toml"

@@ -38,7 +38,7 @@ def test_a_value_beyond_the_bounds_is_said_to_lie_on_the_bound():
 
 def test_standard_deviation_is_the_scatter_over_repeated_measurements():
     rng = np.random.default_rng(1)
-    truth, noise = predict(1000.0)[0], 0.5
+    truth, noise = predict(1000.0)[0], 10.0  # far above the error of the model's form
     found = [
         estimate_stiffness(
             predict, truth + noise * rng.standard_normal(3), np.full(3, noise), bounds=(100.0, 10_000.0)
@@ -48,6 +48,14 @@ def test_standard_deviation_is_the_scatter_over_repeated_measurements():
     # Three values estimate the scatter poorly, and only an excess over the noise counts: somewhat too wide on average.
     ratio = np.mean([e.std for e in found]) / np.std([e.value for e in found])
     assert 0.95 < ratio < 1.35
+
+
+def test_no_interval_is_narrower_than_the_error_of_the_models_form():
+    target = predict(1000.0)[0]
+    found = estimate_stiffness(predict, target, np.full(3, 1e-6), bounds=(100.0, 10_000.0))
+    # 0.1 % of each frequency is 0.2 % of a stiffness that frequencies grow with the root of, and three share it.
+    assert found.std / found.value == pytest.approx(2e-3 * np.sqrt(np.sum(A**4)) / np.sum(A**2), rel=1e-3)
+    assert estimate_text(found) == "1000.0 ± 2.9"
 
 
 def test_damping_is_the_linear_least_squares_solution():

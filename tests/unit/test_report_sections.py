@@ -1,12 +1,13 @@
 """Sections of a report from results made by hand: what they say and list."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from model import read_stack
-from updating.diagnosis.answer import Diagnosis, ModeError
+from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
 from updating.diagnosis.signature_plot import signature_pattern_figure
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
@@ -27,7 +28,7 @@ NAN = float("nan")
 def results(**given):
     empty = {
         "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
-        "diagnosis": None, "origin": {},
+        "diagnosis": None, "updated": None, "folder": Path("out/x"), "campaign": Path("x.toml"), "origin": {},
     }  # fmt: skip
     return Results(**(empty | given))
 
@@ -119,11 +120,11 @@ def test_every_row_of_a_table_leads_to_its_section():
         origin={"stack_1/fit.json": {"versions": {"lamella": "1"}, "options": {}, "inputs": {"a": "00"}}},
     )
     parts = sections(given)
-    overview = parts[1].blocks[0]
+    overview = parts[2].blocks[0]
     assert overview.link == ("#stack-1", "#stack-2")
     assert {f"#{part.anchor}" for part in parts} >= set(overview.link)
     assert overview.rows[0][1:3] == ("300 | 360 | 330", "400 | 480 | 440")
-    assert parts[2].blocks[0].rows[0] == ("torsion 1", "300", "360", "+20.0", "330.0", "+10.0")
+    assert parts[3].blocks[0].rows[0] == ("torsion 1", "300", "360", "+20.0", "330.0", "+10.0")
     assert 'href="#stack-2"' in render("title", parts)
 
 
@@ -158,6 +159,16 @@ def diagnosis(**given):
     return Diagnosis(**(dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | given))
 
 
+def ranked(*effects, error, left_out):
+    given = dict.fromkeys(Ranked.__dataclass_fields__, 0.0)
+    return Ranked(
+        **given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()}
+    )
+
+
+BASE = ranked(error=0.034, left_out=0.043)
+
+
 def mode_error(configuration, mode, base, explained):
     return ModeError(
         configuration=configuration, mode=mode, frequency=100.0 * mode, std=0.1, base=base, explained=explained
@@ -178,8 +189,9 @@ def test_a_model_that_is_too_soft_lacks_what_an_effect_that_stiffens_brings():
         "M2,2,200.0,0.1,-0.01,-0.011,-0.001",
     ]
     assert table.header[3:] == ("lacking [%]", "left by stiff + other [%]", "stiff [%]", "weak [%]")
-    assert table.rows[0] == ("M1", "1", "100.000 ± 0.2", "+2.000", "+0.100", "+1.900", "+0.100")
-    assert any(part.title == "Effect signatures" for part in sections(results(diagnosis=made)))
+    assert table.rows[0] == ("M1", "1", "100.00 ± 0.20", "+2.000", "+0.100", "+1.900", "+0.100")
+    titles = [part.title for part in sections(results(diagnosis=replace(made, verdict="unlike anything", ranking=(BASE,))))]
+    assert titles == ["Answer", "In full", "Effect signatures", "Provenance"]
 
 
 def test_signatures_of_many_configurations_are_several_pictures_and_nothing_left_has_no_column():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +28,7 @@ from updating.fitting.intervals import N_DRAW
 from updating.fitting.joint_fit import JointFit, joint_fit
 from updating.fitting.joint_plot import convergence_figure, correlation_figure
 from updating.fitting.joint_problem import FitSettings, require_known
-from updating.fitting.ledger import Entry, ledger
+from updating.fitting.ledger import ledger
 from updating.fitting.modal_table import is_modal_table, read_modal_table
 from updating.fitting.prepared import Prepared, prepare
 from updating.fitting.sensitivity import Scatter
@@ -44,6 +44,7 @@ from updating.results.campaign_findings import measurement_findings
 from updating.results.identified import assignments, every_identified
 from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
+from updating.results.updated import Updated
 from updating.workers.workers import workers
 
 EXAMPLE = "lamella update data/demo_stack/update.toml -o out/update"
@@ -66,25 +67,6 @@ def update(
     OUT.print(parameter_table(updated.fit))
     OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file or ())))
     OUT.print(f"Results in {output}")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Updated:
-    """What came of an updating.
-
-    Attributes
-    ----------
-    name : str
-        Its title.
-    fit : JointFit
-        All configurations at once.
-    ledger : tuple of Entry
-        The error without effects, with each, and with all.
-    """
-
-    name: str
-    fit: JointFit
-    ledger: tuple[Entry, ...]
 
 
 def run_update(

@@ -29,7 +29,8 @@ _SCALAR_BAR = {
     "title_font_size": 15,
     "label_font_size": 13,
 }
-_LEAST_SCALE = 2.0  # of the mean: the end of a flat map's colour scale, so that it looks flat
+LEAST_SCALE = 2.0
+"""End of a flat map's colour scale over its mean, so that it looks flat."""
 
 
 def error_map_picture(
@@ -124,7 +125,7 @@ def region_plotter(
         plotter.add_mesh(
             grid,
             scalars=label,
-            clim=(0.0, max(float(value.max()), _LEAST_SCALE * float(value.mean()))),
+            clim=(0.0, max(float(value.max()), LEAST_SCALE * float(value.mean()))),
             cmap="inferno_r",
             lighting=False,  # shadows would read as large values
             show_edges=True,

@@ -34,6 +34,10 @@ DOUBTFUL = 0.3
 N_SNAPSHOT = 6
 """Values of G_f at which the reduction is exact; six over two decades keep frequencies within 1e-5 between them."""
 
+FREQUENCY_FORM, DAMPING_FORM = 1e-3, 1e-2
+"""Relative errors of frequencies and damping ratios that a right model has for its form alone: of the mesh, of nominal
+sizes, of a contact law that is smooth. An interval that leaves them out promises digits that nobody can measure."""
+
 _N_MODE = 22  # that are solved for pairing, rigid-body modes included
 _N_SNAPSHOT_MODE = 18  # of each snapshot; over the range of G_f they span more
 
@@ -48,7 +52,8 @@ class Estimate:
         The parameter; an empty unit means a plain number.
     value, std : float
         Estimate and standard deviation. The latter propagates the standard deviations of the measured values
-        and the scatter that the model leaves unexplained, so it grows with the misfit.
+        and the scatter that the model leaves unexplained, so it grows with the misfit; the scatter counts as
+        `FREQUENCY_FORM` or `DAMPING_FORM` at least.
     lower, upper : float
         Bounds of the search; both the value of a parameter that is kept, because nothing depends on it.
     at_bound : bool
@@ -291,7 +296,7 @@ def estimate_stiffness(
         name="G_f",
         unit="Pa/Pa",
         value=value,
-        std=_standard_deviation(gradient, frequency - target, target_std),
+        std=_standard_deviation(gradient, frequency - target, target_std, FREQUENCY_FORM * target),
         lower=bounds[0],
         upper=bounds[1],
         at_bound=bool(np.min(np.abs(solution.x[0] - np.array([low, high]))) < 1e-6),
@@ -328,7 +333,7 @@ def estimate_damping(
         name="d_f",
         unit="s/Pa",
         value=value,
-        std=_standard_deviation(slope, slope * value - target, target_std),
+        std=_standard_deviation(slope, slope * value - target, target_std, DAMPING_FORM * target),
         lower=bounds[0],
         upper=bounds[1],
         at_bound=value != free,
@@ -338,15 +343,20 @@ def estimate_damping(
 
 
 def _standard_deviation(
-    gradient: NDArray[np.float64], residual: NDArray[np.float64], target_std: NDArray[np.float64]
+    gradient: NDArray[np.float64],
+    residual: NDArray[np.float64],
+    target_std: NDArray[np.float64],
+    form: NDArray[np.float64],
 ) -> float:
     """Return the standard deviation of an unweighted least-squares estimate of one parameter.
 
-    The residual's covariance is the measurement's plus the scatter beyond it that the model leaves unexplained.
+    The residual's covariance is the measurement's plus the scatter beyond it that the model leaves unexplained, which
+    is at least the error of its form.
     """
     scatter = residual @ residual / (residual.size - 1) if residual.size > 1 else 0.0
     unexplained = max(0.0, scatter - float(np.mean(target_std**2)))
-    variance = np.sum(gradient**2 * (target_std**2 + unexplained)) / np.sum(gradient**2) ** 2
+    beyond = np.maximum(unexplained, form**2)
+    variance = np.sum(gradient**2 * (target_std**2 + beyond)) / np.sum(gradient**2) ** 2
     return float(np.sqrt(variance))
 
 

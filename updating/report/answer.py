@@ -1,4 +1,4 @@
-"""The answer first: what the campaign says in plain sentences, and all configurations at a glance."""
+"""The answer in full: what the campaign says in plain sentences, and all configurations at a glance."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from updating.diagnosis.calibration import SEPARATE
+from updating.report.opening import fit_sentences
 from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.results.text import estimate_text
@@ -15,15 +16,15 @@ _SHOWN = 8  # explanations of a diagnosis
 
 
 def answer_section(results: Results) -> Section:
-    """Say how the model stands to the measurement and, where it was asked, which effect it lacks."""
+    """Say in full what was found, how sure that is and what was tried, or how the model stands to the measurement."""
     if results.diagnosis is not None:
         text = results.diagnosis.sentences
         blocks: tuple[Table, ...] = (explanation_table(results), next_test_table(results))
     else:
-        text, blocks = _fit_sentences(results), ()
+        text, blocks = fit_sentences(results), ()
     if results.missing:
         text = (*text, f"Not done yet: {', '.join(results.missing)}.")
-    return Section(title="Answer", text=text, blocks=tuple(b for b in blocks if b.rows), lead=True)
+    return Section(title="In full", text=text, blocks=tuple(b for b in blocks if b.rows))
 
 
 def overview_section(results: Results, address: Sequence[str]) -> Section:
@@ -107,42 +108,4 @@ def next_test_table(results: Results) -> Table:
         header=("test", "distance after it", "distance now"),
         rows=tuple((t.instruction, f"{t.distance:.1f}", f"{t.now:.1f}") for t in tests),
         note="Distance between the two explanations that are hardest to tell apart; above 3 they are.",
-    )
-
-
-def _fit_sentences(results: Results) -> tuple[str, ...]:
-    if results.table:
-        return _table_sentences(results)
-    fits = [t.fit for t in results.tested if t.fit is not None]
-    n = len(results.tested)
-    identified = f"{n} configuration{'s' if n > 1 else ''} identified"
-    if not fits:
-        modes = sum(t.measured.frequency.size for t in results.tested)
-        return (f"{identified}, {modes} modes in all; no model was fitted.",)
-    worst = max(fits, key=lambda fit: fit.error)
-    left_over = sum(fit.pairing.unpaired_measured.size for fit in fits)
-    return (
-        f"{identified} and fitted. The model's natural frequencies differ from the measured ones by "
-        f"{100 * np.mean([fit.error for fit in fits]):.2f} % on average, most in {worst.name} "
-        f"({100 * worst.error:.2f} %). "
-        + (
-            "Every measured mode has its partner in the model."
-            if left_over == 0
-            else f"{left_over} measured mode{'s have' if left_over > 1 else ' has'} no partner in the model."
-        ),
-        *(f"First of all: {finding}." for fit in fits for finding in fit.findings),
-        "Which physical effect the model lacks, if any, was not asked; lamella diagnose answers it.",
-    )
-
-
-def _table_sentences(results: Results) -> tuple[str, ...]:
-    fits = results.table
-    error, published, misfit = (
-        100 * np.mean([getattr(f, name) for f in fits])
-        for name in ("error", "published_error", "model_misfit")
-    )
-    return (
-        f"{len(fits)} configurations fitted. The model's natural frequencies differ from the measured ones by "
-        f"{error:.1f} % on average (published: {published:.1f} %). Fitted to the published model's frequencies "
-        f"instead, it meets them to {misfit:.1f} %.",
     )

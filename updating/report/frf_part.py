@@ -1,19 +1,20 @@
-"""What was identified and how well: functions with the modes over them, and the stabilisation chart."""
+"""What was identified and how well: every measured function with the modes over it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.stabilization import stabilization
-from ema.plot.figures import stabilization_figure
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs
+from ema.types.modal_model import ModalModel
 from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized
 from updating.errors import PairingError
 from updating.fitting.fitted_frf import fitted_frf
+from updating.report.frf_chart import frf_chart
 from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
+from updating.report.stabilization_part import stabilization_blocks
 
 
 def frf_section(tested: Tested) -> Section:
@@ -28,54 +29,73 @@ def frf_section(tested: Tested) -> Section:
     return Section(
         title=f"FRFs of {tested.name}",
         text=text,
-        blocks=(frf_picture(tested, frf), stabilization_picture(tested, frf)),
+        blocks=(frf_picture(tested, frf), *stabilization_blocks(tested, frf)),
     )
 
 
 def frf_picture(tested: Tested, frf: FRF) -> Picture:
-    """Draw the functions that the identified modes meet worst, in the middle and best."""
+    """Draw the functions that the identified modes meet worst, in the middle and best; the chart shows any of them."""
     lines, fitted = synthesized(frf, tested.measured)
     chosen = chosen_functions(tested.measured)
-    model = _modelled(tested, lines, chosen)
+    model = _modelled(tested, lines)
     columns, names = [lines.frequency], ["frequency [Hz]"]
-    for k, o in enumerate(chosen):
+    for o in chosen:
         name = f"{lines.output.name(o)}/{lines.input.name(0)}"
         shown = [("measured", lines.value[o, 0]), ("from the modes", fitted[o, 0])]
         if model is not None:
-            shown.append(("fitted model", model[k]))
+            shown.append(("fitted model", model[o]))
         for what, value in shown:
             columns += [value.real, value.imag]
             names += [f"{name} {what} {part} [SI {lines.quantity}]" for part in ("real", "imaginary")]
         if lines.coherence is not None:
             columns.append(lines.coherence[o, 0])
             names.append(f"{name} coherence")
+    curves = [lines.value[:, 0], fitted[:, 0], *([] if model is None else [model])]
+    functions = frf_functions(tested.measured, lines)
     return Picture(
         name=f"frf_{tested.name}",
-        content=png(overlay_figure(frf, tested.measured, model)),
+        content=png(overlay_figure(frf, tested.measured, None if model is None else model[list(chosen)])),
         form="png",
         data=as_csv(names, zip(*columns, strict=True)),
         alt="Measured and synthesised FRFs",
-        caption="The functions that the identified modes meet worst, in the middle and best. Dashed: natural "
-        "frequencies. The difference is what the modes leave; where it is as large as the function, noise governs."
+        caption="Every function; the first ones are those that the identified modes meet worst, in the middle and best "
+        "(a print shows these). Dashed: natural frequencies. The difference is what the modes leave; where it is as "
+        "large as the function, noise governs."
         + (
             ""
             if model is None
             else " Dotted: the fitted model, which knows of the functions only what their modes say."
         )
         + ("" if lines.coherence is not None else " The test system stored no coherence."),
+        chart=frf_chart(tested.measured, lines, curves, [o for o, _ in functions]),
+        choices=tuple(name for _, name in functions),
     )
 
 
-def _modelled(tested: Tested, lines: FRF, chosen: tuple[int, ...]) -> NDArray[np.complex128] | None:
-    """Return the fitted model's functions of the chosen outputs, (n_chosen, n_frequency); None where it has none."""
+def frf_functions(measured: ModalModel, lines: FRF) -> list[tuple[int, str]]:
+    """Return outputs and their names in the order of the list to choose from: the worst, middle and best first."""
+    first = dict(zip(chosen_functions(measured), ("worst", "middle", "best"), strict=False))
+    order = [*first, *(o for o in range(lines.output.node.size) if o not in first)]
+    return [
+        (
+            o,
+            f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
+            + (f" ({first[o]})" if o in first else ""),
+        )
+        for o in order
+    ]
+
+
+def _modelled(tested: Tested, lines: FRF) -> NDArray[np.complex128] | None:
+    """Return the fitted model's functions at the first input, (n_output, n_frequency); None where it has none."""
     if tested.fit is None:
         return None
-    rows, first = list(chosen), slice(0, 1)
+    first = slice(0, 1)
     try:
         value = fitted_frf(
             tested.fit,
             tested.measured.geometry,
-            output=Dofs(node=lines.output.node[rows], direction=lines.output.direction[rows]),
+            output=lines.output,
             input=Dofs(node=lines.input.node[first], direction=lines.input.direction[first]),
             frequency=lines.frequency,
             quantity=lines.quantity,
@@ -83,21 +103,3 @@ def _modelled(tested: Tested, lines: FRF, chosen: tuple[int, ...]) -> NDArray[np
     except PairingError:  # where the force acted is not known
         return None
     return value[:, 0]
-
-
-def stabilization_picture(tested: Tested, frf: FRF) -> Picture:
-    """Draw the stabilisation chart of the identified band."""
-    diagram = stabilization(frf.band(*tested.measured.band))
-    poles = zip(
-        diagram.order, np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole),
-        diagram.cluster, strict=True,
-    )  # fmt: skip
-    return Picture(
-        name=f"stabilization_{tested.name}",
-        content=png(stabilization_figure(diagram)),
-        form="png",
-        data=as_csv(("order", "frequency [Hz]", "damping ratio [1]", "cluster (-1: none)"), poles),
-        alt="Stabilisation chart",
-        caption="Poles of all model orders on the mode indicator function. A physical pole comes back at every order "
-        "and joins a cluster; dashed lines are the clusters' frequencies, from which the modes are chosen.",
-    )

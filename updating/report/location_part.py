@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from model import reduce
-from updating.correlation.correlation_plot import error_map_picture
+from model import catalogue, reduce
+from model.stack.effect import Family
+from updating.correlation.correlation_plot import LEAST_SCALE, error_map_picture
 from updating.correlation.energy import KINDS, regions
-from updating.correlation.localization import ErrorMap, map_error
+from updating.correlation.localization import ErrorMap, map_error, stiffness_index
 from updating.correlation.registration import register
+from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit
+from updating.report.chart_part import FITTED, MEASURED, chart, single
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 from updating.report.results import Tested
 
 _MOST_MODES = 6  # the lowest half a dozen locate best
+_KIND_OF_FAMILY: dict[Family, str] = {
+    "pressure field": "tangential contact",
+    "contact law": "tangential contact",
+    "treatments": "tangential contact",
+    "steel": "lamina membrane",
+}
+"""What effects of a family change; masses and supports are no stiffness of the stack."""
 _NOTHING = 2e-3
 """Relative stiffness error, twice the 0.1 % of a frequency that no model meets, below which nothing is located."""
 _LOCAL = 0.1
@@ -27,8 +38,17 @@ _LIMITS = (
 )
 
 
-def location_section(tested: Tested, fit: Fit) -> Section:
-    """Show the error map of a fit, if there is an error to locate."""
+def kind_of_answer(diagnosis: Diagnosis | None) -> str | None:
+    """Return the kind of stiffness that the first effect of an answer changes; None where it is not one kind."""
+    known = catalogue()
+    effects = [
+        known[e] for e in (diagnosis.set[0] if diagnosis is not None and diagnosis.set else ()) if e in known
+    ]
+    return _KIND_OF_FAMILY.get(effects[0].family) if effects else None
+
+
+def location_section(tested: Tested, fit: Fit, shown: str | None = None) -> Section:
+    """Show where a fit fails, if there is an error to locate, in one kind of stiffness: by default the likeliest."""
     found = error_map(tested, fit)
     kind = most_likely_kind(found)
     size = float(np.sqrt(found.total.mean()))
@@ -42,7 +62,7 @@ def location_section(tested: Tested, fit: Fit) -> Section:
     return Section(
         title=title,
         text=(_sentence(found, kind, size), _LIMITS),
-        blocks=(map_picture(tested, fit, found, kind), kind_table(found)),
+        blocks=(map_picture(tested, fit, found, shown or kind), kind_table(found)),
     )
 
 
@@ -82,9 +102,83 @@ def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture
             zip(*columns, strict=True),
         ),
         alt="Error over the stack",
-        caption=f"Error of the {kind} by region over its mean, for the energy with which the modes strain the region. "
-        "One colour throughout means wrong everywhere alike. Rods: clamps.",
+        caption=f"Where the base model of {tested.name} fails: error of the {kind} by region over its mean, for the "
+        f"energy with which the modes strain the region.{_peak(found, kind)} Rods: clamps.",
+        width="half",
+        chart=map_chart(tested, fit, found, kind),
     )
+
+
+def _peak(found: ErrorMap, kind: str) -> str:
+    """Say where the error of a kind is largest, or that it is of one size."""
+    if found.contrast[KINDS.index(kind)] < _LOCAL:
+        return " It is spread as the strain energy is; no one place stands out."
+    low, high = found.peak(kind)
+    return f" Largest between x = {round(1e3 * low[0])} and {round(1e3 * high[0])} mm."
+
+
+def map_chart(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> str:
+    """Return the error of one kind of stiffness on the stack, to be turned, with the clamps and the measured points."""
+    corner, triangle, box = _surface(found.regions.x, found.regions.y, found.regions.z)
+    value = found.relative[stiffness_index(kind)].ravel()
+    geometry, stack = tested.measured.geometry, fit.stack
+    seen = np.isin(geometry.node, tested.measured.node)
+    mm = 1e3 * corner
+    ends = np.array([[[c.x, c.y, s * 0.8 * stack.height] for s in (-1.0, 1.0)] for c in stack.clamps])
+    rods = 1e3 * np.insert(ends.reshape(-1, 2, 3), 2, np.nan, axis=1).reshape(-1, 3)
+    points = 1e3 * geometry.coordinate[seen]
+    traces = [
+        {
+            "type": "mesh3d", "x": single(mm[:, 0]), "y": single(mm[:, 1]), "z": single(mm[:, 2]),
+            "i": triangle[:, 0], "j": triangle[:, 1], "k": triangle[:, 2], "intensity": single(value[box]),
+            "intensitymode": "cell", "colorscale": "Oranges", "cmin": 0.0, "flatshading": True,
+            "cmax": max(float(value.max()), LEAST_SCALE * float(value.mean())),
+            "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0}, "hoverinfo": "skip",
+            "colorbar": {
+                "title": {"text": "error over its mean", "side": "bottom"}, "orientation": "h", "thickness": 10,
+                "len": 0.7, "y": -0.02, "yanchor": "bottom",
+            },
+        },
+        {
+            "type": "scatter3d", "mode": "lines", "name": "clamps", "hoverinfo": "name", "showlegend": False,
+            **dict(zip("xyz", (single(x) for x in rods.T), strict=True)), "line": {"color": FITTED, "width": 6},
+        },
+        {
+            "type": "scatter3d", "mode": "markers", "name": "point", "showlegend": False,
+            **dict(zip("xyz", (single(x) for x in points.T), strict=True)),
+            "text": [str(n) for n in geometry.node[seen]],
+            "marker": {"size": 3, "color": MEASURED}, "hovertemplate": "point %{text}<extra></extra>",
+        },
+    ]  # fmt: skip
+    axes = {f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": 4, "showspikes": False} for a in "xyz"}
+    view = {"eye": {"x": -1.45, "y": -3.2, "z": 1.55}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
+    scene = {**axes, "aspectmode": "data", "camera": view, "dragmode": "turntable"}
+    return chart(traces, {"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}})
+
+
+def _surface(
+    x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the outside of a block of boxes: corners (n, 3), triangles (m, 3), and the box of each triangle (m,)."""
+    edges = (x, y, z)
+    shape = tuple(e.size - 1 for e in edges)
+    box = np.arange(np.prod(shape)).reshape(shape)
+    corners: list[NDArray[np.float64]] = []
+    boxes: list[NDArray[np.int64]] = []
+    for a in range(3):
+        b, c = (k for k in range(3) if k != a)
+        for side in (0, -1):
+            own = np.take(box, side, axis=a)
+            for j, k in np.ndindex(own.shape):
+                quad = np.empty((4, 3))
+                quad[:, a] = edges[a][side]
+                quad[:, b] = edges[b][[j, j + 1, j + 1, j]]
+                quad[:, c] = edges[c][[k, k, k + 1, k + 1]]
+                corners.append(quad)
+                boxes.append(np.full(2, own[j, k]))
+    first = 4 * np.arange(len(corners))[:, None]
+    triangle = np.stack([first + np.array(own) for own in ((0, 1, 2), (0, 2, 3))], axis=1).reshape(-1, 3)
+    return np.concatenate(corners), triangle, np.concatenate(boxes)
 
 
 def kind_table(found: ErrorMap) -> Table:

@@ -14,15 +14,15 @@ from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import correlate_points
 from updating.fitting.fit import Estimate
 from updating.fitting.fit_plot import objective_figure
+from updating.report.chart_part import axis, chart, single
 from updating.report.part import Picture, Section, Table, as_csv, png
 from updating.report.results import Tested
-from updating.results.text import parameter_text
+from updating.results.text import Z95, parameter_text, uncertain
 
 if TYPE_CHECKING:
     from updating.fitting.fit import Fit
 
 _SHADES = 128  # of the scale of MAC
-_T = 1.96  # half a 95 % interval over the standard deviation
 
 
 def modes_section(tested: Tested) -> Section:
@@ -40,9 +40,9 @@ def identified_table(tested: Tested) -> Table:
     columns = zip(m.frequency, m.frequency_std, 100 * m.damping, 100 * m.damping_std, strict=True)
     return Table(
         title="Identified modes",
-        header=("mode", "frequency [Hz]", "± [Hz]", "damping [%]", "± [%]"),
+        header=("mode", "frequency [Hz]", "damping [%]"),
         rows=tuple(
-            (str(r), f"{f:.3f}", f"{_T * fs:.2g}", f"{x:.4g}", f"{_T * xs:.2g}")
+            (str(r), uncertain(f, Z95 * fs), uncertain(x, Z95 * xs))
             for r, (f, fs, x, xs) in enumerate(columns, start=1)
         ),
         note="± is half the 95 % interval that the noise of the measurement leaves.",
@@ -56,30 +56,27 @@ def pair_table(tested: Tested, fit: Fit) -> Table:
     used = fit.pairing.measured
     left_over = [f"{f:.1f} Hz" for f in measured.frequency[fit.pairing.unpaired_measured]]
     note = (
-        "Error is (model - measured) / measured. ± is half the 95 % interval that the noise of the measurement leaves; "
-        "a right model's errors would stay within it."
+        "Error is (model - measured) / measured. ± is half the 95 % interval that the noise of the measurement "
+        "leaves."
     )
     if left_over:
         note += (
             f" Measured modes without a partner above MAC {fit.pairing.threshold:g}: {', '.join(left_over)}."
         )
     columns = zip(
-        used, c.measured_frequency, _T * measured.frequency_std[used], c.model_frequency, 100 * c.frequency_error,
-        100 * _T * c.frequency_error_std, 100 * c.measured_damping, 100 * _T * measured.damping_std[used],
-        100 * c.model_damping, c.mac, strict=True,
+        used, c.measured_frequency, Z95 * measured.frequency_std[used], c.model_frequency, 100 * c.frequency_error,
+        100 * c.measured_damping, 100 * Z95 * measured.damping_std[used], 100 * c.model_damping, c.mac, strict=True,
     )  # fmt: skip
     return Table(
         title="Modes, measured and modelled",
         header=(
-            "mode", "f measured [Hz]", "± [Hz]", "f model [Hz]", "error [%]", "± [%]", "damping measured [%]", "± [%]",
-            "damping model [%]", "MAC",
+            "mode", "f measured [Hz]", "f model [Hz]", "error [%]", "damping measured [%]", "damping model [%]", "MAC",
         ),
         rows=tuple(
             (
-                str(m + 1), f"{f:.3f}", f"{fs:.2g}", f"{g:.3f}", f"{e:+.3f}", f"{es:.2g}", f"{x:.4g}", f"{xs:.2g}",
-                f"{y:.4g}", f"{a:.4f}",
+                str(m + 1), uncertain(f, fs), f"{g:.2f}", f"{e:+.2f}", uncertain(x, xs), f"{y:.3g}", f"{a:.3f}",
             )
-            for m, f, fs, g, e, es, x, xs, y, a in columns
+            for m, f, fs, g, e, x, xs, y, a in columns
         ),
         note=note,
     )  # fmt: skip
@@ -139,7 +136,32 @@ def mac_picture(tested: Tested, fit: Fit) -> Picture:
         alt="MAC matrix",
         caption="MAC of measured with modelled modes: 1 where two shapes are alike, 0 where they share nothing.",
         width="half",
+        chart=mac_chart(value, rows, columns, "model", "measured"),
     )
+
+
+def mac_chart(
+    value: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    across: str,
+    down: str,
+) -> str:
+    """Return a MAC matrix as a chart; `across` and `down` say whose frequencies its columns and rows are."""
+    x, y = ([f"{k}: {f:.1f}" for k, f in enumerate(own, start=1)] for own in (columns, rows))
+    trace = {
+        "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": "Blues",
+        "xgap": 1, "ygap": 1, "texttemplate": "%{z:.2f}", "colorbar": {"title": {"text": "MAC"}, "thickness": 12},
+        "hovertemplate": f"{across} mode %{{x}} Hz, {down} mode %{{y}} Hz: MAC %{{z:.4f}}<extra></extra>",
+    }  # fmt: skip
+    kind = {"type": "category", "showgrid": False}
+    layout = {
+        "height": 430,
+        "xaxis": axis(f"{across} mode, frequency [Hz]", **kind),
+        "yaxis": axis(f"{down} mode, frequency [Hz]", autorange="reversed", **kind),
+        "margin": {"r": 8, "t": 12},
+    }
+    return chart([trace], layout)
 
 
 def auto_mac_picture(tested: Tested) -> Picture:
@@ -154,6 +176,7 @@ def auto_mac_picture(tested: Tested) -> Picture:
         alt="MAC matrix of the measured modes",
         caption="MAC of the measured modes with each other: off the diagonal it should be small.",
         width="half",
+        chart=mac_chart(value, frequency, frequency, "measured", "measured"),
     )
 
 

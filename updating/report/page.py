@@ -12,12 +12,14 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from updating.report.answer import answer_section, overview_section
+from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_section
 from updating.report.ledger_part import ledger_section
-from updating.report.location_part import location_section
+from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section
+from updating.report.opening import opening_section
 from updating.report.parameter_part import parameter_section
-from updating.report.part import Section
+from updating.report.part import Section, packed
 from updating.report.provenance import provenance_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.shape_part import shape_section
@@ -25,7 +27,7 @@ from updating.report.signature_part import signature_section
 from updating.report.table_part import row_section, table_overview
 from updating.results.store import folder_name, write_bytes
 
-MOST_TOGETHER = 36
+MOST_TOGETHER = 8
 """Configurations that share one page; it then stays below 15 MB. More have a page each, beside their results."""
 
 
@@ -46,7 +48,7 @@ def write_report(folder: Path, executor: Executor | None = None) -> Path:
     """
     results = read_results(folder)
     apart = len(results.tested) > MOST_TOGETHER
-    make = partial(_configuration, folder, results.name, apart)
+    make = partial(_configuration, folder, results.name, apart, kind_of_answer(results.diagnosis))
     made = (map if executor is None else executor.map)(make, results.tested)
     parts = sections(results, [part for part in made if part is not None])
     _write_figures(folder, parts)
@@ -55,9 +57,9 @@ def write_report(folder: Path, executor: Executor | None = None) -> Path:
     return page
 
 
-def _configuration(folder: Path, name: str, apart: bool, tested: Tested) -> Section | None:
+def _configuration(folder: Path, name: str, apart: bool, kind: str | None, tested: Tested) -> Section | None:
     """Make the section of a configuration, or, where they are apart, the page with it."""
-    part = configuration_section(tested)
+    part = configuration_section(tested, kind)
     if not apart:
         return part
     _write_figures(folder, (part,))
@@ -82,8 +84,8 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
         list of them then leads.
     """
     if own is None:
-        own = [configuration_section(tested) for tested in results.tested]
-    parts = [answer_section(results)]
+        own = [configuration_section(tested, kind_of_answer(results.diagnosis)) for tested in results.tested]
+    parts = [opening_section(results, own), answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
     if results.table:
@@ -107,11 +109,11 @@ def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:
         write_bytes(path.with_name(f"{path.name}.csv"), picture.data.encode())
 
 
-def configuration_section(tested: Tested) -> Section:
-    """Show everything about one configuration."""
+def configuration_section(tested: Tested, kind: str | None) -> Section:
+    """Show everything about one configuration, and where the model fails in one kind of stiffness."""
     parts = [modes_section(tested), mac_section(tested), frf_section(tested), shape_section(tested)]
     if tested.fit is not None and tested.fit.pairing.measured.size:
-        parts.append(location_section(tested, tested.fit))
+        parts.append(location_section(tested, tested.fit, kind))
     stated = [
         f"{value:g} {unit}"
         for value, unit in (
@@ -139,7 +141,8 @@ def render(title: str, parts: tuple[Section, ...], *, up: str = "") -> str:
         title=title,
         version=version("lamella"),
         style=text("style.css"),
-        scripts=(text("tables.js"), text("shapes.js")),
+        scripts=(text("tables.js"), text("shapes.js"), text("charts.js")),
+        renderer=packed(renderer()) if any(p.chart for part in parts for p in part.pictures) else "",
         sections=parts,
         up=up,
     )

@@ -13,11 +13,11 @@ from updating.fitting.fit import Estimate
 from updating.report.ledger_part import model_name
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results, Tested
+from updating.results.text import Z95, ends
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_T = 1.96  # half a 95 % interval over the standard deviation
 _AXES = {"G_f": ("$G_f$ [Pa/Pa]", 1.0), "d_f": ("$d_f$ [10$^{-12}$ s/Pa]", 1e12)}
 
 
@@ -31,7 +31,7 @@ def parameter_section(results: Results) -> Section:
 def interval_table(results: Results) -> Table:
     """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
     rows = [
-        _row(t.name, e, (e.value - _T * e.std, e.value + _T * e.std), "at its bound" if e.at_bound else "")
+        _row(t.name, e, (e.value - Z95 * e.std, e.value + Z95 * e.std), "at its bound" if e.at_bound else "")
         for t in results.tested
         for e in _estimates(t)
     ]
@@ -57,9 +57,10 @@ def interval_table(results: Results) -> Table:
 def _row(
     fitted_to: str, estimate: Estimate | ParameterEstimate, interval: tuple[float, float], remark: str
 ) -> tuple[str, ...]:
-    ends = ("" if estimate.at_bound else f"{end:.5g}" for end in interval)
     unit = "" if estimate.unit == "1" else estimate.unit
-    return fitted_to, estimate.name, unit, f"{estimate.value:.5g}", *ends, remark
+    if estimate.at_bound:
+        return fitted_to, estimate.name, unit, f"{estimate.value:.4g}", "", "", remark
+    return fitted_to, estimate.name, unit, *ends(estimate.value, *interval), remark
 
 
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:
@@ -91,11 +92,11 @@ def parameter_figure(fitted: Sequence[Tested]) -> Figure:
         own = [_estimates(t)[k] for t in fitted]
         name, factor = _AXES[own[0].name]
         axes.errorbar(
-            at, [factor * e.value for e in own], [_T * factor * e.std for e in own], fmt="o", color="#1f5f8b",
+            at, [factor * e.value for e in own], [Z95 * factor * e.std for e in own], fmt="o", color="#1f5f8b",
             markersize=5, capsize=4,
         )  # fmt: skip
         axes.set(xlabel=label, ylabel=name)
-        top = max(factor * (e.value + _T * e.std) for e in own)
+        top = max(factor * (e.value + Z95 * e.std) for e in own)
         axes.set_ylim(0.0, 1.15 * top if top > 0.0 else 1.0)
         axes.margins(x=0.15)
         axes.spines[["top", "right"]].set_visible(False)
@@ -126,6 +127,6 @@ def _law(fitted: Sequence[Tested]) -> tuple[str, ...]:
     slope = float(x @ stiffness / (x @ x))
     std = float(np.sqrt(np.sum((x * [e.std / e.value for e, _ in known]) ** 2)) / (x @ x))
     return (
-        f"Contact stiffness G_f p grows with pressure p as p to the power {slope:.3f} ± {_T * std:.2g} (95 %); the "
+        f"Contact stiffness G_f p grows with pressure p as p to the power {slope:.3f} ± {Z95 * std:.2g} (95 %); the "
         "base model takes it as proportional, a power of 1.",
     )

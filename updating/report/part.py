@@ -1,9 +1,10 @@
-"""What a report is put together from: tables, figures with their data, turnable shapes, and sections of these."""
+"""What a report is put together from: tables, figures with their data, charts, turnable shapes, and sections."""
 
 from __future__ import annotations
 
 import base64
 import csv
+import gzip
 import io
 import re
 from collections.abc import Iterable, Sequence
@@ -84,6 +85,11 @@ class Picture:
         Text in place of the picture, and below it.
     width : {"half", "full"}
         Of the page.
+    chart : str
+        The same for the screen, to be zoomed and read off: what `charts.js` draws, as JSON (see `chart_part`); the
+        picture then serves print and pages whose scripts do not run. May be empty.
+    choices : tuple of str
+        Names of what the chart shows one of at a time.
     """
 
     name: str
@@ -93,7 +99,14 @@ class Picture:
     alt: str
     caption: str
     width: Literal["half", "full"] = "full"
+    chart: str = ""
+    choices: tuple[str, ...] = ()
     kind: Literal["picture"] = "picture"
+
+    @property
+    def packed(self) -> str:
+        """The chart as the page holds it."""
+        return packed(self.chart)
 
     @property
     def uri(self) -> str:
@@ -129,6 +142,32 @@ class Gallery:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Opening:
+    """What a reader sees first.
+
+    Attributes
+    ----------
+    badge : str
+        The verdict in a word or two.
+    tone : {"good", "found", "open"}
+        All is well, something was found, or a question is left.
+    sentence : str
+        The answer.
+    command : str
+        What to run next; may be empty.
+    reason : str
+        What that command does.
+    """
+
+    badge: str
+    tone: Literal["good", "found", "open"]
+    sentence: str
+    command: str = ""
+    reason: str = ""
+    kind: Literal["opening"] = "opening"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Section:
     """A part of a report.
 
@@ -138,19 +177,16 @@ class Section:
         Its heading.
     text : tuple of str
         Paragraphs below it.
-    blocks : tuple of Table, Picture or Gallery
+    blocks : tuple of Table, Picture, Gallery or Opening
         What follows, in order.
     parts : tuple of Section
         Sections within it.
-    lead : bool
-        Whether the first paragraph is set large.
     """
 
     title: str
     text: tuple[str, ...] = ()
-    blocks: tuple[Table | Picture | Gallery, ...] = ()
+    blocks: tuple[Table | Picture | Gallery | Opening, ...] = ()
     parts: tuple[Section, ...] = ()
-    lead: bool = False
 
     @property
     def anchor(self) -> str:
@@ -173,6 +209,11 @@ def _column_class(cells: Iterable[str]) -> str:
 def anchor(title: str) -> str:
     """Return a heading as the name of a link within the page."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+
+def packed(text: str) -> str:
+    """Return a text compressed (gzip) as base64, the same every time; `charts.js` unpacks it."""
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 def svg(figure: Figure) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ema.campaign.campaign import Campaign, Configuration
 from ema.types.frf import FRF
@@ -16,6 +16,9 @@ from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
 from updating.results.quality import Quality
 from updating.results.store import folder_name, read_document, read_frf, read_result
+from updating.results.updated import Updated
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,6 +76,12 @@ class Results:
         What each effect does to the error; empty where no effect was fitted.
     diagnosis : Diagnosis or None
         Which effect is missing, where that was asked.
+    updated : Updated or None
+        What an updating file made of all configurations together.
+    folder : Path
+        Where all this is.
+    campaign : Path or None
+        The campaign file, as it was named; None for a table of modes.
     origin : mapping of str to dict
         Provenance of every result file, by its path within the folder.
     """
@@ -84,6 +93,9 @@ class Results:
     missing: tuple[str, ...]
     ledger: tuple[Entry, ...]
     diagnosis: Diagnosis | None
+    updated: Updated | None
+    folder: Path
+    campaign: Path | None
     origin: dict[str, dict[str, Any]]
 
 
@@ -123,7 +135,10 @@ def _read_campaign(folder: Path) -> Results:
         shape_class=(),
         missing=tuple(name for name in own if name not in {c.name for c in done}),
         ledger=_read_ledger(folder),
-        diagnosis=_read_diagnosis(folder),
+        diagnosis=_read_if_there(folder / "diagnosis.json", Diagnosis),
+        updated=_read_if_there(folder / "update.json", Updated),
+        folder=folder,
+        campaign=campaign.path,
         origin=_origin(folder, [own[c.name] for c in done], ("modal_model.json", "fit.json")),
     )
 
@@ -136,7 +151,7 @@ def _read_tested(folder: Path, configuration: Configuration) -> Tested:
         folder=folder,
         measured=read_result(folder / "modal_model.json", ModalModel),
         quality=read_result(folder / "quality.json", Quality),
-        fit=read_result(folder / "fit.json", Fit) if (folder / "fit.json").exists() else None,
+        fit=_read_if_there(folder / "fit.json", Fit),
     )
 
 
@@ -151,22 +166,24 @@ def _read_table(folder: Path) -> Results:
         shape_class=table.shape_class,
         missing=tuple(name for name in own if name not in done),
         ledger=_read_ledger(folder),
-        diagnosis=_read_diagnosis(folder),
+        diagnosis=_read_if_there(folder / "diagnosis.json", Diagnosis),
+        updated=_read_if_there(folder / "update.json", Updated),
+        folder=folder,
+        campaign=None,
         origin=_origin(folder, list(done.values()), ("fit.json",)),
     )
 
 
 def _read_ledger(folder: Path) -> tuple[Entry, ...]:
-    path = folder / "ledger.json"
-    return read_result(path, Ledger).entry if path.exists() else ()
+    found = _read_if_there(folder / "ledger.json", Ledger)
+    return () if found is None else found.entry
 
 
-def _read_diagnosis(folder: Path) -> Diagnosis | None:
-    path = folder / "diagnosis.json"
-    return read_result(path, Diagnosis) if path.exists() else None
+def _read_if_there(path: Path, kind: type[T]) -> T | None:
+    return read_result(path, kind) if path.exists() else None
 
 
 def _origin(folder: Path, done: list[Path], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     files = [path / name for path in done for name in names]
-    files += [folder / "ledger.json", folder / "diagnosis.json"]
+    files += [folder / name for name in ("ledger.json", "diagnosis.json", "update.json")]
     return {f.relative_to(folder).as_posix(): read_document(f)["provenance"] for f in files if f.exists()}

@@ -1,7 +1,13 @@
 // Mode shapes drawn on 2-D canvases: one renderer for all; only those on the screen are drawn.
 (() => {
   "use strict";
-  const COLOUR = { rest: "#dde1e7", measured: "#9aa0a8", model: "#1f5f8b", text: "#5b6576" };
+  const COLOUR = {};
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  function readColours() {
+    const style = getComputedStyle(document.documentElement);
+    for (const name of ["rest", "measured", "model", "soft"]) COLOUR[name] = style.getPropertyValue(`--${name}`).trim();
+  }
+  readColours();
   const PERIOD = 1800; // ms
 
   function start(root) {
@@ -35,6 +41,7 @@
     });
     for (const canvas of canvases) { seen.observe(canvas); turnable(canvas, state, data.view, wake); }
     addEventListener("resize", drawAll);
+    dark.addEventListener("change", () => { readColours(); drawAll(); });
 
     const play = root.querySelector("[data-do=play]");
     const label = () => { play.textContent = state.playing ? "Pause" : "Play"; };
@@ -134,7 +141,7 @@
   }
 
   function axes(c, state, left, low) {
-    c.strokeStyle = c.fillStyle = COLOUR.text;
+    c.strokeStyle = c.fillStyle = COLOUR.soft;
     c.lineWidth = 1;
     c.font = "10px sans-serif";
     for (const [k, name] of ["x", "y", "z"].entries()) {

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.report.part import Picture, Section, Table, as_csv, svg
-from updating.results.text import Z95
+from updating.results.text import Z95, uncertain
 
 _TOGETHER = 24
 """Modes of one figure whose names can still be read."""
@@ -72,7 +72,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
         (
             e.configuration,
             str(e.mode),
-            f"{e.frequency:.3f} ± {Z95 * e.std:.2g}",
+            uncertain(e.frequency, Z95 * e.std),
             f"{-100.0 * e.base:+.3f}",
             f"{-100.0 * e.explained:+.3f}" if left else "",
             *(f"{100.0 * change[k]:+.3f}" for change in signatures.values()),

@@ -24,13 +24,27 @@ def parameter_text(estimate: Estimate) -> str:
 
 def estimate_text(estimate: Estimate) -> str:
     """Write value ± half of the 95 % interval with as many digits as the latter supports, such as ``1480 ± 24``."""
-    if not 0.0 < estimate.std < np.inf:
-        return f"{estimate.value:.4g}"
-    half = Z95 * estimate.std
-    exponent = 0 if abs(estimate.value) >= 1e-3 else int(np.floor(np.log10(max(abs(estimate.value), half))))
+    return uncertain(estimate.value, Z95 * estimate.std)
+
+
+def uncertain(value: float, half: float) -> str:
+    """Write value ± half an interval with two digits of the latter; four digits of a value without one."""
+    if not 0.0 < half < np.inf:
+        return f"{value:.4g}"
+    exponent = 0 if abs(value) >= 1e-3 else int(np.floor(np.log10(max(abs(value), half))))
     digits = min(12, max(0, 1 - int(np.floor(np.log10(half))) + exponent))
-    value, half_text = (f"{x / 10.0**exponent:.{digits}f}" for x in (estimate.value, half))
-    return f"{value} ± {half_text}" if exponent == 0 else f"({value} ± {half_text})e{exponent}"
+    shown, half_text = (f"{x / 10.0**exponent:.{digits}f}" for x in (value, half))
+    return f"{shown} ± {half_text}" if exponent == 0 else f"({shown} ± {half_text})e{exponent}"
+
+
+def ends(value: float, lower: float, upper: float) -> tuple[str, str, str]:
+    """Write a value and the ends of its interval, all to the place of two digits of its smaller half."""
+    half = min(
+        (side for side in (value - lower, upper - value) if 0.0 < side < np.inf), default=abs(value) or 1.0
+    )
+    place = int(np.floor(np.log10(half))) - 1
+    first, second, third = (f"{round(float(x), -place):.12g}" for x in (value, lower, upper))
+    return first, second, third
 
 
 def interval_text(p: ParameterEstimate) -> str:

@@ -1,0 +1,281 @@
+"""How the error changes: step by step as effects are added, and mode by mode from the first model to the last."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model import printed_effects
+from updating.report.chart_part import FITTED, MEASURED, axis, chart, legend_above
+from updating.report.part import Picture, as_csv, svg
+from updating.report.results import Results
+from updating.results.text import percent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDE = 16  # characters of a line below a bar
+_MOST_MODES = 60  # whose names can be read below a picture
+_ERRORS = {"error": ("modes that were fitted", FITTED), "left_out": ("modes that were left out", MEASURED)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """A model on the way from the base model to the last.
+
+    Attributes
+    ----------
+    name : str
+        What was added to the one before, in words.
+    error, left_out : float
+        Its mean frequency error, eq. (2), of modes that were fitted, and of modes each predicted from all others.
+    """
+
+    name: str
+    error: float
+    left_out: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeChange:
+    """Relative frequency error of a mode with the first and with the last model; NaN where there is no last one."""
+
+    configuration: str
+    mode: int
+    frequency: float
+    before: float
+    after: float
+
+
+def steps(results: Results) -> tuple[Step, ...]:
+    """Return the way of the error, one effect at a time; none where no effect was added."""
+    if results.diagnosis is not None and len(results.diagnosis.steps) > 1:
+        labels, way = results.diagnosis.labels, results.diagnosis.steps
+        added = [
+            [labels.get(e, e) for e in after.effects if e not in before.effects]
+            for before, after in itertools.pairwise(way)
+        ]
+        errors = [(own.frequency_error, own.left_out_error) for own in way]
+    elif len(results.ledger) > 1:
+        first, last = results.ledger[0], results.ledger[-1]
+        added = [[name.partition(" (")[0] for name in printed_effects(last.effects)]]
+        errors = [(own.error, own.mode_error) for own in (first, last)]
+    else:
+        return ()
+    names = ["base model", *(" and ".join(own) for own in added)]
+    return tuple(
+        Step(name=name, error=error, left_out=left_out)
+        for name, (error, left_out) in zip(names, errors, strict=True)
+    )
+
+
+def mode_changes(results: Results) -> tuple[ModeChange, ...]:
+    """Return the errors of all modes before and after; of a fit without effects, what it leaves."""
+    if results.diagnosis is not None:
+        return tuple(
+            ModeChange(
+                configuration=e.configuration,
+                mode=e.mode,
+                frequency=e.frequency,
+                before=e.base,
+                after=e.explained,
+            )
+            for e in results.diagnosis.errors
+        )
+    return tuple(_updated(results) if results.updated is not None else _fitted(results))
+
+
+def _updated(results: Results) -> Iterator[ModeChange]:
+    for own in () if results.updated is None else results.updated.fit.configuration:
+        for r in np.flatnonzero(own.used):
+            f = own.measured_frequency[r]
+            yield ModeChange(
+                configuration=own.name,
+                mode=int(r) + 1,
+                frequency=float(f),
+                before=float(own.frequency_before[r] / f - 1.0),
+                after=float(own.frequency[r] / f - 1.0),
+            )
+
+
+def _fitted(results: Results) -> Iterator[ModeChange]:
+    for tested in results.tested:
+        if tested.fit is None:
+            continue
+        pairing = tested.fit.pairing
+        for r, s in zip(pairing.measured, pairing.model, strict=True):
+            f = float(tested.measured.frequency[r])
+            yield ModeChange(
+                configuration=tested.name,
+                mode=int(r) + 1,
+                frequency=f,
+                before=float(tested.fit.modes.frequency[s]) / f - 1.0,
+                after=np.nan,
+            )
+
+
+def step_picture(way: Sequence[Step]) -> Picture:
+    """Draw how the error falls from step to step."""
+    return Picture(
+        name="error_steps",
+        content=svg(step_figure(way)),
+        form="svg",
+        data=as_csv(
+            ("step", "frequency error of modes fitted [1]", "of modes left out [1]"),
+            ((own.name, own.error, own.left_out) for own in way),
+        ),
+        alt="The mean frequency error before and after each step: "
+        + "; ".join(f"{own.name} {percent(own.error)}, left out {percent(own.left_out)}" for own in way),
+        caption="Mean frequency error, eq. (2), before and after each effect. Left out: each mode predicted by a fit "
+        "to all others, which an effect that only bends to the data does not lower.",
+        width="half",
+        chart=step_chart(way),
+    )
+
+
+def step_chart(way: Sequence[Step]) -> str:
+    """Return the steps as a waterfall to be zoomed."""
+    names = _bar_names(way)
+    traces = []
+    for key, (label, color) in _ERRORS.items():
+        value = [getattr(own, key) for own in way]
+        fall = [100.0 * (after - before) for before, after in itertools.pairwise(value)]
+        marker = {"color": color}
+        traces.append(
+            {
+                "type": "waterfall", "name": label, "offsetgroup": key, "x": names,
+                "measure": ["absolute", *("relative" for _ in fall), "total"],
+                "y": [100.0 * value[0], *fall, 0.0],
+                "text": [percent(value[0]), *(f"{f:+.2g} %" for f in fall), percent(value[-1])],
+                "textposition": ["outside", *("inside" for _ in fall), "outside"], "insidetextanchor": "middle",
+                "insidetextfont": {"color": "white"}, "cliponaxis": False, "hoverinfo": "name+text",
+                "increasing": {"marker": marker}, "decreasing": {"marker": {**marker, "line": {"width": 0}}},
+                "totals": {"marker": marker}, "connector": {"line": {"width": 1, "color": color, "dash": "dot"}},
+            }
+        )  # fmt: skip
+    return chart(
+        traces,
+        {
+            "yaxis": axis("mean frequency error [%]", rangemode="tozero"),
+            "xaxis": {"automargin": True, "tickangle": 0},
+            "legend": legend_above(),
+            "waterfallgap": 0.25,
+            "margin": {"r": 8, "t": 40},
+        },
+    )
+
+
+def step_figure(way: Sequence[Step]) -> Figure:
+    """Draw the error before and after each step as a waterfall, of modes fitted and of modes left out."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    axes = figure.subplots()
+    at = np.arange(len(way) + 1)
+    for shift, (key, (label, color)) in zip((-0.2, 0.2), _ERRORS.items(), strict=True):
+        value = 100.0 * np.array([getattr(own, key) for own in way])
+        low = np.array([0.0, *np.minimum(value[1:], value[:-1]), 0.0])
+        high = np.array([value[0], *np.maximum(value[1:], value[:-1]), value[-1]])
+        axes.bar(at + shift, high - low, 0.38, bottom=low, color=color, label=label)
+        texts = [
+            percent(value[0] / 100.0),
+            *(f"{f:+.2g} %" for f in np.diff(value)),
+            percent(value[-1] / 100.0),
+        ]
+        for x, y, text in zip(at + shift, high, texts, strict=True):
+            axes.annotate(
+                text, (x, y), (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8
+            )
+    axes.set_xticks(at, [name.replace("<br>", "\n") for name in _bar_names(way)], fontsize=8)
+    axes.set_ylabel("mean frequency error [%]")
+    axes.margins(y=0.12)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
+def mode_picture(modes: Sequence[ModeChange]) -> Picture:
+    """Draw the frequency error of every mode, before and after."""
+    after = any(np.isfinite(own.after) for own in modes)
+    return Picture(
+        name="error_modes",
+        content=svg(mode_figure(modes)),
+        form="svg",
+        data=as_csv(
+            ("configuration", "mode", "measured frequency [Hz]", "error before [1]", "error after [1]"),
+            ((own.configuration, own.mode, own.frequency, own.before, own.after) for own in modes),
+        ),
+        alt=f"Frequency errors of {len(modes)} modes{' before and after' if after else ''}",
+        caption="(model - measured) / measured frequency of every mode, with the base model"
+        + (" and with what was found." if after else "."),
+        chart=mode_chart(modes),
+    )
+
+
+def mode_chart(modes: Sequence[ModeChange]) -> str:
+    """Return the errors of the modes as bars to be zoomed."""
+    own = [_mode_name(m) for m in modes]
+    traces = [
+        {
+            "type": "bar", "name": name, "x": [[m.configuration for m in modes], own],
+            "y": [100.0 * getattr(m, key) for m in modes], "marker": {"color": color},
+            "hovertemplate": "%{x[0]}, %{x[1]}: %{y:+.3f} %<extra>" + name + "</extra>",
+        }
+        for key, name, color in _series(modes)
+    ]  # fmt: skip
+    return chart(
+        traces,
+        {
+            "height": 300,
+            "yaxis": axis("frequency error [%]", zeroline=True),
+            "xaxis": {"automargin": True},
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 40},
+        },
+    )
+
+
+def mode_figure(modes: Sequence[ModeChange]) -> Figure:
+    """Draw the frequency errors of the modes, before and after."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 2.9), layout="constrained")
+    axes = figure.subplots()
+    at = np.arange(len(modes))
+    series = _series(modes)
+    for k, (key, name, color) in enumerate(series):
+        shift = 0.4 * (k - 0.5 * (len(series) - 1))
+        axes.bar(at + shift, [100.0 * getattr(m, key) for m in modes], 0.38, color=color, label=name)
+    axes.axhline(0.0, color="0.3", linewidth=0.8)
+    if len(modes) <= _MOST_MODES:
+        axes.set_xticks(
+            at, [f"{m.configuration}, {_mode_name(m)}" for m in modes], rotation=60, ha="right", fontsize=7
+        )
+    axes.set_ylabel("frequency error [%]")
+    axes.margins(x=0.01)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
+def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
+    after = any(np.isfinite(m.after) for m in modes)
+    return [
+        ("before", "base model", MEASURED),
+        *([("after", "with what was found", FITTED)] if after else []),
+    ]
+
+
+def _mode_name(own: ModeChange) -> str:
+    return f"{own.mode}: {own.frequency:.0f} Hz"
+
+
+def _bar_names(way: Sequence[Step]) -> list[str]:
+    """Return what stands below the bars: the base model, what was added, and what is left."""
+    added = [f"+ {own.name}" for own in way[1:]]
+    return ["<br>".join(textwrap.wrap(name, _WIDE)) for name in (way[0].name, *added, "what is left")]

@@ -1,0 +1,201 @@
+"""The first screen: the verdict, the answer in one sentence, what to run next, and the pictures that show it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+
+import numpy as np
+
+from model import catalogue
+from updating.diagnosis.answer import Diagnosis, Verdict
+from updating.diagnosis.text import next_command
+from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
+from updating.report.part import Opening, Picture, Section
+from updating.report.results import Results
+from updating.results.text import percent
+
+_TONE: dict[Verdict, str] = {
+    "nothing missing": "good",
+    "identified": "found",
+    "one of": "open",
+    "partly explained": "open",
+    "unlike anything": "open",
+}
+_TOLD = 3  # explanations that one sentence can name
+
+
+def opening_section(results: Results, own: Sequence[Section] = ()) -> Section:
+    """Make what a reader sees first.
+
+    Parameters
+    ----------
+    results : Results
+        What to show.
+    own : sequence of Section
+        Those of the configurations, of which one lends its picture of where the model fails.
+    """
+    way, modes = steps(results), mode_changes(results)
+    place = _place(results, own)
+    pictures = [
+        *([step_picture(way)] if way else []),
+        *([place] if place is not None else []),
+        *([mode_picture(modes)] if modes else []),
+    ]
+    return Section(title="Answer", blocks=(opening(results), *pictures))
+
+
+def opening(results: Results) -> Opening:
+    """Say the verdict, the answer, and what to run next."""
+    found = results.diagnosis
+    if found is None:
+        return _of_a_fit(results)
+    tone = _TONE.get(found.verdict, "open")
+    command, reason = _after_diagnosis(results, found)
+    return Opening(
+        badge=found.verdict,
+        tone=tone,  # type: ignore[arg-type]
+        sentence=headline(found),
+        command=command,
+        reason=reason,
+    )
+
+
+def headline(found: Diagnosis) -> str:
+    """Write the answer of a diagnosis as one sentence, with the names that a person uses."""
+    base = found.ranked(())
+    if found.verdict == "nothing missing":
+        return (
+            "The model lacks nothing that these data can show: its frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean."
+        )
+    if found.verdict == "unlike anything":
+        return (
+            "The model lacks something that is unlike anything in the catalogue: its frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean, and no effect makes it predict better."
+        )
+    named = [" together with ".join(found.labels.get(e, e) for e in effects) for effects in found.set]
+    if found.verdict == "one of":
+        told = "; or ".join(named[:_TOLD])
+        more = f"; or one of {len(named) - _TOLD} more" if len(named) > _TOLD else ""
+        return f"One of these is missing, and the data cannot tell which: {told}{more}."
+    own = found.ranked(found.set[0])
+    fall = (
+        f"with it the mean frequency error falls from {percent(base.frequency_error)} to "
+        f"{percent(own.frequency_error)}"
+        if own.frequency_error < base.frequency_error
+        else f"it explains {100.0 * found.explained:.0f} % of the misfit"
+    )
+    if np.isfinite([base.left_out_error, own.left_out_error]).all():
+        fall += f", of modes left out from {percent(base.left_out_error)} to {percent(own.left_out_error)}"
+    if found.verdict == "partly explained":
+        return f"A part of what is missing is {named[0]}: {fall}; the rest is unlike it."
+    if set(own.effects) <= set(found.measurement):
+        return f"Not the model but the measurement is wrong, in {named[0]}: {fall}."
+    return f"What the model lacks is {named[0]}: {fall}."
+
+
+def _after_diagnosis(results: Results, found: Diagnosis) -> tuple[str, str]:
+    """Return the next command, and what it does; nothing where nothing is left to do, or its words are not known."""
+    if results.campaign is None:
+        return "", ""
+    campaign, folder = str(results.campaign), str(results.folder)
+    if found.verdict == "one of" and found.next_tests:
+        words = ["lamella", "next-test", campaign, "-o", folder]
+        return shlex.join(words), "ranks further tests by how well they would tell them apart"
+    effects = found.set[0] if found.set else ()
+    fitted = any(set(entry.effects) == set(effects) for entry in results.ledger)
+    known = set(effects) <= catalogue().keys() | set(found.measurement)
+    command = next_command(found, campaign, folder) if known and not fitted else None
+    if command is None:
+        return shlex.join(["lamella", "view", folder]), "shows the shapes of both in a window or the browser"
+    return command, "adds it to the model, for all torques together"
+
+
+def _of_a_fit(results: Results) -> Opening:
+    """Say how good the fit is, or what was identified."""
+    campaign = "CAMPAIGN" if results.campaign is None else str(results.campaign)
+
+    def command(name: str) -> str:
+        return shlex.join(["lamella", name, campaign, "-o", str(results.folder)])
+
+    (sentence, *_) = fit_sentences(results)
+    if results.updated is not None or results.table:
+        return Opening(badge="fitted", tone="good", sentence=sentence)
+    if any(tested.fit is not None for tested in results.tested):
+        return Opening(
+            badge="fitted",
+            tone="good",
+            sentence=sentence,
+            command=command("diagnose"),
+            reason="says which physical effect the model lacks, if any",
+        )
+    return Opening(
+        badge="identified",
+        tone="good",
+        sentence=sentence,
+        command=command("fit"),
+        reason="fits the model to these modes",
+    )
+
+
+def fit_sentences(results: Results) -> tuple[str, ...]:
+    """Say in words what was identified and how far the fitted model is off."""
+    if results.table:
+        return _table_sentences(results)
+    n = len(results.tested)
+    configurations = f"{n} configuration{'s' if n > 1 else ''}"
+    modes = sum(t.measured.frequency.size for t in results.tested)
+    if results.updated is not None:
+        return _update_sentences(results, configurations)
+    fits = [t.fit for t in results.tested if t.fit is not None]
+    if not fits:
+        return (f"{configurations} identified, {modes} modes in all; no model was fitted yet.",)
+    worst = max(fits, key=lambda fit: fit.error)
+    left_over = sum(fit.pairing.unpaired_measured.size for fit in fits)
+    return (
+        f"{configurations} identified and fitted: the model's natural frequencies differ from the measured ones by "
+        f"{percent(float(np.mean([fit.error for fit in fits])))} in the mean, most in {worst.name} "
+        f"({percent(worst.error)}).",
+        "Every measured mode has its partner in the model."
+        if left_over == 0
+        else f"{left_over} measured mode{'s have' if left_over > 1 else ' has'} no partner in the model.",
+        *(f"First of all: {finding}." for fit in fits for finding in fit.findings),
+        "Which physical effect the model lacks, if any, was not asked; lamella diagnose answers it.",
+    )
+
+
+def _update_sentences(results: Results, configurations: str) -> tuple[str, ...]:
+    """Say what an updating changed."""
+    if results.updated is None:
+        return ()
+    fit = results.updated.fit
+    held_out = fit.error(held_out=True)
+    last = f", and is {percent(held_out)} of the modes held out" if np.isfinite(held_out) else ""
+    return (
+        f"{configurations} fitted together: the mean frequency error goes from {percent(fit.error(before=True))} to "
+        f"{percent(fit.error())}{last}.",
+    )
+
+
+def _table_sentences(results: Results) -> tuple[str, ...]:
+    fits = results.table
+    error, published, misfit = (
+        float(np.mean([getattr(f, name) for f in fits]))
+        for name in ("error", "published_error", "model_misfit")
+    )
+    return (
+        f"{len(fits)} configurations fitted. The model's natural frequencies differ from the measured ones by "
+        f"{percent(error)} in the mean (published: {percent(published)}). Fitted to the published model's frequencies "
+        f"instead, it meets them to {percent(misfit)}.",
+    )
+
+
+def _place(results: Results, own: Sequence[Section]) -> Picture | None:
+    """Return the picture of where the model fails, of the configuration that shows it by the most modes."""
+    maps = {p.name: p for part in own for p in part.pictures if p.name.startswith("error_map_")}
+    fits = [t.fit for t in results.tested if t.fit is not None]
+    for fit in sorted(fits, key=lambda fit: (-fit.pairing.measured.size, -fit.error)):
+        if f"error_map_{fit.name}" in maps:
+            return maps[f"error_map_{fit.name}"]
+    return None
