@@ -12,7 +12,7 @@ FOLDERS = {
     "model": ("stack", "elements", "contact", "solvers", "reduction", "modes", "effects", "plot"),
     "updating": (
         "workers", "correlation", "fitting", "results", "diagnosis", "virtual", "blind", "published", "report",
-        "commands",
+        "workbench", "commands",
     ),
 }  # fmt: skip
 """Folders of each package by the way of the data: each imports only from itself and from those before it."""

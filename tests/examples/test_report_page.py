@@ -156,7 +156,17 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     assert ended, f"the page's scripts did not come to their end; they told {out}"
     assert out["said"] == []
     assert out["requests"] == []
-    for what in ("drawn", "moves", "pauses", "turns", "restsWithoutButton", "returns", "anchors", "chosen", "wide"):
+    for what in (
+        "drawn",
+        "moves",
+        "pauses",
+        "turns",
+        "restsWithoutButton",
+        "returns",
+        "anchors",
+        "chosen",
+        "wide",
+    ):
         assert out[what], what
     assert out["charts"] >= 7  # of each configuration MAC, functions and stabilisation, and the modes of both
     assert out["functions"] == 44
@@ -263,8 +273,8 @@ def test_the_page_is_small_and_says_what_the_results_say(page):
     script = len(packed(renderer()))
     assert script + (len(text) - script) * page_module.MOST_TOGETHER / 2 < 15_000_000
     assert text.count('id="plotly"') == 1
-    order = ["Answer", "In full", "All configurations", "Modes of M1", "MAC and CoMAC of M1", "FRFs of M1", "Mode shapes of M1",
-             "Where the model of M1 fails", "Modes of M2", "Parameters", "Provenance"]  # fmt: skip
+    order = ["Answer", "In full", "All configurations", "Modes of M1", "MAC and CoMAC of M1", "FRFs of M1",
+             "Mode shapes of M1", "Where the model of M1 fails", "Modes of M2", "Parameters", "Provenance"]  # fmt: skip
     headings = re.findall(r"<h[23]>(.*?)</h[23]>", text)
     assert [h for h in headings if h in order] == order
     power = float(re.search(r"as p to the power ([\d.]+)", text)[1])

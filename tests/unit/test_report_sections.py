@@ -190,7 +190,8 @@ def test_a_model_that_is_too_soft_lacks_what_an_effect_that_stiffens_brings():
     ]
     assert table.header[3:] == ("lacking [%]", "left by stiff + other [%]", "stiff [%]", "weak [%]")
     assert table.rows[0] == ("M1", "1", "100.00 ± 0.20", "+2.000", "+0.100", "+1.900", "+0.100")
-    titles = [part.title for part in sections(results(diagnosis=replace(made, verdict="unlike anything", ranking=(BASE,))))]
+    shown = sections(results(diagnosis=replace(made, verdict="unlike anything", ranking=(BASE,))))
+    titles = [part.title for part in shown]
     assert titles == ["Answer", "In full", "Effect signatures", "Provenance"]
 
 

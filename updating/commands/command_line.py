@@ -20,6 +20,7 @@ from updating.commands import (
     model,
     new,
     next_test,
+    open_,
     pick,
     published,
     report,
@@ -44,10 +45,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for _module in (
-    new, ema, pick, model, effects, fit, update, published, diagnose, next_test, report, view, simulate, blind, demo
+    new, ema, pick, model, effects, fit, update, published, diagnose, next_test, report, open_, view, simulate, blind,
+    demo,
 ):  # fmt: skip
     _name = _module.__name__.rpartition(".")[2]
-    app.command(_name.replace("_", "-"), epilog=f"Example: {_module.EXAMPLE}")(getattr(_module, _name))
+    app.command(_name.rstrip("_").replace("_", "-"), epilog=f"Example: {_module.EXAMPLE}")(
+        getattr(_module, _name)
+    )
 
 _INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended (128 and the number of its signal)."""

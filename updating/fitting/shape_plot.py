@@ -73,37 +73,56 @@ def shape_pairs(measured: ModalModel, fit: Fit | None) -> tuple[ShapePair, ...]:
     A point measured in skew directions moves so as to meet them in the least-squares sense. Modes that are paired as
     a subspace are compared after turning the model's shapes within it.
     """
+    partner = _partners(measured, fit)
+    pairs = []
+    for r in range(measured.frequency.size):
+        if fit is None or r not in partner:
+            pairs.append(_shape_pair(measured, r))
+            continue
+        s, other = partner[r]
+        likeness = float(fit.pairing.mac[r, s])
+        pairs.append(_shape_pair(measured, r, float(fit.modes.frequency[s]), likeness, other))
+    return tuple(pairs)
+
+
+def any_pair(measured: ModalModel, fit: Fit, r: int, s: int) -> ShapePair:
+    """Return the measured shape `r` beside the model's shape `s`, whether or not they were paired."""
+    return _shape_pair(
+        measured, r, float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s]), fit.modes.shape[:, s]
+    )
+
+
+def _shape_pair(
+    measured: ModalModel,
+    r: int,
+    frequency: float = np.nan,
+    likeness: float = np.nan,
+    other: NDArray[np.float64] | None = None,
+) -> ShapePair:
+    """Return a measured shape beside another (n_dof,) of a frequency and a MAC with it, or alone."""
     geometry = measured.geometry
     seen = np.isin(geometry.node, measured.node)
     row = {int(n): i for i, n in enumerate(geometry.node[seen])}
     line = np.array(
         [(row[int(a)], row[int(b)]) for a, b in geometry.line if int(a) in row and int(b) in row], dtype=int
     ).reshape(-1, 2)
-    partner = _partners(measured, fit)
-    pairs = []
-    for r in range(measured.frequency.size):
-        shape = measured.shape[:, r]
-        shape = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-        moved = point_displacement(geometry, measured.node, measured.direction, shape)[seen]
-        largest = float(np.max(np.linalg.norm(moved.real, axis=1))) or 1.0
-        model, frequency, mac = np.zeros(moved.shape), np.nan, np.nan
-        if fit is not None and r in partner:
-            s, other = partner[r]
-            scaled = other * float(other @ shape.real) / float(other @ other)
-            model = point_displacement(geometry, measured.node, measured.direction, scaled)[seen].real
-            frequency, mac = float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s])
-        pairs.append(
-            ShapePair(
-                measured_frequency=float(measured.frequency[r]),
-                model_frequency=frequency,
-                mac=mac,
-                coordinate=geometry.coordinate[seen],
-                line=line,
-                measured=moved / largest,
-                model=model / largest,
-            )
-        )
-    return tuple(pairs)
+    shape = measured.shape[:, r]
+    shape = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+    moved = point_displacement(geometry, measured.node, measured.direction, shape)[seen]
+    largest = float(np.max(np.linalg.norm(moved.real, axis=1))) or 1.0
+    model = np.zeros(moved.shape)
+    if other is not None:
+        scaled = other * float(other @ shape.real) / float(other @ other)
+        model = point_displacement(geometry, measured.node, measured.direction, scaled)[seen].real
+    return ShapePair(
+        measured_frequency=float(measured.frequency[r]),
+        model_frequency=frequency,
+        mac=likeness,
+        coordinate=geometry.coordinate[seen],
+        line=line,
+        measured=moved / largest,
+        model=model / largest,
+    )
 
 
 def point_displacement(

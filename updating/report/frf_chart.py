@@ -70,9 +70,17 @@ def frf_chart(
 
 def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
     """Return the axes: magnitude, phase and, where it was stored, coherence."""
-    domains = [(0.36, 1.0), (0.0, 0.3)] if lines.coherence is None else [(0.46, 1.0), (0.2, 0.42), (0.0, 0.15)]
+    domains = (
+        [(0.36, 1.0), (0.0, 0.3)] if lines.coherence is None else [(0.46, 1.0), (0.2, 0.42), (0.0, 0.15)]
+    )
     ends = [float(lines.frequency[0]), float(lines.frequency[-1])]
-    mark = {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "line": {"color": ACCENT, "width": 1, "dash": "dash"}}
+    mark = {
+        "type": "line",
+        "yref": "paper",
+        "y0": 0,
+        "y1": 1,
+        "line": {"color": ACCENT, "width": 1, "dash": "dash"},
+    }
     layout = {
         "height": 460,
         "hovermode": "x unified",

@@ -127,8 +127,8 @@ def configuration_section(tested: Tested, kind: str | None) -> Section:
     )
 
 
-def render(title: str, parts: tuple[Section, ...], *, up: str = "") -> str:
-    """Put sections into one HTML page, with a link to the page above it where there is one."""
+def render(title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool = False) -> str:
+    """Put sections into one HTML page, with a link to the page above it where there is one; a bare one has no head."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -145,4 +145,5 @@ def render(title: str, parts: tuple[Section, ...], *, up: str = "") -> str:
         renderer=packed(renderer()) if any(p.chart for part in parts for p in part.pictures) else "",
         sections=parts,
         up=up,
+        bare=bare,
     )

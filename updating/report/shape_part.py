@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model import Stack
 from updating.fitting.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
 from updating.report.part import Gallery, Picture, Section, as_csv, png
 from updating.report.results import Tested
@@ -24,13 +26,17 @@ def shape_section(tested: Tested) -> Section:
 
 
 def gallery(tested: Tested) -> Gallery:
-    """Put the shapes into the form that the page's renderer draws.
+    """Show all measured shapes of a configuration with their partners."""
+    stack = None if tested.fit is None else tested.fit.stack
+    return gallery_of(tested.name, shape_pairs(tested.measured, tested.fit), stack)
+
+
+def gallery_of(name: str, pairs: Sequence[ShapePair], stack: Stack | None) -> Gallery:
+    """Put shapes into the form that the page's renderer draws.
 
     Its JSON holds points (m), trace lines (rows of points), the box of the stack (m, or null), and for each pair the
     real and the imaginary part of the measured and the model's displacements in thousandths of the largest.
     """
-    pairs = shape_pairs(tested.measured, tested.fit)
-    stack = None if tested.fit is None else tested.fit.stack
     data = {
         "point": np.round(pairs[0].coordinate, 5).tolist(),
         "line": pairs[0].line.tolist(),
@@ -43,7 +49,7 @@ def gallery(tested: Tested) -> Gallery:
         shapes=json.dumps(data, separators=(",", ":")),
         title=tuple(_title(k, pair) for k, pair in enumerate(pairs, start=1)),
         paired=tuple(pair.has_model for pair in pairs),
-        still=tuple(_still(tested.name, k, pair) for k, pair in enumerate(pairs, start=1)),
+        still=tuple(_still(name, k, pair) for k, pair in enumerate(pairs, start=1)),
         note="Drag a shape to turn it, or use the arrow keys. "
         + (
             "Pale: at rest. "

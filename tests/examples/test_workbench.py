@@ -1,0 +1,186 @@
+"""The workbench as a person uses it: a browser clicks through every room of what a small campaign left."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from statistics import median
+
+import numpy as np
+import pytest
+
+from ema import read_poles
+from updating.commands.update_file import read_update_file
+from updating.report.pdf import NAMES
+
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
+sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright, which is in the extra dev")
+pytest.importorskip("trame_plotly", reason="no trame, which is in the extra workbench")
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium, Chrome or Edge on PATH")
+CODE = "from updating.commands.command_line import main; main()"
+PATIENCE = 120_000  # ms; a second is enough, but the machine may have other work
+
+
+@pytest.fixture(scope="module")
+def folder(small, tmp_path_factory):
+    """Results of the first two configurations of the small campaign, which tests may change."""
+    campaign, results = small
+    own = tmp_path_factory.mktemp("workbench")
+    shutil.copytree(results, own / "out")
+    return campaign, own / "out"
+
+
+@pytest.fixture(scope="module")
+def address(folder):
+    """Address of a workbench that runs as its own process, as a user starts it."""
+    command = [sys.executable, "-u", "-c", CODE, "open", str(folder[1]), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        said = []
+        for line in process.stdout:
+            said.append(line)
+            found = re.search(r"Workbench: (http://\S+)", line)
+            if found:
+                break
+        else:
+            pytest.fail("".join(said))
+        yield found[1]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) in (0, 130)
+
+
+@pytest.fixture(scope="module")
+def page(address):
+    """The workbench in a browser, with what its console said and whom it asked."""
+    with sync_api.sync_playwright() as play:
+        browser = play.chromium.launch(
+            executable_path=BROWSER, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        shown = browser.new_page(viewport={"width": 1400, "height": 1000})
+        shown.set_default_timeout(PATIENCE)
+        shown.said, shown.asked = [], []
+        shown.on("console", lambda m: shown.said.append(m.text) if m.type == "error" else None)
+        shown.on("pageerror", lambda error: shown.said.append(str(error)))
+        shown.on("request", lambda request: shown.asked.append(request.url))
+        shown.goto(address)
+        shown.wait_for_selector("#points .js-plotly-plot")
+        yield shown
+        browser.close()
+
+
+def enter(page, room):
+    page.get_by_role("tab", name=room).click()
+
+
+def status(url, **headers):
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30) as answer:
+            return answer.status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def test_whoever_has_no_token_is_refused(address):
+    root = address.partition("/index.html")[0]
+    assert re.match(r"http://127\.0\.0\.1:\d+$", root)
+    assert status(address) == 200
+    for url in (f"{root}/", f"{root}/index.html", f"{root}/index.html?secret=wrong", f"{root}/ws"):
+        assert status(url) == 403, url
+    assert status(address, Host="elsewhere.example") == 403
+    port = root.rpartition(":")[2]
+    token = address.rpartition("=")[2]
+    assert status(f"{root}/index.html", Cookie=f"lamella_{port}={token}") == 200
+    assert status(f"{root}/index.html", Cookie=f"lamella_{port}={token}x") == 403
+
+
+def test_a_click_on_a_point_shows_its_functions_and_findings(page):
+    names = "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.name).join()"
+    page.wait_for_function(f"{names}.includes('1+z over')")
+    click = """document.querySelector('#points .js-plotly-plot').emit('plotly_click',
+      { points: [{ pointNumber: 4, curveNumber: document.querySelector('#points .js-plotly-plot').data.length - 1 }] })"""
+    page.evaluate(click)
+    page.wait_for_function(f"{names}.includes('5+z over')")
+    assert page.locator("#others li").count() + page.locator("#about li").count() > 0
+
+
+def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page, folder):
+    enter(page, "Identification")
+    chips = page.locator("#poles .v-chip")
+    page.wait_for_function("document.querySelectorAll('#poles .v-chip').length > 0")
+    at_first, names = chips.count(), chips.all_text_contents()
+    chips.first.locator(".v-chip__close").click()
+    page.wait_for_function(f"document.querySelectorAll('#poles .v-chip').length === {at_first - 1}")
+    hertz = float(names[0].split()[0])
+    page.evaluate(
+        f"""document.querySelector('#stabilization .js-plotly-plot').emit('plotly_click',
+          {{ points: [{{ x: {hertz}, customdata: 0.5 }}] }})"""
+    )
+    page.wait_for_function(f"document.querySelectorAll('#poles .v-chip').length === {at_first}")
+    page.locator("#write-poles").click()
+    page.wait_for_function("document.querySelector('#poles-text').textContent.includes('--poles')")
+    pole = read_poles(folder[1] / "C1" / "poles.txt")
+    assert pole.size == at_first
+    assert abs(pole[0]) / (2 * np.pi) == pytest.approx(hertz, abs=0.1)
+    assert -pole[0].real / abs(pole[0]) == pytest.approx(0.005)
+    (folder[1] / "C1" / "poles.txt").unlink()
+
+
+def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
+    enter(page, "Comparison")
+    page.wait_for_selector("#mac .nsewdrag")
+    page.wait_for_function("document.querySelector('#pair').textContent.includes('MAC')")
+    before = page.locator("#pair").text_content()
+    box = page.locator("#mac .nsewdrag").first.bounding_box()
+    page.mouse.click(box["x"] + 0.97 * box["width"], box["y"] + 0.03 * box["height"])
+    page.wait_for_function(f"document.querySelector('#pair').textContent !== {before!r}")
+    assert "Measured mode 1 " in page.locator("#pair").text_content()
+    drawn = "document.querySelector('#shapes').contentDocument.querySelector('canvas[data-what=both]').toDataURL()"
+    first = page.evaluate(drawn)
+    page.wait_for_function(f"{drawn} !== {first!r}")
+
+
+def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder):
+    enter(page, "What if")
+    page.wait_for_selector(".slider input", state="attached")
+    text = "document.querySelector('#outcome-text').textContent"
+    page.wait_for_function(f"{text}.includes('Mean frequency error')")
+    knob, taken = page.locator(".slider .v-slider-thumb").first, []
+    for _ in range(6):
+        before = page.evaluate(text)
+        knob.focus()
+        began = time.perf_counter()
+        page.keyboard.press("PageUp")
+        page.wait_for_function(f"{text} !== {before!r}")
+        taken.append(time.perf_counter() - began)
+    print(f"slider to picture: median {1e3 * median(taken):.0f} ms")
+    page.locator("#effects input").click()
+    page.get_by_role("option", name="clamp mass").click()
+    page.keyboard.press("Escape")
+    page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
+    page.locator("#fit-these").click()
+    page.wait_for_function("document.querySelector('#what-if-text').textContent.includes('lamella update')")
+    given = read_update_file(folder[1] / "what_if.toml")
+    assert given.effects == ("clamp_mass",)
+    assert given.first == {"clamp_added_mass": 0.0}
+
+
+def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
+    enter(page, "Diagnosis")
+    assert page.locator("#badge").text_content() == "fitted"
+    page.locator("#diagnose").click()
+    page.wait_for_selector("#stop")
+    assert page.locator("#fit").is_disabled()
+    page.locator("#stop").click()
+    page.wait_for_function("document.querySelector('#said').textContent.includes('Ended with exit code')")
+    page.locator("#fit").click()  # which reads back what is there
+    page.wait_for_function("document.querySelector('#said').textContent.includes('Done.')")
+
+
+def test_the_page_asks_nobody_else_and_its_console_is_clean(page, address):
+    root = address.partition("/index.html")[0]
+    local = (root, root.replace("http", "ws"), "data:", "blob:", "about:")
+    assert [url for url in page.asked if not url.startswith(local)] == []
+    assert page.said == []

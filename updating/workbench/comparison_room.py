@@ -1,0 +1,111 @@
+"""The room of the comparison: the MAC of every two modes, and both shapes of any cell in motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from updating.correlation.correlation import correlate
+from updating.fitting.fit import Fit
+from updating.fitting.shape_plot import any_pair
+from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above
+from updating.report.modes_part import mac_chart
+from updating.report.page import render
+from updating.report.part import Section
+from updating.report.results import Tested
+from updating.report.shape_part import gallery_of
+from updating.results.text import Z95
+from updating.workbench.opened import Opened
+from updating.workbench.page import empty, figure, plot
+
+TITLE, ICON = "Comparison", "mdi-compare"
+_BEYOND = 3  # model modes above the last that is paired
+
+
+def shapes_page(tested: Tested, fit: Fit, r: int, s: int) -> str:
+    """Return a page on which the measured shape `r` and the model's shape `s` move."""
+    pair = any_pair(tested.measured, fit, r, s)
+    return render(
+        "Shapes", (Section(title="Shapes", blocks=(gallery_of("pair", (pair,), fit.stack),)),), bare=True
+    )
+
+
+def frequencies_chart(tested: Tested, fit: Fit) -> str:
+    """Draw frequency errors with the measurement's 95 % intervals over damping ratios, of all pairs."""
+    c, used = correlate(tested.measured, fit.modes, fit.pairing), fit.pairing.measured
+    names = [f"{m + 1}: {f:.0f} Hz" for m, f in zip(used, c.measured_frequency, strict=True)]
+
+    def bars(value: Any, color: str, name: str, place: str) -> dict[str, Any]:
+        return {
+            "type": "bar", "x": names, "y": (100.0 * value).tolist(), "name": name, "marker": {"color": color},
+            "yaxis": place, "offsetgroup": name,
+        }  # fmt: skip
+
+    frequency = bars(c.frequency_error, ACCENT, "frequency error", "y")
+    frequency["error_y"] = {"type": "data", "array": (100.0 * Z95 * c.frequency_error_std).tolist()}
+    damping = bars(c.measured_damping, MEASURED, "damping measured", "y2")
+    damping["error_y"] = {"type": "data", "array": (100.0 * Z95 * tested.measured.damping_std[used]).tolist()}
+    return chart(
+        [frequency, damping, bars(c.model_damping, FITTED, "damping of the model", "y2")],
+        {
+            "yaxis": axis("frequency error [%]", domain=[0.56, 1.0], zeroline=True),
+            "yaxis2": axis("damping ratio [%]", domain=[0.0, 0.44]),
+            "xaxis": axis("mode", anchor="y2"),
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 30},
+        },
+    )
+
+
+def room(server: Any, opened: Opened) -> None:
+    """Keep the room's state right."""
+    state = server.state
+    state.update({"mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False})
+
+    @state.change("configuration")
+    def choose_configuration(configuration: str, **_: Any) -> None:
+        tested = opened.tested(configuration)
+        fit = tested.fit
+        state.has_fit = fit is not None and fit.pairing.measured.size > 0
+        if fit is None or not state.has_fit:
+            return
+        last = int(fit.pairing.model.max()) + _BEYOND
+        value = fit.pairing.mac[:, :last]
+        columns = fit.modes.frequency[:last]
+        state.mac = figure(mac_chart(value, tested.measured.frequency, columns, "model", "measured"))
+        state.frequencies = figure(frequencies_chart(tested, fit))
+        show_pair(int(fit.pairing.measured[0]), int(fit.pairing.model[0]))
+
+    @server.controller.set("show_pair")
+    def show_pair(r: int, s: int) -> None:
+        tested = opened.tested(state.configuration)
+        fit = tested.fit
+        if fit is None or not (0 <= r < fit.pairing.mac.shape[0] and 0 <= s < fit.pairing.mac.shape[1]):
+            return
+        state.shapes = shapes_page(tested, fit, r, s)
+        state.pair_text = (
+            f"Measured mode {r + 1} at {tested.measured.frequency[r]:.1f} Hz and model mode {s + 1} at "
+            f"{fit.modes.frequency[s]:.1f} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
+        )
+
+
+def show(server: Any) -> None:
+    """Put the room into the page."""
+    from trame.widgets import html, vuetify3
+
+    def clicked(cell: list[int], _: int) -> None:
+        if isinstance(cell, list) and len(cell) == 2:
+            server.controller.show_pair(*cell)
+
+    html.P("No model is fitted yet: run a fit in the room Diagnosis.", v_if="!has_fit")
+    with vuetify3.VRow(v_show="has_fit"):
+        with vuetify3.VCol(cols=12, md=6):
+            html.P("Click a cell to see both shapes move.", classes="text-body-2")
+            plot("mac", 420, clicked)
+            plot("frequencies", 380)
+        with vuetify3.VCol(cols=12, md=6):
+            html.P("{{ pair_text }}", classes="text-subtitle-1", id="pair")
+            html.Iframe(
+                srcdoc=("shapes",), style="width: 100%; height: 680px; border: 0", id="shapes", title="Both shapes",
+            )  # fmt: skip

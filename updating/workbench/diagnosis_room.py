@@ -1,0 +1,131 @@
+"""The room of the diagnosis: run it and stop it, its answer, the error step by step, and the effect added."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from updating.report.answer import explanation_table
+from updating.report.change_part import mode_changes, mode_chart, step_chart, steps
+from updating.report.opening import opening
+from updating.workbench.opened import Opened
+from updating.workbench.page import empty, figure, plot
+from updating.workbench.run import Command
+
+TITLE, ICON = "Diagnosis", "mdi-stethoscope"
+
+
+def room(server: Any, opened: Opened) -> None:
+    """Keep the room's state right."""
+    state, controller = server.state, server.controller
+    state.update(
+        {
+            "running": "", "said": [], "badge": "", "sentence": "", "sentences": [], "steps": empty(),
+            "changes": empty(), "explanations": {"header": [], "rows": []}, "found": [], "has_steps": False,
+        }
+    )  # fmt: skip
+
+    def said(lines: list[str]) -> None:
+        with state:
+            state.said = lines
+
+    command = Command(said)
+
+    def refresh() -> None:
+        results = opened.results()
+        first = opening(results)
+        state.badge, state.sentence = first.badge, first.sentence
+        own = results.diagnosis
+        state.sentences = [] if own is None else list(own.sentences)
+        state.found = (
+            [] if own is None or not own.set else [e for e in own.set[0] if e not in own.measurement]
+        )
+        table = explanation_table(results)
+        state.explanations = {"header": list(table.header), "rows": [list(row) for row in table.rows]}
+        way, modes = steps(results), mode_changes(results)
+        state.has_steps = bool(way)
+        if way:
+            state.steps = figure(step_chart(way))
+        if modes:
+            state.changes = figure(mode_chart(modes))
+
+    async def start(what: str, words: list[str]) -> None:
+        with state:
+            state.running, state.said = what, []
+
+        async def done(code: int) -> None:
+            with state:
+                state.running = ""
+                state.said = [*state.said, "Done." if code == 0 else f"Ended with exit code {code}."]
+                refresh()
+                state.dirty("configuration")
+
+        await command.run(words, done)
+
+    @controller.set("fit")
+    async def fit() -> None:
+        await start("fit", ["fit", str(opened.campaign), "-o", str(opened.folder)])
+
+    @controller.set("diagnose")
+    async def diagnose() -> None:
+        await start("diagnose", ["diagnose", str(opened.campaign), "-o", str(opened.folder)])
+
+    @controller.set("add_found")
+    async def add() -> None:
+        effects = [word for name in state.found for word in ("--effect", name)]
+        await start("fit", ["fit", str(opened.campaign), "-o", str(opened.folder), *effects])
+
+    @controller.set("stop")
+    def stop() -> None:
+        command.stop()
+
+    @controller.set("report")
+    async def report(pdf: bool) -> None:
+        await start("report", ["report", str(opened.folder), *(["--pdf"] if pdf else [])])
+
+    refresh()
+
+
+def show(server: Any) -> None:
+    """Put the room into the page."""
+    from trame.widgets import html, vuetify3
+
+    controller = server.controller
+    with html.Div(classes="d-flex flex-wrap ga-2 align-center"):
+        vuetify3.VBtn("Fit G_f and d_f", click=controller.fit, disabled=("!!running",), id="fit")
+        vuetify3.VBtn(
+            "Diagnose", click=controller.diagnose, disabled=("!!running",), color="primary", id="diagnose"
+        )
+        vuetify3.VBtn(
+            "Add what was found",
+            click=controller.add_found,
+            disabled=("!!running || found.length === 0",),
+            id="add",
+        )
+    log(controller)
+    vuetify3.VChip("{{ badge }}", classes="mt-3", id="badge")
+    html.P("{{ sentence }}", classes="text-h6 my-2", id="sentence")
+    with vuetify3.VRow():
+        with vuetify3.VCol(cols=12, md=5, v_show="has_steps"):
+            plot("steps", 360)
+        with vuetify3.VCol(cols=12, md=7):
+            plot("changes", 360)
+    html.P("{{ line }}", v_for="line in sentences", key="line", classes="text-body-2 my-1")
+    with vuetify3.VTable(density="compact", v_if="explanations.rows.length", id="ranking"):
+        html.Thead("<tr><th v-for='h in explanations.header' :key='h'>{{ h }}</th></tr>")
+        html.Tbody(
+            "<tr v-for='(row, i) in explanations.rows' :key='i'><td v-for='(c, k) in row' :key='k'>{{ c }}</td></tr>"
+        )
+
+
+def log(controller: Any) -> None:
+    """Show what a command says, and the button that stops it."""
+    from trame.widgets import html, vuetify3
+
+    with html.Div(v_if="running", classes="d-flex align-center ga-3 mt-2"):
+        vuetify3.VProgressCircular(indeterminate=True, size=22)
+        html.Span("lamella {{ running }} is running")
+        vuetify3.VBtn("Stop", click=controller.stop, color="error", size="small", id="stop")
+    html.Pre(
+        "{{ said.slice(-12).join('\\n') }}", v_if="said.length", classes="text-caption pa-2 mt-2 bg-grey-lighten-4",
+        style="overflow-x: auto", id="said",
+    )  # fmt: skip

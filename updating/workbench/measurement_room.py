@@ -1,0 +1,211 @@
+"""The room of the measurement: the points on the structure, their functions, and what was found about them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.plot.figures import UNIT
+from ema.types.frf import FRF
+from updating.correlation.frf_plot import synthesized
+from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above, single
+from updating.report.results import Tested
+from updating.workbench.opened import Opened
+from updating.workbench.page import empty, figure, plot
+
+TITLE, ICON = "Measurement", "mdi-access-point"
+_COLOURS = (FITTED, ACCENT, "#7a62b8", "#d39b45", "#4b9c6b", "#8a919c")
+
+
+def points_chart(tested: Tested, chosen: int) -> str:
+    """Draw the measured points, the lines between them and the stack; points with a finding and the chosen one differ.
+
+    The last trace holds the points, in the order of `point_numbers`.
+    """
+    geometry, measured = tested.measured.geometry, tested.measured
+    numbers = point_numbers(tested)
+    row = {int(n): 1e3 * x for n, x in zip(geometry.node, geometry.coordinate, strict=True)}
+    at = np.array([row[n] for n in numbers]).reshape(-1, 3)
+    ends = np.array(
+        [[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]
+    ).reshape(-1, 2, 3)
+    doubtful = {
+        int(measured.node[c])
+        for own in tested.quality.verdicts
+        if own.level != "pass"
+        for c in own.channel
+        if c < measured.node.size
+    }
+    wires = [(ends, MEASURED, "lines")]
+    if tested.fit is not None:
+        wires.append(
+            (
+                _edges(tested.fit.stack.length, tested.fit.stack.width, tested.fit.stack.height),
+                "#b9c0ca",
+                "stack",
+            )
+        )
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "scatter3d", "mode": "lines", "name": name, "hoverinfo": "skip", "showlegend": False,
+            **dict(zip("xyz", (single(x) for x in np.insert(own, 2, np.nan, axis=1).reshape(-1, 3).T), strict=True)),
+            "line": {"color": color, "width": 2},
+        }
+        for own, color, name in wires
+    ]  # fmt: skip
+    colour = [ACCENT if n == chosen else "#d39b45" if n in doubtful else FITTED for n in numbers]
+    traces.append(
+        {
+            "type": "scatter3d", "mode": "markers+text", "name": "points", "showlegend": False,
+            **dict(zip("xyz", (single(x) for x in at.T), strict=True)), "text": [str(n) for n in numbers],
+            "textfont": {"size": 9}, "hovertemplate": "point %{text}<extra></extra>",
+            "marker": {"size": [8 if n == chosen else 5 for n in numbers], "color": colour},
+        }
+    )  # fmt: skip
+    axes = {f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": 5, "showspikes": False} for a in "xyz"}
+    scene = {
+        **axes,
+        "aspectmode": "data",
+        "camera": {"eye": {"x": -1.4, "y": -3.0, "z": 1.5}},
+        "uirevision": "kept",
+    }
+    return chart(traces, {"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "kept"})
+
+
+def _edges(*size: float) -> NDArray[np.float64]:
+    """Return the edges (12, 2, 3) of a box of some size (m) about the origin, mm."""
+    corner = 500.0 * np.array(list(itertools.product(*((-s, s) for s in size))))
+    pairs = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
+    return np.asarray(corner[np.array(pairs)])
+
+
+def point_numbers(tested: Tested) -> list[int]:
+    """Return the measured points that have coordinates, ascending."""
+    measured = tested.measured
+    return sorted({int(n) for n in measured.node} & {int(n) for n in measured.geometry.node})
+
+
+def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
+    """Draw magnitude, phase and coherence of all functions of one point, with those of the modes over them."""
+    lines, fitted = synthesized(frf, tested.measured)
+    own = [(o, i) for o in np.flatnonzero(lines.output.node == point) for i in range(lines.input.node.size)]
+    traces: list[dict[str, Any]] = []
+    for k, (o, i) in enumerate(own):
+        name, color = f"{lines.output.name(o)} over {lines.input.name(i)}", _COLOURS[k % len(_COLOURS)]
+        for value, label, style in (
+            (lines.value[o, i], name, {"color": color, "width": 2}),
+            (fitted[o, i], f"{name}, from the modes", {"color": "#444b57", "width": 1, "dash": "dot"}),
+        ):
+            x = single(lines.frequency)
+            traces += [
+                {"type": "scatter", "x": x, "y": single(np.abs(value)), "name": label, "line": style},
+                {
+                    "type": "scatter", "x": x, "y": single(np.degrees(np.angle(value))), "name": label,
+                    "yaxis": "y2", "showlegend": False, "mode": "markers",
+                    "marker": {"size": 2.5, "color": style["color"]},
+                },
+            ]  # fmt: skip
+        if lines.coherence is not None:
+            traces.append(
+                {
+                    "type": "scatter", "x": single(lines.frequency), "y": single(lines.coherence[o, i]),
+                    "name": "coherence", "yaxis": "y3", "showlegend": False, "line": {"color": color, "width": 1},
+                }
+            )  # fmt: skip
+    layout = {
+        "hovermode": "x unified",
+        "xaxis": axis("frequency [Hz]", anchor="y3" if lines.coherence is not None else "y2"),
+        "yaxis": axis(UNIT[lines.quantity], type="log", exponentformat="power", domain=[0.48, 1.0]),
+        "yaxis2": axis("phase [°]", tickvals=[-180, 0, 180], domain=[0.22, 0.42]),
+        "legend": legend_above(),
+        "margin": {"r": 8, "t": 30},
+    }
+    if lines.coherence is not None:
+        layout["yaxis3"] = axis("coherence", range=[0, 1.05], domain=[0.0, 0.16])
+    else:
+        layout["yaxis2"]["domain"] = [0.0, 0.4]
+    return chart(traces, layout)
+
+
+def findings(tested: Tested, point: int) -> tuple[list[str], list[str]]:
+    """Return what was found about one point, and all else that was found about the measurement."""
+    node = tested.measured.node
+    about, others = [], []
+    for own in tested.quality.verdicts:
+        if own.level != "pass":
+            here = any(c < node.size and int(node[c]) == point for c in own.channel)
+            (about if here else others).append(f"{own.check}: {own.message}")
+    return about, [*others, *tested.quality.notes]
+
+
+def room(server: Any, opened: Opened) -> None:
+    """Keep the room's state right."""
+    state = server.state
+    state.update(
+        {"points": empty(), "functions": empty(), "point": 0, "point_list": [], "about": [], "others": []}
+    )
+
+    @state.change("configuration")
+    def choose_configuration(configuration: str, **_: Any) -> None:
+        tested = opened.tested(configuration)
+        numbers = point_numbers(tested)
+        state.point_list = numbers
+        if state.point not in numbers:
+            state.point = numbers[0] if numbers else 0
+        show(configuration, state.point)
+
+    @state.change("point")
+    def choose_point(configuration: str, point: int, **_: Any) -> None:
+        if configuration and point in state.point_list:
+            show(configuration, point)
+
+    def show(configuration: str, point: int) -> None:
+        tested = opened.tested(configuration)
+        if not state.point_list:
+            return
+        state.points = figure(points_chart(tested, point))
+        state.functions = figure(functions_chart(tested, tested.frf(), point))
+        state.about, state.others = findings(tested, point)
+
+
+def show(server: Any) -> None:
+    """Put the room into the page."""
+    from trame.widgets import html, vuetify3
+
+    state = server.state
+
+    def clicked(number: int, trace: int) -> None:
+        if trace == len(state.points["data"]) - 1 and 0 <= number < len(state.point_list):
+            state.point = state.point_list[number]
+
+    with vuetify3.VRow():
+        with vuetify3.VCol(cols=12, md=6):
+            vuetify3.VSelect(
+                v_model=("point",), items=("point_list",), label="Point (or click one below)", density="compact",
+                hide_details=True, id="point",
+            )  # fmt: skip
+            plot("points", 430, clicked)
+            html.P(
+                "Orange points have a finding. Grey: the stack and the lines between points.",
+                classes="text-caption",
+            )
+        with vuetify3.VCol(cols=12, md=6):
+            plot("functions", 480)
+    _list("About this point", "about", "Nothing was found about this point.")
+    _list("About the measurement", "others", "Nothing was found about the rest.")
+
+
+def _list(title: str, key: str, none: str) -> Sequence[Any]:
+    from trame.widgets import html
+
+    return (
+        html.H3(title, classes="text-subtitle-1 mt-2"),
+        html.Ul(
+            f'<li v-for="line in {key}" :key="line">{{{{ line }}}}</li>', classes="ml-5 text-body-2", id=key
+        ),
+        html.P(none, v_if=f"{key}.length === 0", classes="text-body-2"),
+    )

@@ -1,0 +1,198 @@
+"""What the model would do: its modes for any values of its parameters, and an updating file that begins with them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.campaign.campaign import Configuration
+from ema.modal.mac import mac
+from model import catalogue, find_effects, read_stack
+from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS
+from updating.fitting.objective import frequency_error
+from updating.fitting.prepared import Prepared, prepare, solve_target
+from updating.fitting.target import stack_in_state, target_of_modes
+from updating.report.chart_part import FITTED, MEASURED, axis, chart, legend_above
+from updating.report.results import Tested
+from updating.results.store import write_bytes
+from updating.results.text import quantity
+
+STEPS = 1000  # of a slider
+_PRESSURES = (0.25, 4.0)  # of the stated one, over which it can be tried
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knob:
+    """A parameter that can be moved.
+
+    Attributes
+    ----------
+    name, unit : str
+        Which.
+    lower, upper : float
+        Its range.
+    start : float
+        Where it stands first: what was fitted, or where an effect vanishes.
+    logarithmic : bool
+        Whether equal steps are equal ratios.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    start: float
+    logarithmic: bool
+
+    def value(self, step: float) -> float:
+        """Return the value at a step of the slider."""
+        share = step / STEPS
+        if self.logarithmic:
+            return float(self.lower * (self.upper / self.lower) ** share)
+        return self.lower + share * (self.upper - self.lower)
+
+    def step(self, value: float) -> int:
+        """Return the step of the slider that is nearest to a value."""
+        if self.logarithmic:
+            share = np.log(value / self.lower) / np.log(self.upper / self.lower)
+        else:
+            share = (value - self.lower) / (self.upper - self.lower)
+        return round(STEPS * float(np.clip(share, 0.0, 1.0)))
+
+    def text(self, value: float) -> str:
+        """Write a value with its unit."""
+        return quantity(value, self.unit)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outcome:
+    """What the model does for some values, beside the measured modes that it can have.
+
+    Attributes
+    ----------
+    measured, model : (n,) float
+        Frequencies, Hz.
+    likeness : (n,) float
+        MAC of each two.
+    mode : (n,) int
+        Number of each measured mode, from 0.
+    error : float
+        Mean relative frequency error, eq. (2).
+    """
+
+    measured: NDArray[np.float64]
+    model: NDArray[np.float64]
+    likeness: NDArray[np.float64]
+    mode: NDArray[np.int64]
+    error: float
+
+
+def prepared_model(
+    tested: Tested, configuration: Configuration, stack_file: Path, effects: Sequence[str]
+) -> Prepared:
+    """Reduce the model of a configuration with some effects, as `lamella update` does.
+
+    Raises
+    ------
+    EffectError, FitError, PairingError, SolveError
+        The stack cannot have an effect, or the measured points do not lie on it.
+    """
+    stack = stack_in_state(read_stack(stack_file), configuration)
+    (made,) = prepare(
+        [target_of_modes(stack.with_effects(*find_effects(effects, catalogue())), tested.measured)]
+    )
+    return made
+
+
+def knobs(tested: Tested, prepared: Prepared) -> tuple[Knob, ...]:
+    """Return what can be moved: contact stiffness and damping, pressure, and the parameters of the effects."""
+    contact = prepared.target.stack.contact
+    fit = tested.fit
+    G_f, d_f = (contact.G_f, contact.d_f) if fit is None else (fit.G_f.value, fit.d_f.value)
+    low, high = (k * contact.pressure for k in _PRESSURES)
+    first = [
+        Knob(name="G_f", unit="Pa/Pa", lower=G_F_BOUNDS[0], upper=G_F_BOUNDS[1], start=G_f, logarithmic=True),
+        Knob(
+            name="d_f", unit="s/Pa", lower=D_F_BOUNDS[0], upper=max(D_F_BOUNDS[1] / 100.0, 4.0 * d_f), start=d_f,
+            logarithmic=False,
+        ),
+        Knob(name="pressure", unit="Pa", lower=low, upper=high, start=contact.pressure, logarithmic=True),
+    ]  # fmt: skip
+    own = {p.name: p for effect in prepared.target.stack.effects for p in effect.parameters}
+    return (
+        *first,
+        *(
+            Knob(
+                name=p.name, unit=p.unit, lower=p.lower, upper=p.upper, start=p.neutral,
+                logarithmic=p.scale == "log" and p.lower > 0.0 and p.neutral > 0.0,
+            )
+            for p in own.values()
+        ),
+    )  # fmt: skip
+
+
+def outcome(prepared: Prepared, values: Mapping[str, float]) -> Outcome:
+    """Solve the reduced model for some values of its parameters."""
+    modes, column = solve_target(prepared, values, ())
+    mode = np.flatnonzero(prepared.used & (column >= 0))
+    target = prepared.target
+    likeness = mac(target.shape[:, mode], modes.shape[:, column[mode]])
+    measured, model = target.frequency[mode], modes.frequency[column[mode]]
+    return Outcome(
+        measured=measured,
+        model=model,
+        likeness=np.diag(likeness).copy(),
+        mode=mode,
+        error=frequency_error(measured, model),
+    )
+
+
+def outcome_chart(before: Outcome, now: Outcome) -> str:
+    """Draw the frequency errors of all modes before and now, and the MAC of each."""
+    names = [f"{m + 1}: {f:.0f} Hz" for m, f in zip(now.mode, now.measured, strict=True)]
+    traces = [
+        {
+            "type": "bar", "x": names, "y": (100.0 * (own.model / own.measured - 1.0)).tolist(), "name": name,
+            "marker": {"color": color}, "hovertemplate": "%{y:+.2f} %",
+        }
+        for own, name, color in ((before, "before", MEASURED), (now, "now", FITTED))
+    ]  # fmt: skip
+    traces += [
+        {
+            "type": "scatter", "mode": "markers", "x": names, "y": own.likeness.tolist(), "yaxis": "y2",
+            "marker": {"color": color, "size": 8}, "showlegend": False, "hovertemplate": "MAC %{y:.3f}", "name": name,
+        }
+        for own, name, color in ((before, "before", MEASURED), (now, "now", FITTED))
+    ]  # fmt: skip
+    return chart(
+        traces,
+        {
+            "yaxis": axis("frequency error [%]", domain=[0.36, 1.0], zeroline=True),
+            "yaxis2": axis("MAC", domain=[0.0, 0.26], range=[0.0, 1.05]),
+            "xaxis": axis("measured mode", anchor="y2"),
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 30},
+        },
+    )
+
+
+def write_specification(
+    path: Path, campaign: Path, effects: Sequence[str], own: Sequence[Knob], values: Mapping[str, float]
+) -> None:
+    """Write an updating file that fits the effects that were tried, and begins with their values."""
+    lines = [
+        'name = "What was tried in the workbench"',
+        f"effects = [{', '.join(json.dumps(e) for e in effects)}]",
+        "",
+        "[[campaign]]",
+        f"file = {json.dumps(str(campaign.absolute()), ensure_ascii=False)}",
+    ]
+    for knob in own:
+        if knob.name not in ("G_f", "d_f", "pressure"):
+            lines += ["", f"[parameter.{knob.name}]", f"start = {values[knob.name]!r}"]
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
