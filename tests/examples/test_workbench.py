@@ -99,8 +99,8 @@ def test_whoever_has_no_token_is_refused(address):
 def test_a_click_on_a_point_shows_its_functions_and_findings(page):
     names = "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.name).join()"
     page.wait_for_function(f"{names}.includes('1+z over')")
-    click = """document.querySelector('#points .js-plotly-plot').emit('plotly_click',
-      { points: [{ pointNumber: 4, curveNumber: document.querySelector('#points .js-plotly-plot').data.length - 1 }] })"""
+    click = """(() => { const plot = document.querySelector('#points .js-plotly-plot');
+      plot.emit('plotly_click', { points: [{ pointNumber: 4, curveNumber: plot.data.length - 1 }] }); })()"""
     page.evaluate(click)
     page.wait_for_function(f"{names}.includes('5+z over')")
     assert page.locator("#others li").count() + page.locator("#about li").count() > 0

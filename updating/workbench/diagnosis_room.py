@@ -16,25 +16,33 @@ TITLE, ICON = "Diagnosis", "mdi-stethoscope"
 
 def room(server: Any, opened: Opened) -> None:
     """Keep the room's state right."""
-    state, controller = server.state, server.controller
-    state.update(
+    server.state.update(
         {
             "running": "", "said": [], "badge": "", "sentence": "", "sentences": [], "steps": empty(),
             "changes": empty(), "explanations": {"header": [], "rows": []}, "found": [], "has_steps": False,
         }
     )  # fmt: skip
+    own = _Commands(server.state, opened)
+    controller = server.controller
+    controller.fit = own.fit
+    controller.diagnose = own.diagnose
+    controller.add_found = own.add_found
+    controller.report = own.report
+    controller.stop = own.command.stop
+    own.refresh()
 
-    def said(lines: list[str]) -> None:
-        with state:
-            state.said = lines
 
-    command = Command(said)
+class _Commands:
+    """The commands that the room runs, and their results as state."""
 
-    def refresh() -> None:
-        results = opened.results()
-        first = opening(results)
+    def __init__(self, state: Any, opened: Opened) -> None:
+        self.state, self.opened, self.command = state, opened, Command(self._said)
+
+    def refresh(self) -> None:
+        """Show what the folder holds now."""
+        state, results = self.state, self.opened.results()
+        first, own = opening(results), results.diagnosis
         state.badge, state.sentence = first.badge, first.sentence
-        own = results.diagnosis
         state.sentences = [] if own is None else list(own.sentences)
         state.found = (
             [] if own is None or not own.set else [e for e in own.set[0] if e not in own.measurement]
@@ -48,41 +56,40 @@ def room(server: Any, opened: Opened) -> None:
         if modes:
             state.changes = figure(mode_chart(modes))
 
-    async def start(what: str, words: list[str]) -> None:
-        with state:
-            state.running, state.said = what, []
+    async def fit(self) -> None:
+        """Fit G_f and d_f."""
+        await self._run("fit")
 
-        async def done(code: int) -> None:
-            with state:
-                state.running = ""
-                state.said = [*state.said, "Done." if code == 0 else f"Ended with exit code {code}."]
-                refresh()
-                state.dirty("configuration")
+    async def diagnose(self) -> None:
+        """Say what the model lacks."""
+        await self._run("diagnose")
 
-        await command.run(words, done)
+    async def add_found(self) -> None:
+        """Add the effects that were found."""
+        await self._run("fit", *(word for name in self.state.found for word in ("--effect", name)))
 
-    @controller.set("fit")
-    async def fit() -> None:
-        await start("fit", ["fit", str(opened.campaign), "-o", str(opened.folder)])
+    async def report(self, pdf: bool) -> None:
+        """Write the report."""
+        await self._start(["report", str(self.opened.folder), *(["--pdf"] if pdf else [])])
 
-    @controller.set("diagnose")
-    async def diagnose() -> None:
-        await start("diagnose", ["diagnose", str(opened.campaign), "-o", str(opened.folder)])
+    async def _run(self, what: str, *further: str) -> None:
+        await self._start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
 
-    @controller.set("add_found")
-    async def add() -> None:
-        effects = [word for name in state.found for word in ("--effect", name)]
-        await start("fit", ["fit", str(opened.campaign), "-o", str(opened.folder), *effects])
+    async def _start(self, words: list[str]) -> None:
+        with self.state as state:
+            state.running, state.said = words[0], []
+        await self.command.run(words, self._done)
 
-    @controller.set("stop")
-    def stop() -> None:
-        command.stop()
+    async def _done(self, code: int) -> None:
+        with self.state as state:
+            state.running = ""
+            state.said = [*state.said, "Done." if code == 0 else f"Ended with exit code {code}."]
+            self.refresh()
+            state.dirty("configuration")  # the other rooms read what is new
 
-    @controller.set("report")
-    async def report(pdf: bool) -> None:
-        await start("report", ["report", str(opened.folder), *(["--pdf"] if pdf else [])])
-
-    refresh()
+    def _said(self, lines: list[str]) -> None:
+        with self.state as state:
+            state.said = lines
 
 
 def show(server: Any) -> None:

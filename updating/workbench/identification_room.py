@@ -1,4 +1,4 @@
-"""The room of the identification: poles taken and dropped in the stabilisation chart, and what they stand for at once."""
+"""The room of the identification: poles taken and dropped in the stabilisation chart, and what they stand for."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ema.identification.stabilization import stabilization
 from ema.modal.mac import mac
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
-from updating.report.chart_part import FITTED, LEFT, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, axis, chart, legend_above, single
 from updating.report.modes_part import mac_chart
 from updating.report.results import Tested
 from updating.report.stabilization_part import stabilization_chart
@@ -78,32 +78,46 @@ def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple
 
 def room(server: Any, opened: Opened) -> None:
     """Keep the room's state right."""
-    state, controller = server.state, server.controller
-    state.update(
+    server.state.update(
         {"stabilization": empty(), "poles": [], "synthesis": empty(), "auto_mac": empty(), "poles_text": ""}
     )
-    chosen: list[NDArray[np.complex128]] = [np.empty(0, dtype=complex)]
-    band: list[FRF] = []
+    own = _Picking(server.state, opened)
+    server.controller.toggle_pole = own.toggle
+    server.controller.write_poles = own.write
 
-    @state.change("room", "configuration")
-    def enter(room: str, configuration: str, **_: Any) -> None:
-        if room != TITLE or not configuration:
-            return
-        tested = opened.tested(configuration)
-        band[:] = [tested.frf().band(*tested.measured.band)]
-        file = tested.folder / "poles.txt"
-        chosen[0] = read_poles(file) if file.exists() else np.array(tested.measured.pole)
-        state.stabilization = figure(diagram_chart(tested, band[0]))
-        state.poles_text = ""
-        draw()
+    @server.state.change("room", "configuration")
+    def enter(room: str, **_: Any) -> None:
+        if room == TITLE:
+            own.begin()
 
-    @state.change("point")
+    @server.state.change("point")
     def choose_point(**_: Any) -> None:
-        if band:
-            draw()
+        own.draw()
 
-    def draw() -> None:
-        pole = chosen[0]
+
+class _Picking:
+    """The choice of poles of one configuration, as state."""
+
+    def __init__(self, state: Any, opened: Opened) -> None:
+        self.state, self.opened = state, opened
+        self._pole = np.empty(0, dtype=complex)
+        self._lines: FRF | None = None
+
+    def begin(self) -> None:
+        """Begin with the poles that are written, or those that were identified."""
+        tested = self.opened.tested(self.state.configuration)
+        self._lines = tested.frf().band(*tested.measured.band)
+        file = tested.folder / "poles.txt"
+        self._pole = read_poles(file) if file.exists() else np.array(tested.measured.pole)
+        self.state.stabilization = figure(diagram_chart(tested, self._lines))
+        self.state.poles_text = ""
+        self.draw()
+
+    def draw(self) -> None:
+        """Show the poles, and what they stand for."""
+        if self._lines is None:
+            return
+        state, pole = self.state, self._pole
         state.poles = [
             {"hertz": float(abs(p) / (2.0 * np.pi)), "percent": float(-100.0 * p.real / abs(p))} for p in pole
         ]
@@ -112,7 +126,7 @@ def room(server: Any, opened: Opened) -> None:
         marks = [
             {
                 "type": "line", "name": "chosen", "x0": p["hertz"], "x1": p["hertz"], "yref": "paper", "y0": 0.97,
-                "y1": 1, "line": {"color": "#c8563f", "width": 6},
+                "y1": 1, "line": {"color": ACCENT, "width": 6},
             }
             for p in state.poles
         ]  # fmt: skip
@@ -121,22 +135,22 @@ def room(server: Any, opened: Opened) -> None:
             "layout": {**own["layout"], "shapes": [*kept, *marks], "uirevision": "kept"},
         }
         if pole.size:
-            synthesis, likeness = fitted_charts(band[0], pole, state.point)
+            synthesis, likeness = fitted_charts(self._lines, pole, state.point)
             state.synthesis, state.auto_mac = figure(synthesis), figure(likeness)
 
-    @controller.set("toggle_pole")
-    def toggle(hertz: float, percent: float | None) -> None:
-        if percent is not None and band:
-            chosen[0] = toggled(chosen[0], hertz, percent)
-            draw()
+    def toggle(self, hertz: float, percent: float | None) -> None:
+        """Take a pole, or drop it; a click beside the poles says no damping ratio."""
+        if percent is not None:
+            self._pole = toggled(self._pole, hertz, percent)
+            self.draw()
 
-    @controller.set("write_poles")
-    def write() -> None:
-        path = opened.tested(state.configuration).folder / "poles.txt"
-        write_poles(path, chosen[0])
-        folder = str(opened.folder)
-        words = ["lamella", "ema", str(opened.campaign), "-o", folder, "--poles", folder]
-        state.poles_text = f"Written to {path}. Identify with them: {shlex.join(words)}"
+    def write(self) -> None:
+        """Write poles.txt, which the identification reads."""
+        path = self.opened.tested(self.state.configuration).folder / "poles.txt"
+        write_poles(path, self._pole)
+        folder = str(self.opened.folder)
+        words = ["lamella", "ema", str(self.opened.campaign), "-o", folder, "--poles", folder]
+        self.state.poles_text = f"Written to {path}. Identify with them: {shlex.join(words)}"
 
 
 def show(server: Any) -> None:

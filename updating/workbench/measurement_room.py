@@ -92,7 +92,9 @@ def point_numbers(tested: Tested) -> list[int]:
 def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
     """Draw magnitude, phase and coherence of all functions of one point, with those of the modes over them."""
     lines, fitted = synthesized(frf, tested.measured)
-    own = [(o, i) for o in np.flatnonzero(lines.output.node == point) for i in range(lines.input.node.size)]
+    own = [
+        (int(o), i) for o in np.flatnonzero(lines.output.node == point) for i in range(lines.input.node.size)
+    ]
     traces: list[dict[str, Any]] = []
     for k, (o, i) in enumerate(own):
         name, color = f"{lines.output.name(o)} over {lines.input.name(i)}", _COLOURS[k % len(_COLOURS)]
@@ -116,7 +118,7 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
                     "name": "coherence", "yaxis": "y3", "showlegend": False, "line": {"color": color, "width": 1},
                 }
             )  # fmt: skip
-    layout = {
+    layout: dict[str, Any] = {
         "hovermode": "x unified",
         "xaxis": axis("frequency [Hz]", anchor="y3" if lines.coherence is not None else "y2"),
         "yaxis": axis(UNIT[lines.quantity], type="log", exponentformat="power", domain=[0.48, 1.0]),
@@ -134,7 +136,8 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
 def findings(tested: Tested, point: int) -> tuple[list[str], list[str]]:
     """Return what was found about one point, and all else that was found about the measurement."""
     node = tested.measured.node
-    about, others = [], []
+    about: list[str] = []
+    others: list[str] = []
     for own in tested.quality.verdicts:
         if own.level != "pass":
             here = any(c < node.size and int(node[c]) == point for c in own.channel)
@@ -156,14 +159,14 @@ def room(server: Any, opened: Opened) -> None:
         state.point_list = numbers
         if state.point not in numbers:
             state.point = numbers[0] if numbers else 0
-        show(configuration, state.point)
+        draw(configuration, state.point)
 
     @state.change("point")
     def choose_point(configuration: str, point: int, **_: Any) -> None:
         if configuration and point in state.point_list:
-            show(configuration, point)
+            draw(configuration, point)
 
-    def show(configuration: str, point: int) -> None:
+    def draw(configuration: str, point: int) -> None:
         tested = opened.tested(configuration)
         if not state.point_list:
             return

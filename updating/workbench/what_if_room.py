@@ -30,112 +30,114 @@ TITLE, ICON = "What if", "mdi-tune-variant"
 _FILE = "what_if.toml"
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Tried:
-    """What is being tried: the model, what can be moved, what it did first, and where the sliders are."""
+    """What is being tried: the model, what can be moved, and what it did first."""
 
     prepared: Prepared
     knobs: tuple[Knob, ...]
     before: Outcome
-    values: dict[str, float]
 
 
 def room(server: Any, opened: Opened) -> None:
     """Keep the room's state right."""
-    state, controller = server.state, server.controller
     labels = [{"title": e.label, "value": name} for name, e in sorted(catalogue().items())]
-    state.update(
+    server.state.update(
         {
             "effect_list": labels, "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
             "preparing": False, "what_if_text": "",
         }
     )  # fmt: skip
-    tried: list[_Tried] = []
-    pending: list[bool] = []
+    own = _WhatIf(server.state, opened)
+    server.controller.move = own.move
+    server.controller.write_what_if = own.write
 
-    async def begin() -> None:
+    @server.state.change("room", "configuration", "tried_effects")
+    def enter(room: str, **_: Any) -> None:
+        if room == TITLE:
+            asyncio.get_running_loop().create_task(own.begin())
+
+
+class _WhatIf:
+    """What is tried with one configuration, as state."""
+
+    def __init__(self, state: Any, opened: Opened) -> None:
+        self.state, self.opened = state, opened
+        self._tried: _Tried | None = None
+        self._values: dict[str, float] = {}
+        self._awaited = False
+
+    async def begin(self) -> None:
         """Reduce the model in the background and put the sliders up."""
-        name, effects = state.configuration, list(state.tried_effects)
-        with state:
+        wanted = self.state.configuration, list(self.state.tried_effects)
+        with self.state as state:
             state.preparing, state.what_if_text = True, "Reducing the model, which takes some seconds."
-        loop = asyncio.get_running_loop()
         try:
-            campaign = read_campaign(opened.campaign)
-            tested, file = opened.tested(name), model_file(campaign, "what if")
-            one = campaign.configuration(name)
-            made = await loop.run_in_executor(None, prepared_model, tested, one, file, effects)
-            own = knobs(tested, made)
-            values = {knob.name: knob.start for knob in own}
-            before = await loop.run_in_executor(None, outcome, made, values)
+            tried = await asyncio.get_running_loop().run_in_executor(None, self._try, *wanted)
         except LAMELLA_ERRORS as error:
-            with state:
+            with self.state as state:
                 state.preparing, state.what_if_text, state.sliders = False, str(error), []
             return
-        if (name, effects) != (state.configuration, list(state.tried_effects)):
+        if wanted != (self.state.configuration, list(self.state.tried_effects)):
             return  # something else was chosen meanwhile
-        tried[:] = [_Tried(prepared=made, knobs=own, before=before, values=values)]
-        with state:
+        self._tried = tried
+        self._values = {knob.name: knob.start for knob in tried.knobs}
+        with self.state as state:
             state.preparing, state.what_if_text = False, ""
             state.sliders = [
-                {
-                    "name": knob.name,
-                    "step": knob.step(values[knob.name]),
-                    "text": knob.text(values[knob.name]),
-                }
-                for knob in own
+                {"name": own.name, "step": own.step(own.start), "text": own.text(own.start)}
+                for own in tried.knobs
             ]
-            draw()
+            self._draw(tried)
 
-    def draw() -> None:
-        own = tried[0]
-        now = outcome(own.prepared, own.values)
-        state.outcome = figure(outcome_chart(own.before, now))
-        state.outcome_text = (
-            f"Mean frequency error {percent(now.error)} (before: {percent(own.before.error)}), "
-            f"lowest MAC {now.likeness.min():.3f}"
-        )
+    def _try(self, name: str, effects: list[str]) -> _Tried:
+        campaign = read_campaign(self.opened.campaign)
+        tested = self.opened.tested(name)
+        file = model_file(campaign, "what if")
+        made = prepared_model(tested, campaign.configuration(name), file, effects)
+        own = knobs(tested, made)
+        return _Tried(prepared=made, knobs=own, before=outcome(made, {knob.name: knob.start for knob in own}))
 
-    @controller.set("try_effects")
-    def choose_effects(**_: Any) -> None:
-        asyncio.get_running_loop().create_task(begin())
-
-    @controller.set("move")
-    def move(index: int, step: float) -> None:
+    def move(self, index: int, step: float) -> None:
         """Take a slider's place; what came before the picture was drawn is drawn once."""
-        if not tried or not 0 <= index < len(tried[0].knobs):
+        if self._tried is None or not 0 <= index < len(self._tried.knobs):
             return
-        knob = tried[0].knobs[index]
+        knob = self._tried.knobs[index]
         value = knob.value(step)
-        tried[0].values[knob.name] = value
-        sliders = [dict(own) for own in state.sliders]
+        self._values[knob.name] = value
+        sliders = [dict(own) for own in self.state.sliders]
         sliders[index] |= {"step": step, "text": knob.text(value)}
-        state.sliders = sliders
-        if not pending:
-            pending.append(True)
-            asyncio.get_running_loop().call_soon(drawn_later)
+        self.state.sliders = sliders
+        if not self._awaited:
+            self._awaited = True
+            asyncio.get_running_loop().call_soon(self._drawn)
 
-    def drawn_later() -> None:
-        pending.clear()
-        try:
-            with state:
-                draw()
-        except LAMELLA_ERRORS as error:
-            with state:
+    def _drawn(self) -> None:
+        self._awaited = False
+        with self.state as state:
+            try:
+                if self._tried is not None:
+                    self._draw(self._tried)
+            except LAMELLA_ERRORS as error:
                 state.what_if_text = str(error)
 
-    @controller.set("write_what_if")
-    def write() -> None:
-        if not tried:
-            return
-        path = opened.folder / _FILE
-        write_specification(path, opened.campaign, state.tried_effects, tried[0].knobs, tried[0].values)
-        words = ["lamella", "update", str(path), "-o", str(opened.folder / "what_if")]
-        state.what_if_text = f"Written. Fit these: {shlex.join(words)}"
+    def _draw(self, tried: _Tried) -> None:
+        now = outcome(tried.prepared, self._values)
+        self.state.outcome = figure(outcome_chart(tried.before, now))
+        self.state.outcome_text = (
+            f"Mean frequency error {percent(now.error)} (before: {percent(tried.before.error)}), lowest MAC "
+            f"{now.likeness.min():.3f}"
+        )
 
-    @state.change("room", "configuration", "tried_effects")
-    def enter(room: str, **_: Any) -> None:
-        if room == TITLE and state.configuration:
-            asyncio.get_running_loop().create_task(begin())
+    def write(self) -> None:
+        """Write an updating file that begins where the sliders are."""
+        if self._tried is None:
+            return
+        path = self.opened.folder / _FILE
+        effects = self.state.tried_effects
+        write_specification(path, self.opened.campaign, effects, self._tried.knobs, self._values)
+        words = ["lamella", "update", str(path), "-o", str(self.opened.folder / "what_if")]
+        self.state.what_if_text = f"Written. Fit these: {shlex.join(words)}"
 
 
 def show(server: Any) -> None:
