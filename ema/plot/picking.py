@@ -33,8 +33,8 @@ def pick_poles(diagram: StabilizationDiagram) -> NDArray[np.complex128]:
 
     if mpl.get_backend().lower() in ("agg", "pdf", "svg", "ps", "cairo", "template"):
         message = (
-            "no display to show the chart on: write the poles to a text file with write_poles, edit it and read "
-            "it back with read_poles"
+            "no display to show the chart on: choose the poles in the browser (lamella open, room Identification), or "
+            "edit the poles.txt that lamella ema wrote"
         )
         raise IdentificationError(message)
     figure = plt.figure(figsize=(10.0, 6.0), layout="constrained")

@@ -108,7 +108,9 @@ def _after_diagnosis(results: Results, found: Diagnosis) -> tuple[str, str]:
     known = set(effects) <= catalogue().keys() | set(found.measurement)
     command = next_command(found, campaign, folder) if known and not fitted else None
     if command is None:
-        return shlex.join(["lamella", "view", folder]), "shows the shapes of both in a window or the browser"
+        return shlex.join(
+            ["lamella", "open", folder]
+        ), "opens this in the browser, with sliders for every parameter"
     return command, "adds it to the model, for all torques together"
 
 

@@ -11,7 +11,7 @@ from updating.errors import StoreError
 from updating.report.results import Results, Tested, read_results
 from updating.results.store import read_result
 
-_FILES = ("campaign.toml",)
+_FILE = "campaign.toml"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
     """
     if (path / "campaign.json").exists():
         return Opened(campaign=read_result(path / "campaign.json", Campaign).path, folder=path)
-    file = next((path / name for name in _FILES if (path / name).exists()), path)
+    file = path / _FILE if (path / _FILE).exists() else path
     if not file.is_file():
         message = (
             f"{path}: nothing to open; give a campaign file, a folder with a campaign.toml, or a folder of results "

@@ -39,7 +39,7 @@ def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool
     Raises
     ------
     StoreError
-        What the page is made with is not installed, or nothing was identified.
+        Nothing was identified.
     """
     server = page(opened)
     token = new_token()
@@ -64,15 +64,10 @@ def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool
 
 def page(opened: Opened) -> Any:
     """Build the page with all rooms."""
-    try:
-        from trame.app import get_server
-        from trame.ui.vuetify3 import SinglePageLayout
-        from trame.widgets import vuetify3
-    except ImportError as error:
-        message = (
-            f'the workbench needs {error.name}, which is not installed: pip install "lamella[workbench]"'
-        )
-        raise StoreError(message) from error
+    from trame.app import get_server
+    from trame.ui.vuetify3 import SinglePageLayout
+    from trame.widgets import vuetify3
+
     results = opened.results()
     names = [own.name for own in results.tested]
     if not names:

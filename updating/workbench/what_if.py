@@ -65,8 +65,8 @@ class Knob:
         return round(STEPS * float(np.clip(share, 0.0, 1.0)))
 
     def text(self, value: float) -> str:
-        """Write a value with its unit."""
-        return quantity(value, self.unit)
+        """Write a value with its unit; a ratio of units has no prefix."""
+        return f"{value:.4g} {self.unit}" if "/" in self.unit else quantity(value, self.unit)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

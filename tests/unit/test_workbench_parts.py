@@ -1,0 +1,93 @@
+"""What the workbench computes and writes, without its page."""
+
+import asyncio
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from updating.commands.update_file import read_update_file
+from updating.errors import StoreError
+from updating.workbench.identification_room import toggled
+from updating.workbench.opened import find
+from updating.workbench.run import Command
+from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, write_specification
+
+G_F = Knob(name="G_f", unit="Pa/Pa", lower=100.0, upper=10_000.0, start=1280.0, logarithmic=True)
+MASS = Knob(name="clamp_added_mass", unit="kg", lower=-0.5, upper=1.5, start=0.0, logarithmic=False)
+
+
+def test_a_slider_goes_over_the_range_in_ratios_or_evenly():
+    assert [G_F.value(s) for s in (0, STEPS / 2, STEPS)] == pytest.approx([100.0, 1000.0, 10_000.0])
+    assert [MASS.value(s) for s in (0, STEPS / 2, STEPS)] == pytest.approx([-0.5, 0.5, 1.5])
+    for knob in (G_F, MASS):
+        assert knob.value(knob.step(knob.start)) == pytest.approx(knob.start, abs=4e-3 * knob.upper)
+        assert knob.step(2.0 * knob.upper) == STEPS
+    assert G_F.text(1279.4) == "1279 Pa/Pa"
+    assert MASS.text(0.2) == "200 g"
+
+
+def test_a_click_takes_a_pole_and_the_next_one_there_drops_it():
+    first = toggled(np.empty(0, dtype=complex), 300.0, 0.5)
+    assert np.abs(first) / (2 * np.pi) == pytest.approx([300.0])
+    assert -first.real / np.abs(first) == pytest.approx([0.005])
+    both = toggled(first, 120.0, 1.0)
+    assert np.abs(both) / (2 * np.pi) == pytest.approx([120.0, 300.0])
+    np.testing.assert_array_equal(toggled(both, 300.3, 0.2), both[:1])
+
+
+def test_what_was_tried_is_written_as_an_updating_file_that_begins_there(tmp_path):
+    values = {"G_f": 1500.0, "clamp_added_mass": 0.3}
+    path = tmp_path / "what_if.toml"
+    write_specification(path, Path("somewhere/campaign.toml"), ["clamp_mass"], (G_F, MASS), values)
+    given = read_update_file(path)
+    assert given.effects == ("clamp_mass",)
+    assert given.first == {"clamp_added_mass": 0.3}
+    (file,) = (own["file"] for own in tomllib.loads(path.read_text(encoding="utf-8"))["campaign"])
+    assert Path(file).is_absolute()
+
+
+def test_what_the_model_does_now_is_drawn_beside_what_it_did_before():
+    def made(model):
+        return Outcome(
+            measured=np.array([100.0, 200.0]), model=np.array(model), likeness=np.array([0.9, 0.8]),
+            mode=np.array([0, 2]), error=0.0,
+        )  # fmt: skip
+
+    before, now, *_ = json.loads(outcome_chart(made([101.0, 198.0]), made([100.0, 200.0])))["data"]
+    np.testing.assert_allclose(before["y"], [1.0, -1.0])
+    np.testing.assert_allclose(now["y"], [0.0, 0.0], atol=1e-12)
+    assert now["x"] == ["1: 100 Hz", "3: 200 Hz"]
+
+
+def test_a_campaign_without_results_is_made_once_and_nothing_is_refused(tmp_path):
+    made = []
+
+    def make(file, folder):
+        made.append((file, folder))
+
+    (tmp_path / "campaign.toml").write_text("", encoding="utf-8")
+    own = find(tmp_path, tmp_path / "out", make)
+    assert (own.campaign, own.folder) == (tmp_path / "campaign.toml", tmp_path / "out")
+    assert made == [(tmp_path / "campaign.toml", tmp_path / "out")]
+    with pytest.raises(StoreError, match="nothing to open; give a campaign file"):
+        find(tmp_path / "out", None, make)
+
+
+def test_a_command_says_what_it_does_and_a_stopped_one_ends():
+    said, codes = [], []
+
+    async def done(code):
+        codes.append(code)
+
+    async def run():
+        command = Command(said.append)
+        await command.run(["--version"], done)
+        assert not command.running
+        command.stop()  # where nothing runs
+
+    asyncio.run(run())
+    assert codes == [0]
+    assert said[-1][0].startswith("lamella ")
