@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 from statistics import median
@@ -16,11 +15,26 @@ import pytest
 from ema import read_poles
 from updating.commands.update_file import read_update_file
 from updating.report.pdf import NAMES
+from updating.report.results import read_results
+from updating.workbench.measurement_room import findings
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright, which is in the extra dev")
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium, Chrome or Edge on PATH")
 CODE = "from updating.commands.command_line import main; main()"
+MOVED = """async () => {  // from a key on the first slider to the picture, ms
+  const thumb = document.querySelector(".slider .v-slider-thumb"), taken = [];
+  thumb.focus();
+  for (let k = 0; k < 9; k++) {
+    const began = performance.now(), plot = document.querySelector("#outcome .js-plotly-plot");
+    const drawn = new Promise((done) => plot.once("plotly_afterplot", done));
+    thumb.dispatchEvent(new KeyboardEvent("keydown", { key: k % 2 ? "ArrowLeft" : "PageUp", bubbles: true }));
+    await drawn;
+    taken.push(performance.now() - began);
+    await new Promise((done) => setTimeout(done, 50));
+  }
+  return taken;
+}"""
 PATIENCE = 120_000  # ms; a second is enough, but the machine may have other work
 
 
@@ -74,6 +88,10 @@ def enter(page, room):
     page.get_by_role("tab", name=room).click()
 
 
+def says(page, selector, words):
+    page.wait_for_function(f"(document.querySelector({selector!r})?.textContent ?? '').includes({words!r})")
+
+
 def status(url, **headers):
     try:
         with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30) as answer:
@@ -95,14 +113,16 @@ def test_whoever_has_no_token_is_refused(address):
     assert status(f"{root}/index.html", Cookie=f"lamella_{port}={token}x") == 403
 
 
-def test_a_click_on_a_point_shows_its_functions_and_findings(page):
+def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     names = "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.name).join()"
     page.wait_for_function(f"{names}.includes('1+z over')")
     click = """(() => { const plot = document.querySelector('#points .js-plotly-plot');
       plot.emit('plotly_click', { points: [{ pointNumber: 4, curveNumber: plot.data.length - 1 }] }); })()"""
     page.evaluate(click)
     page.wait_for_function(f"{names}.includes('5+z over')")
-    assert page.locator("#others li").count() + page.locator("#about li").count() > 0
+    about, others = findings(read_results(folder[1]).tested[0], 5)
+    assert page.locator("#about li").all_text_contents() == about
+    assert page.locator("#others li").all_text_contents() == others
 
 
 def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page, folder):
@@ -119,7 +139,7 @@ def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page,
     )
     page.wait_for_function(f"document.querySelectorAll('#poles .v-chip').length === {at_first}")
     page.locator("#write-poles").click()
-    page.wait_for_function("document.querySelector('#poles-text').textContent.includes('--poles')")
+    says(page, "#poles-text", "--poles")
     pole = read_poles(folder[1] / "C1" / "poles.txt")
     assert pole.size == at_first
     assert abs(pole[0]) / (2 * np.pi) == pytest.approx(hertz, abs=0.1)
@@ -130,9 +150,11 @@ def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page,
 def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
     enter(page, "Comparison")
     page.wait_for_selector("#mac .nsewdrag")
-    page.wait_for_function("document.querySelector('#pair').textContent.includes('MAC')")
+    says(page, "#pair", "MAC")
     before = page.locator("#pair").text_content()
     box = page.locator("#mac .nsewdrag").first.bounding_box()
+    page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 0.1 * box["height"])
+    page.wait_for_selector("#mac .hovertext")
     page.mouse.click(box["x"] + 0.97 * box["width"], box["y"] + 0.03 * box["height"])
     page.wait_for_function(f"document.querySelector('#pair').textContent !== {before!r}")
     assert "Measured mode 1 " in page.locator("#pair").text_content()
@@ -144,23 +166,19 @@ def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
 def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder):
     enter(page, "What if")
     page.wait_for_selector(".slider input", state="attached")
-    text = "document.querySelector('#outcome-text').textContent"
-    page.wait_for_function(f"{text}.includes('Mean frequency error')")
-    knob, taken = page.locator(".slider .v-slider-thumb").first, []
-    for _ in range(6):
-        before = page.evaluate(text)
-        knob.focus()
-        began = time.perf_counter()
-        page.keyboard.press("PageUp")
-        page.wait_for_function(f"{text} !== {before!r}")
-        taken.append(time.perf_counter() - began)
-    print(f"slider to picture: median {1e3 * median(taken):.0f} ms")
+    says(page, "#outcome-text", "Mean frequency error")
+    before = page.locator("#outcome-text").text_content()
+    taken = median(page.evaluate(MOVED))
+    print(f"slider to picture: {taken:.0f} ms in the median")
+    assert taken < 1000.0  # 100 on a machine that does nothing else
+    assert page.locator("#outcome-text").text_content() != before
     page.locator("#effects").click()
+    page.keyboard.type("clamp mass")
     page.get_by_role("option", name="clamp mass").click()
     page.keyboard.press("Escape")
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
     page.locator("#fit-these").click()
-    page.wait_for_function("document.querySelector('#what-if-text').textContent.includes('lamella update')")
+    says(page, "#what-if-text", "lamella update")
     given = read_update_file(folder[1] / "what_if.toml")
     assert given.effects == ("clamp_mass",)
     assert given.first == {"clamp_added_mass": 0.0}
@@ -173,9 +191,9 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
     page.wait_for_selector("#stop")
     assert page.locator("#fit").is_disabled()
     page.locator("#stop").click()
-    page.wait_for_function("document.querySelector('#said').textContent.includes('Ended with exit code')")
+    says(page, "#said", "Ended with exit code")
     page.locator("#fit").click()  # which reads back what is there
-    page.wait_for_function("document.querySelector('#said').textContent.includes('Done.')")
+    says(page, "#said", "Done.")
 
 
 def test_the_page_asks_nobody_else_and_its_console_is_clean(page, address):

@@ -159,7 +159,7 @@ def mac_chart(
         "height": 430,
         "xaxis": axis(f"{across} mode, frequency [Hz]", **kind),
         "yaxis": axis(f"{down} mode, frequency [Hz]", autorange="reversed", **kind),
-        "margin": {"r": 8, "t": 12},
+        "margin": {"r": 8, "t": 34},  # room for the tools, which else lie on the matrix
     }
     return chart([trace], layout)
 

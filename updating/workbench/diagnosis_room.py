@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 from updating.report.answer import explanation_table
@@ -56,29 +57,29 @@ class _Commands:
         if modes:
             state.changes = figure(mode_chart(modes))
 
-    async def fit(self) -> None:
+    def fit(self) -> None:
         """Fit G_f and d_f."""
-        await self._run("fit")
+        self._run("fit")
 
-    async def diagnose(self) -> None:
+    def diagnose(self) -> None:
         """Say what the model lacks."""
-        await self._run("diagnose")
+        self._run("diagnose")
 
-    async def add_found(self) -> None:
+    def add_found(self) -> None:
         """Add the effects that were found."""
-        await self._run("fit", *(word for name in self.state.found for word in ("--effect", name)))
+        self._run("fit", *(word for name in self.state.found for word in ("--effect", name)))
 
-    async def report(self, pdf: bool) -> None:
+    def report(self, pdf: bool) -> None:
         """Write the report."""
-        await self._start(["report", str(self.opened.folder), *(["--pdf"] if pdf else [])])
+        self._start(["report", str(self.opened.folder), *(["--pdf"] if pdf else [])])
 
-    async def _run(self, what: str, *further: str) -> None:
-        await self._start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
+    def _run(self, what: str, *further: str) -> None:
+        self._start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
 
-    async def _start(self, words: list[str]) -> None:
-        with self.state as state:
-            state.running, state.said = words[0], []
-        await self.command.run(words, self._done)
+    def _start(self, words: list[str]) -> None:
+        self.state.running, self.state.said = words[0], []
+        # a task: the page's next message, such as a stop, waits for what this call awaits
+        self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._done))
 
     async def _done(self, code: int) -> None:
         with self.state as state:

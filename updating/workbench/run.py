@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 
 _SHOWN = 400  # lines of what it says that are kept
+_LAST_WORDS = 2.0  # s
 _CODE = "from updating.commands.command_line import main; main()"
 
 
@@ -34,26 +36,36 @@ class Command:
         """Run `lamella` with some words and hand its exit code on."""
         if self.running:
             return
-        lines: list[str] = []
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-c", _CODE, *words,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
             env={**os.environ, "COLUMNS": "100"},
+            start_new_session=True,  # a group of its own, so that its workers are ended with it
         )  # fmt: skip
+        reading = asyncio.create_task(self._read(self._process.stdout))
         try:
-            if self._process.stdout is not None:
-                async for line in self._process.stdout:
-                    lines = [*lines, line.decode(errors="replace").rstrip()][-_SHOWN:]
-                    self._said(lines)
             code = await self._process.wait()
+            with suppress(TimeoutError):  # a worker may hold its output a moment longer
+                await asyncio.wait_for(reading, _LAST_WORDS)
         finally:
             self._process = None
         await done(code)
 
+    async def _read(self, output: asyncio.StreamReader | None) -> None:
+        lines: list[str] = []
+        if output is not None:
+            async for line in output:
+                lines = [*lines, line.decode(errors="replace").rstrip()][-_SHOWN:]
+                self._said(lines)
+
     def stop(self) -> None:
-        """End the command; what it has written is whole, and it goes on from there when it is run again."""
-        if self._process is not None:
-            with suppress(ProcessLookupError):
+        """End the command and its workers; what is written is whole, and it goes on from there when it is run again."""
+        if self._process is None:
+            return
+        with suppress(ProcessLookupError):
+            if hasattr(os, "killpg"):
+                os.killpg(self._process.pid, signal.SIGTERM)
+            else:
                 self._process.terminate()

@@ -59,7 +59,10 @@ def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool
     server.cli.set_defaults(authKey=token)
     os.environ.setdefault("TRAME_ARGS", "--server")  # or it would read the words of this command
     os.environ.setdefault("WSLINK_READY_MSG", "")
-    server.start(port=port, host=HOST, open_browser=False, show_connection_info=False, timeout=0)
+    try:
+        server.start(port=port, host=HOST, open_browser=False, show_connection_info=False, timeout=0)
+    finally:
+        server.controller.stop()  # what still runs beside it
 
 
 def page(opened: Opened) -> Any:
