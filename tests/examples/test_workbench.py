@@ -11,11 +11,14 @@ from statistics import median
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from ema import read_poles
+from updating.commands.fit import fit_campaign
 from updating.commands.update_file import read_update_file
 from updating.report.pdf import NAMES
 from updating.report.results import read_results
+from updating.results.identified import Failed
 from updating.workbench.measurement_room import findings
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
@@ -39,11 +42,12 @@ PATIENCE = 120_000  # ms; a second is enough, but the machine may have other wor
 
 
 @pytest.fixture(scope="module")
-def folder(small, tmp_path_factory):
-    """Results of the first two configurations of the small campaign, which tests may change."""
-    campaign, results = small
+def folder(tmp_path_factory, write_small_campaign):
+    """A campaign of one configuration, and the folder of its results."""
     own = tmp_path_factory.mktemp("workbench")
-    shutil.copytree(results, own / "out")
+    campaign = write_small_campaign(own, 1)
+    (one,) = fit_campaign(campaign, own / "out", 0.8, Console(quiet=True))
+    assert not isinstance(one, Failed)
     return campaign, own / "out"
 
 
@@ -192,8 +196,16 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
     assert page.locator("#fit").is_disabled()
     page.locator("#stop").click()
     says(page, "#said", "Ended with exit code")
-    page.locator("#fit").click()  # which reads back what is there
-    says(page, "#said", "Done.")
+    assert page.locator("#fit").is_enabled()
+
+
+def test_the_report_is_written(page, folder):
+    enter(page, "Report")
+    page.locator("#write-report").click()
+    page.wait_for_function(
+        "[...document.querySelectorAll('#said')].some((e) => e.textContent.includes('Done.'))"
+    )
+    assert "plotly" in (folder[1] / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_page_asks_nobody_else_and_its_console_is_clean(page, address):
