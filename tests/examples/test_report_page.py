@@ -74,7 +74,7 @@ addEventListener("load", async () => {
   const modes = [...document.querySelectorAll("table.sortable")].find((t) => t.textContent.includes("f measured"));
   const heads = modes.tHead.rows[0].cells;
   const clicked = (k) => { heads[k].click(); return column(modes, k); };
-  tell("errors", [clicked(3), clicked(3)]);
+  tell("frequencies", [clicked(2), clicked(2)]);
   tell("anchors", [...document.querySelectorAll("a")].every((a) => document.querySelector(a.getAttribute("href"))));
   const charts = [...document.querySelectorAll(".chart")];
   for (const chart of charts) {
@@ -171,7 +171,7 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     assert out["charts"] >= 7  # of each configuration MAC, functions and stabilisation, and the modes of both
     assert out["functions"] == 44
     assert out["unseen"]  # what is not on the screen is not drawn
-    up, down = (np.array(cells, dtype=float) for cells in out["errors"])
+    up, down = (np.array(cells, dtype=float) for cells in out["frequencies"])
     np.testing.assert_array_equal(up, np.sort(up))
     np.testing.assert_array_equal(down, np.sort(up)[::-1])
     assert up[0] < up[-1]
@@ -306,7 +306,7 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
     shutil.copytree(demo[0], tmp_path / "many", ignore=shutil.ignore_patterns("figures", "report.*"))
     monkeypatch.setattr(page_module, "MOST_TOGETHER", 1)
     # without the figures, to be quick
-    monkeypatch.setattr(page_module, "configuration_section", modes_section)
+    monkeypatch.setattr(page_module, "configuration_section", lambda tested, _: modes_section(tested))
     front = write_report(tmp_path / "many")
     text = front.read_text(encoding="utf-8")
     assert "Modes of M1" not in text
