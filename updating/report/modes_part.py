@@ -74,7 +74,8 @@ def pair_table(tested: Tested, fit: Fit) -> Table:
         ),
         rows=tuple(
             (
-                str(m + 1), uncertain(f, fs), f"{g:.2f}", f"{round(e, 2) + 0.0:+.2f}", uncertain(x, xs), f"{y:.3g}", f"{a:.3f}",
+                str(m + 1), uncertain(f, fs), f"{g:.2f}", f"{round(e, 2) + 0.0:+.2f}",
+                uncertain(x, xs), f"{y:.3g}", f"{a:.3f}",
             )
             for m, f, fs, g, e, x, xs, y, a in columns
         ),
