@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ema import Geometry
-from ema.identification.columns import dropped_columns, stability
+from ema.identification.columns import _shared, dropped_columns, stability
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
@@ -45,6 +45,17 @@ def test_poles_of_modes_are_stable_in_shape_too_and_others_are_not(functions: FR
     assert np.all(found.shape <= found.damping)
     assert np.all(found.damping <= found.frequency)
     assert not found.frequency[diagram.order == diagram.order.min()].any()  # there is no order below
+
+
+def test_what_is_shared_is_told_apart() -> None:
+    pole = 2 * np.pi * np.array([100.0]) * (-0.01 + 1j)
+    shape, other = np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])
+    heavier = 2 * np.pi * np.array([100.0]) * (-0.02 + 1j)
+    far = 1.02 * pole
+    assert _shared(pole, shape, pole, shape)[:, 0].tolist() == [True, True, True]
+    assert _shared(pole, shape, pole, other)[:, 0].tolist() == [True, True, False]
+    assert _shared(pole, shape, heavier, shape)[:, 0].tolist() == [True, False, False]
+    assert _shared(pole, shape, far, shape)[:, 0].tolist() == [False, False, False]
 
 
 def test_a_column_that_is_no_mode_is_given_with_its_reason(functions: FRF) -> None:

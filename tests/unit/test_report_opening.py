@@ -77,6 +77,12 @@ def test_what_the_data_cannot_tell_apart_asks_for_another_test():
     assert own.command == "lamella next-test 'my test/x.toml' -o out/x"
 
 
+def test_an_effect_that_was_added_is_not_added_again():
+    done = SimpleNamespace(effects=("clamp_mass",))
+    found = diagnosis(verdict="identified", set=(("clamp_mass",),))
+    assert opening(results(diagnosis=found, ledger=(done,))).command == "lamella open out/x"
+
+
 def test_an_effect_of_a_file_that_the_page_does_not_know_is_not_in_a_command():
     own = first(
         verdict="identified",
