@@ -73,7 +73,7 @@ def test_without_a_display_the_file_is_recommended() -> None:
 
     with mpl.rc_context():
         mpl.use("agg")
-        with pytest.raises(IdentificationError, match="edit the poles.txt"):
+        with pytest.raises(IdentificationError, match=r"edit the poles\.txt"):
             pick_poles(DIAGRAM)
 
 
