@@ -386,7 +386,7 @@ def _model(
     n_mode = int(np.count_nonzero(inside(fit.pole, band)))  # those outside come last
     inflation = np.repeat(np.sqrt(runs.enlargement), 2)
     variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
-    growth = np.repeat(runs.growth(*frequency_damping_std(fit.pole, variance_of_poles)), 2)
+    growth = runs.growth(*frequency_damping_std(fit.pole, variance_of_poles))
     covariance = variance_of_poles * np.outer(growth, growth)
     frequency_std, damping_std = frequency_damping_std(fit.pole, covariance)
     residue = fit.residue.reshape(n_output, n_input, fit.pole.size)

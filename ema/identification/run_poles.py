@@ -66,7 +66,9 @@ class RunPoles:
     def growth(
         self, frequency_std: NDArray[np.float64], damping_std: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Factor by which the scatter between runs enlarges intervals of the poles of all runs together, (n_mode,).
+        """Factor by which the scatter between runs enlarges Re and Im of the poles of all runs together.
+
+        Returned in turn for each mode, ``(2 n_mode,)``.
 
         Parameters
         ----------
@@ -81,7 +83,7 @@ class RunPoles:
                 (damping_std, self.damping_std, damping),
             )
         ]
-        return np.maximum(*with_scatter)
+        return np.stack(with_scatter[::-1], axis=1).reshape(-1)  # damping is in Re, frequency in Im
 
 
 def frequency_damping_std(
