@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 from updating.commands.fit import fit_campaign
+from updating.results.identified import Failed
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -56,7 +57,9 @@ def small(tmp_path_factory, write_small_campaign):
     """A campaign of four configurations, and the folder of what `fit_campaign` made of it without a break."""
     folder = tmp_path_factory.mktemp("small")
     campaign = write_small_campaign(folder, 4)
-    assert len(tuple(fit_campaign(campaign, folder / "out", 0.8, Console(quiet=True)))) == 4
+    done = tuple(fit_campaign(campaign, folder / "out", 0.8, Console(quiet=True)))
+    assert len(done) == 4
+    assert not any(isinstance(one, Failed) for one in done)
     return campaign, folder / "out"
 
 

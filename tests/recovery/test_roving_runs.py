@@ -31,7 +31,7 @@ def study(seeds, **world):
 
 
 def test_intervals_hold_with_noise_of_the_force_and_no_run_is_said_to_differ():
-    # functions taken as independent, the intervals of 9 and 5 in 16 held, and nearly every set had runs that differ
+    # with functions taken as independent, 69 % of frequencies and 58 % of damping ratios held in small sets
     held, causes = study(range(8))
     assert held.min() > 0.84
     assert causes.count("none") >= 7

@@ -122,6 +122,14 @@ def test_a_sensor_upside_down_in_all_runs_is_named_and_refused(sensor):
         upright(found)
 
 
+def test_two_modes_turn_no_sensor_over():
+    """Bending and torsion near each other are each other's shapes with one side turned."""
+    own, sign = measured(), np.where(np.arange(N) % 2 == 1, -1.0, 1.0)
+    own.frequency, own.pole = own.frequency[:2], own.pole[:2]
+    own.residue, own.shape = own.residue[:, :, :2], sign[:, None] * own.shape[:, :2]
+    assert check_rig(system(), PRESSURE, own, RANGE).turned == 0
+
+
 def test_without_the_place_of_the_force_only_sensors_are_checked():
     own = measured(factor=10.0)
     own.geometry = Geometry(node=np.arange(1, N + 1), coordinate=POINTS, line=np.empty((0, 2), int))

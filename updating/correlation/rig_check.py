@@ -41,6 +41,9 @@ _SCALE = 1.3
 _WRONG, _RIGHT = 0.2, 0.35
 """Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
 is turned."""
+_CLOSE = 0.1
+"""Mean distance that a sensor turned back must leave: one side turned makes torsion of bending, and a few modes of a
+poor model lie as near that way round."""
 _FAR = 0.2  # of the logarithm of a frequency
 
 
@@ -183,7 +186,8 @@ def check_rig(
     distance = np.array([[_distance(measured, sign, own, n_dof)[0] for own in modes] for sign in signs])
     least = distance.min(axis=1)
     best = int(np.argmin(least))
-    if least[0] < _WRONG or least[best] > _RIGHT * least[0]:
+    few = measured.frequency.size < _FEWEST_MODES
+    if few or least[0] < _WRONG or least[best] > min(_RIGHT * least[0], _CLOSE):
         best = 0
     own = modes[int(np.argmin(distance[best]))]
     _, row, column = _distance(measured, signs[best], own, n_dof)
