@@ -262,14 +262,26 @@ def read_campaign(path: str | Path) -> Campaign:
     MeasurementError
         The file of the points cannot be read.
     """
-    return _campaign(Path(path))
+    return campaign_of(Path(path), read_form(Path(path), CampaignFile, CampaignError))
 
 
-def _campaign(path: Path) -> Campaign:
-    """Return the campaign of a file, checked also for what its form alone does not show."""
-    content = read_form(path, CampaignFile, CampaignError)
+def campaign_of(path: Path, content: CampaignFile) -> Campaign:
+    """Return the campaign that a file describes, checked also for what its form alone does not show.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content : CampaignFile
+        What it holds.
+
+    Raises
+    ------
+    CampaignError, MeasurementError
+        See `read_campaign`.
+    """
     folder = path.resolve().parent
-    geometry, notes = _geometry(path, folder, content.points)
+    geometry, notes = geometry_of(path, folder, content.points)
     names = [c.name for c in content.configuration]
     if len(set(names)) < len(names):
         message = f"{path}: configuration: names must be unique, found {names}"
@@ -371,7 +383,16 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
     )
 
 
-def _geometry(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry, tuple[str, ...]]:
+def geometry_of(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry, tuple[str, ...]]:
+    """Return the points that a section of a campaign file lists, and what reading them noted.
+
+    Raises
+    ------
+    CampaignError
+        The section asks for what does not exist or is not possible.
+    MeasurementError
+        The file of the points cannot be read.
+    """
     file = folder / given.file
     if file.exists() and not (file.is_file() or file.is_dir()):
         message = f"{path}: points.file: {given.file!r} is a pipe or a device; name a plain file"

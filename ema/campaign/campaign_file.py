@@ -67,11 +67,15 @@ FileNames = Annotated[tuple[str, ...], BeforeValidator(_several)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
 
-class _Name(Section):
+class NameSection(Section):
+    """What a campaign is called."""
+
     name: str
 
 
-class _Structure(Section):
+class StructureSection(Section):
+    """The model's stack."""
+
     stack: str | None = None
 
 
@@ -119,7 +123,9 @@ class MeasurementSection(Section):
         return self
 
 
-class _Run(Section):
+class RunSection(Section):
+    """The files of one roving run."""
+
     files: FileNames = Field(min_length=1)
     output: DofEntries = ()
     input: DofEntries = ()
@@ -146,7 +152,7 @@ class ConfigurationSection(Section):
     files: FileNames = ()
     output: DofEntries = ()
     input: DofEntries = ()
-    run: tuple[_Run, ...] = ()
+    run: tuple[RunSection, ...] = ()
     force_level: tuple[ForceLevelSection, ...] = ()
 
     @model_validator(mode="after")
@@ -181,12 +187,14 @@ class CorrectionSection(Section):
     reason: str
 
 
-class _Identification(Section):
+class IdentificationSection(Section):
+    """What is asked of the identification."""
+
     band_Hz: tuple[float, float] | None = None
     order: int | None = Field(default=None, ge=2)
 
     @model_validator(mode="after")
-    def _ascending(self) -> _Identification:
+    def _ascending(self) -> IdentificationSection:
         if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1] <= _HIGHEST:
             message = (
                 f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {_HIGHEST:g}, found "
@@ -199,10 +207,10 @@ class _Identification(Section):
 class CampaignFile(Section):
     """The whole file."""
 
-    campaign: _Name
-    structure: _Structure = _Structure()
+    campaign: NameSection
+    structure: StructureSection = StructureSection()
     points: PointsSection
     measurement: MeasurementSection = MeasurementSection()
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     correction: tuple[CorrectionSection, ...] = ()
-    identification: _Identification = _Identification()
+    identification: IdentificationSection = IdentificationSection()

@@ -156,6 +156,23 @@ def reweighed(found: Residual, evidence: Evidence) -> Residual:
     return replace(found, value=value, jacobian=jacobian)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spread:
+    """How far the data scatter by noise, mesh and errors of places, and the forms that discrepancies of shapes have.
+
+    Attributes
+    ----------
+    frequency, damping : (n_frequency,) and (n_damping,) float
+        Relative standard deviations, configuration by configuration.
+    shape : tuple of MeasuredShape
+        Each shape that is used, configuration by configuration.
+    """
+
+    frequency: Vector
+    damping: Vector
+    shape: tuple[MeasuredShape, ...]
+
+
 def covariance_of(
     evidence: Evidence,
     nuisance: Vector,
@@ -163,6 +180,30 @@ def covariance_of(
     coordinate: Vector | None = None,
 ) -> Discrepancy:
     """Return the covariance of noise and discrepancy, with the model's modes where it is compared.
+
+    Parameters
+    ----------
+    evidence, nuisance, parameters, coordinate
+        As in `residual`.
+    """
+    rows, spread = evidence.rows, spread_of(evidence, nuisance, parameters, coordinate)
+    blocks: list[Block] = [shape_block(spread.shape)]
+    for kind, std in (("frequency", spread.frequency), ("damping", spread.damping)):
+        of_kind = np.flatnonzero(rows.kind == kind)
+        for mode in np.unique(rows.mode[of_kind]):
+            own_rows = rows.mode[of_kind] == mode
+            noise = np.diag(std[own_rows] ** 2)
+            blocks.append(block_of(of_kind[own_rows], noise, alike(int(own_rows.sum()))))
+    return Discrepancy(blocks=tuple(blocks))
+
+
+def spread_of(
+    evidence: Evidence,
+    nuisance: Vector,
+    parameters: Sequence[Parameter] = (),
+    coordinate: Vector | None = None,
+) -> Spread:
+    """Return how far the data scatter, with the model's modes where it is compared.
 
     Parameters
     ----------
@@ -200,15 +241,11 @@ def covariance_of(
                 )
             )
     usual = float(np.median(lengths))
-    blocks: list[Block] = [shape_block([replace(own, root=own.root / usual) for own in shapes])]
-    for kind in ("frequency", "damping"):
-        spread = np.concatenate(std[kind])
-        of_kind = np.flatnonzero(rows.kind == kind)
-        for mode in np.unique(rows.mode[of_kind]):
-            own_rows = rows.mode[of_kind] == mode
-            noise = np.diag(spread[own_rows] ** 2)
-            blocks.append(block_of(of_kind[own_rows], noise, alike(int(own_rows.sum()))))
-    return Discrepancy(blocks=tuple(blocks))
+    return Spread(
+        frequency=np.concatenate(std["frequency"]),
+        damping=np.concatenate(std["damping"]),
+        shape=tuple(replace(own, root=own.root / usual) for own in shapes),
+    )
 
 
 def _values(parameters: Sequence[Parameter], coordinate: Vector | None) -> dict[str, tuple[float, float]]:

@@ -1,0 +1,1 @@
+"""Many specimens on one rig, diagnosed together."""

@@ -1,0 +1,276 @@
+"""Many specimens beside one model, to first order: a Gaussian problem in which each specimen's own part goes first.
+
+A specimen's own coordinates touch its own data alone, so they are eliminated specimen by specimen, and what is left is a
+small dense problem in what all share: the block elimination of bundle adjustment (Triggs et al., Bundle Adjustment - A
+Modern Synthesis, 2000). Time grows with the number of specimens, memory of the elimination does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from updating.diagnosis.discrepancy import KINDS, Kind
+
+Vector = NDArray[np.float64]
+
+_LEAST, _ROUNDING, _EDGE = 1e-30, 1e-10, 1e-12
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Block:
+    """Data of one specimen to first order: value + own x - shared a + effect t, rotated so that its noise is white.
+
+    Attributes
+    ----------
+    value : (n,) float
+        Measured less modelled.
+    own : (n, n_own) float
+        Its derivatives by the specimen's own coordinates.
+    shared : (n, n_latent) float
+        Discrepancies that all specimens share, at unit strength.
+    effect : (n, n_effect) float
+        Derivatives by coordinates of effects.
+    kind : (n,) str
+        Of each row, one of `KINDS`.
+    growth : (n,) float
+        Variance by the specimen's own discrepancy of unit size, over that of the noise.
+    away : (n_own,) float
+        How far the own coordinates are from what is known of them.
+    mean : (n_own,) int
+        The shared coordinate that each own coordinate scatters about, among the means.
+    """
+
+    value: Vector
+    own: Vector
+    shared: Vector
+    effect: Vector
+    kind: NDArray[np.str_]
+    growth: Vector
+    away: Vector
+    mean: NDArray[np.intp]
+
+    @cached_property
+    def columns(self) -> Vector:
+        """All columns side by side, (n, n_own + n_latent + n_effect + 1), the value last."""
+        return np.column_stack([self.own, -self.shared, self.effect, self.value])
+
+    def gram(self, kind: Kind, size: float) -> tuple[Vector, float]:
+        """Return the Gram matrix of the columns of one kind of data, and the logarithms of its variances summed."""
+        rows = self.kind == kind
+        variance = 1.0 + size**2 * self.growth[rows]
+        weighted = self.columns[rows] / np.sqrt(variance)[:, None]
+        return weighted.T @ weighted, float(np.sum(np.log(variance)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strengths:
+    """What a pooled problem is weighed with.
+
+    Attributes
+    ----------
+    size : tuple of float
+        Sizes of the discrepancy of each of `KINDS`.
+    own : tuple of float
+        Standard deviation of each own coordinate about its mean.
+    mean : tuple of float
+        Standard deviation of each mean; infinite where nothing is known of it.
+    latent : tuple of float
+        Standard deviation of each shared discrepancy.
+    """
+
+    size: tuple[float, ...]
+    own: tuple[float, ...]
+    mean: tuple[float, ...]
+    latent: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reduced:
+    """A specimen without its own coordinates.
+
+    Attributes
+    ----------
+    gram : (m, m) float
+        Of the means, latents, effects and the value, (m = n_mean + n_latent + n_effect + 1).
+    held : (m, m) float
+        The same where the own coordinates stay where they are.
+    log_det : float
+        Logarithms of the precision of the own coordinates over their priors', and of the variances of the data.
+    back : (n_own, m) float
+        Own coordinates that fit best, as the negative of `back` times (means, latents, effects, 1).
+    covariance : (n_own, n_own) float
+        Of the own coordinates where all else is known.
+    """
+
+    gram: Vector
+    held: Vector
+    log_det: float
+    back: Vector
+    covariance: Vector
+
+
+def reduced(block: Block, weighed: Strengths, grams: Sequence[tuple[Vector, float]]) -> Reduced:
+    """Eliminate the own coordinates of a specimen.
+
+    Parameters
+    ----------
+    block : Block
+        The specimen.
+    weighed : Strengths
+        Sizes and priors.
+    grams : sequence of ((k, k), float)
+        `Block.gram` of each kind of data at its size.
+    """
+    n_own, n_mean = block.own.shape[1], len(weighed.mean)
+    precision = np.array(weighed.own) ** -2.0
+    data = sum(gram for gram, _ in grams)
+    m = n_mean + len(data) - n_own
+    full = np.zeros((n_own + m, n_own + m))
+    at = np.r_[np.arange(n_own), n_own + n_mean + np.arange(len(data) - n_own)]
+    full[np.ix_(at, at)] = data
+    prior = np.zeros((n_own, n_own + m))  # own - mean + away, each over its standard deviation
+    row = np.arange(n_own)
+    prior[row, row], prior[row, n_own + block.mean], prior[:, -1] = 1.0, -1.0, block.away
+    full += prior.T @ (precision[:, None] * prior)
+    root = la.cho_factor(full[:n_own, :n_own], lower=True)
+    back = la.cho_solve(root, full[:n_own, n_own:])
+    return Reduced(
+        gram=full[n_own:, n_own:] - full[:n_own, n_own:].T @ back,
+        held=full[n_own:, n_own:],
+        log_det=float(
+            2.0 * np.sum(np.log(np.diag(root[0]))) - np.sum(np.log(precision)) + sum(log for _, log in grams)
+        ),
+        back=back,
+        covariance=la.cho_solve(root, np.eye(n_own)),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Joined:
+    """All specimens without their own coordinates, with the priors of what they share.
+
+    Coordinates are the means, the latents, and those of effects.
+
+    Attributes
+    ----------
+    precision : (m, m) float
+        Of the coordinates by data and priors.
+    slope : (m,) float
+        Half of the derivative of the misfit by them.
+    misfit : float
+        Where all of them are 0.
+    log_det : float
+        Logarithms of the determinants of all that was eliminated, and of the priors.
+    """
+
+    precision: Vector
+    slope: Vector
+    misfit: float
+    log_det: float
+
+    def step(self, low: Vector, high: Vector, trust: float) -> Vector:
+        """Return the coordinates (m,) of the least misfit with those of effects, the last of them, within bounds.
+
+        Parameters
+        ----------
+        low, high : (n_coordinate,) float
+            The bounds.
+        trust : float
+            Inverse variance of steps of effects for which first order does.
+        """
+        n = self.slope.size - low.size
+        root = la.cho_factor(self.precision[:n, :n])
+        first = la.cho_solve(root, np.column_stack([self.slope[:n], self.precision[:n, n:]]))
+        beside = self.precision[n:, n:] - self.precision[n:, :n] @ first[:, 1:]
+        slope = self.slope[n:] - self.precision[n:, :n] @ first[:, 0]
+        effects = bounded(beside + trust * np.eye(low.size), slope, low, high)
+        return np.concatenate([-first[:, 0] - first[:, 1:] @ effects, effects])
+
+    def at(self, coordinate: Vector) -> float:
+        """Return the misfit at some coordinates."""
+        return float(self.misfit + 2.0 * self.slope @ coordinate + coordinate @ self.precision @ coordinate)
+
+
+def joined(
+    specimens: Sequence[Reduced], weighed: Strengths, place: Sequence[Vector], prior: tuple[Vector, Vector]
+) -> Joined:
+    """Put specimens together.
+
+    Parameters
+    ----------
+    specimens : sequence of Reduced
+        Without their own coordinates.
+    weighed : Strengths
+        Sizes and priors.
+    place : sequence of (n_effect, n_coordinate) float
+        How the effect columns of each specimen follow the coordinates of effects.
+    prior : ((n_coordinate,), (n_coordinate,))
+        Where these are from the centres of their priors, and the precision of these.
+    """
+    std = np.array([*weighed.mean, *weighed.latent])
+    n, n_coordinate = std.size, prior[0].size
+    total = np.zeros((n + n_coordinate + 1, n + n_coordinate + 1))
+    for own, where in zip(specimens, place, strict=True):
+        total += spread(own.gram, n, where)
+    known = np.concatenate([std**-2.0, prior[1]])
+    away = np.concatenate([np.zeros(n), prior[0]])
+    held = known[known > 0.0]
+    return Joined(
+        precision=total[:-1, :-1] + np.diag(known),
+        slope=total[:-1, -1] + known * away,
+        misfit=float(total[-1, -1] + np.sum(known * away**2)),
+        log_det=sum(own.log_det for own in specimens) - float(np.sum(np.log(held))),
+    )
+
+
+def spread(gram: Vector, n: int, where: Vector) -> Vector:
+    """Return a Gram matrix whose effect columns, between the first n and the value, are put where coordinates are."""
+    k = where.shape[1]
+    full = np.zeros((n + k + 1, n + k + 1))
+    at = np.r_[np.arange(n), n + k]
+    kept = np.r_[np.arange(n), len(gram) - 1]
+    full[np.ix_(at, at)] = gram[np.ix_(kept, kept)]
+    column = gram[:, n:-1] @ where
+    full[at, n:-1] = column[kept]
+    full[n:-1, at] = column[kept].T
+    full[n:-1, n:-1] = where.T @ column[n:-1]
+    return full
+
+
+def bounded(precision: Vector, slope: Vector, low: Vector, high: Vector) -> Vector:
+    """Return the step within bounds that makes step @ precision @ step + 2 slope @ step least."""
+    if not slope.size:
+        return np.zeros(0)
+    scale = np.sqrt(np.maximum(np.diag(precision), _LEAST))
+    root = la.cholesky(precision / np.outer(scale, scale) + _ROUNDING * np.eye(scale.size), lower=True)
+    target = la.solve_triangular(root, -slope / scale, lower=True)
+    found = lsq_linear(root.T, target, bounds=(low * scale - _EDGE, high * scale + _EDGE), method="bvls")
+    return np.asarray(found.x / scale)
+
+
+def log_evidence(found: Joined, coordinate: Vector, unseen: Vector) -> float:
+    """Return the logarithm of the marginal likelihood by Laplace, up to a constant of the data.
+
+    Parameters
+    ----------
+    found : Joined
+        All specimens.
+    coordinate : (m,) float
+        Where the misfit is taken, such as `Joined.step`.
+    unseen : (m,) float
+        Precision of the volume that each coordinate has beforehand, which counts in determinants alone.
+    """
+    log_det = np.linalg.slogdet(found.precision + np.diag(unseen))[1] - np.sum(np.log(unseen[unseen > 0.0]))
+    return -0.5 * float(found.at(coordinate) + found.log_det + log_det)
+
+
+def grams(block: Block, size: Sequence[float]) -> list[tuple[Vector, float]]:
+    """Return `Block.gram` of each of `KINDS`."""
+    return [block.gram(kind, own) for kind, own in zip(KINDS, size, strict=True)]

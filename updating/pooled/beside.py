@@ -1,0 +1,207 @@
+"""Specimens put beside their models: modes known by the same numbers, and models that several of them share."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import Effect, Stack
+from updating.correlation.pairing import require_points
+from updating.diagnosis.assembly import assemble_evidence, identities
+from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
+from updating.diagnosis.evidence import DiagnosisScatter, Evidence
+from updating.diagnosis.experiment import aids
+from updating.diagnosis.explanation import Explanation, explain
+from updating.diagnosis.residual import spread_of
+from updating.diagnosis.scan import Place, nearest, with_modes_of
+from updating.errors import FitError
+from updating.pooled.common import Latent, latents_of, separated
+from updating.pooled.specimen import Specimen
+from updating.results.store import digest
+
+_LOG = logging.getLogger(__name__)
+Vector = NDArray[np.float64]
+
+ALIKE = 0.01
+"""Relative difference of heights up to which specimens share a reduced model; the rest is taken to first order."""
+ASTRAY = 0.04
+"""Frequency error of base models, in the mean, beyond which steps from them mislead."""
+_PLACE = 4  # digits, in m, to which shakers sit at the same place
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Beside:
+    """One specimen beside its model.
+
+    Attributes
+    ----------
+    specimen : Specimen
+        What was measured.
+    evidence : Evidence
+        Beside the model; its covariance is what is the specimen's own.
+    shared : (n, n_latent) float
+        Rows of data by the discrepancies that all specimens share, rotated.
+    known : (n_nuisance,) float
+        Where the priors of its nuisances are centred.
+    alone : Explanation
+        Its base model, fitted to it alone.
+    """
+
+    specimen: Specimen
+    evidence: Evidence
+    shared: Vector
+    known: Vector
+    alone: Explanation
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bench:
+    """All specimens beside their models.
+
+    Attributes
+    ----------
+    own : tuple of Beside
+        The specimens.
+    latents : tuple of Latent
+        Discrepancies that all share.
+    effects : mapping of str to Effect
+        Those that every one of the stacks can have.
+    impossible : mapping of str to str
+        Why others cannot be.
+    places : tuple of Place
+        Where single effects come near over their whole range, where the base models are far off.
+    """
+
+    own: tuple[Beside, ...]
+    latents: tuple[Latent, ...]
+    effects: Mapping[str, Effect]
+    impossible: Mapping[str, str]
+    places: tuple[Place, ...]
+
+
+def bench(
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> Bench:
+    """Put specimens beside their models.
+
+    Parameters
+    ----------
+    specimens : sequence of Specimen
+        At least two.
+    effects : mapping of str to Effect
+        The catalogue.
+    scatter : DiagnosisScatter, optional
+        What a laboratory knows of what separates a right model from a right measurement.
+    executor : Executor, optional
+        Where a part of the work may run.
+    reduced : callable
+        `candidate_model`, or one that caches.
+
+    Raises
+    ------
+    FitError
+        There are fewer than two specimens, or no mode of one resembles its model.
+    PairingError
+        Measured points do not lie on a stack.
+    """
+    if len(specimens) < 2:
+        message = f"a pooled diagnosis needs two specimens or more, found {len(specimens)}"
+        raise FitError(message)
+    evidences, impossible = _evidences(specimens, effects, scatter, reduced, executor)
+    numbered = _numbered(evidences)
+    alone = [explain(own) for own in numbered]
+    places: tuple[Place, ...] = ()
+    if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > ASTRAY:
+        most = max(numbered, key=lambda own: max(u.size for u in own.used))
+        places = nearest(most, executor)
+        numbered = [replace(own, used=with_modes_of(own, places)) for own in numbered]
+        alone = [explain(own, nuisance=x.nuisance) for own, x in zip(numbered, alone, strict=True)]
+    spreads = [spread_of(own, x.nuisance) for own, x in zip(numbered, alone, strict=True)]
+    latents = latents_of(numbered, spreads)
+    found = []
+    for own, spread, x, specimen in zip(numbered, spreads, alone, specimens, strict=True):
+        divided = separated(own, spread, latents)
+        known = np.zeros(len(own.nuisances))
+        if "height" in own.dimensions:
+            known[own.nuisances.index("height")] = np.log(specimen.stack.height / own.stack.height)
+        found.append(
+            Beside(
+                specimen=specimen,
+                evidence=replace(own, covariance=divided.own),
+                shared=divided.shared,
+                known=known,
+                alone=x,
+            )
+        )
+    possible = {n: e for n, e in effects.items() if all(n in own.effects for own in numbered)}
+    return Bench(
+        own=tuple(found), latents=latents, effects=possible, impossible=impossible, places=places
+    )
+
+
+def _evidences(
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    scatter: DiagnosisScatter | None,
+    reduced: Callable[..., CandidateModel],
+    executor: Executor | None,
+) -> tuple[list[Evidence], dict[str, str]]:
+    """Return each specimen beside its model; of the models, one is held in full at a time."""
+    impossible: dict[str, str] = {}
+    found: list[Evidence | None] = [None] * len(specimens)
+    for members in _alike(specimens):
+        first = specimens[members[len(members) // 2]]
+        _LOG.info("the model of %s", ", ".join(specimens[i].name for i in members))
+        for i in members:
+            for _, _, modes in specimens[i].tested:
+                require_points(modes)
+        instruments = instruments_of(first.tested[0][2])
+        candidates = reduced(first.stack, instruments, effects, aids(), executor)
+        impossible.update(candidates.impossible)
+        for i in members:
+            try:
+                found[i] = assemble_evidence(candidates, specimens[i].tested, scatter=scatter).alone
+            except FitError as error:
+                message = f"specimen {specimens[i].name}: {error}"
+                raise FitError(message) from error
+    return [own for own in found if own is not None], impossible
+
+
+def _alike(specimens: Sequence[Specimen]) -> list[list[int]]:
+    """Return which specimens share a model, by height ascending: their stacks differ by `ALIKE` of height at most."""
+    groups: list[list[int]] = []
+    key = [_key(own) for own in specimens]
+    for i in sorted(range(len(specimens)), key=lambda i: (key[i], specimens[i].stack.height)):
+        height = specimens[i].stack.height
+        last = groups[-1][0] if groups else -1
+        if last >= 0 and key[last] == key[i] and height / specimens[last].stack.height <= 1.0 + ALIKE:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return groups
+
+
+def _key(own: Specimen) -> str:
+    """Return what tells the models of two stacks apart, but for their height."""
+    stack: Stack = replace(own.stack, name="", height=own.stack.width)
+    instruments = instruments_of(own.tested[0][2])
+    x, y, z = instruments.shaker
+    place = (round(x, _PLACE), round(y, _PLACE), z > 0.0)
+    return digest({"stack": stack, "shaker": place, "sensors": len(instruments.sensor)})
+
+
+def _numbered(evidences: Sequence[Evidence]) -> list[Evidence]:
+    """Return the evidence with modes that have the same number in all specimens."""
+    every = [tested for own in evidences for tested in own.tested]
+    number = iter(identities(every))
+    return [replace(own, identity=tuple(next(number) for _ in own.tested)) for own in evidences]

@@ -1,0 +1,372 @@
+"""Campaigns of many specimens on one rig: the form of their file, and the one reader of all their sources."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ema import Campaign
+from ema.campaign.campaign import campaign_of, geometry_of
+from ema.campaign.campaign_file import (
+    CampaignFile,
+    ConfigurationSection,
+    CorrectionSection,
+    DofEntries,
+    DofEntry,
+    FileNames,
+    IdentificationSection,
+    MeasurementSection,
+    NameSection,
+    PointsSection,
+    RunSection,
+)
+from ema.io.form import Section, did_you_mean, read_form, read_toml
+from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.modal_model import ModalModel
+from model import Stack, observe, read_stack, reduce
+from model.stack.errors import StackError
+from model.stack.stack_file import stack_inputs
+from updating.correlation.shape_class import N_ROW, N_STATION, class_grid, solve_by_class
+from updating.diagnosis.candidates import G_F_RANGE, N_SNAPSHOT
+from updating.errors import FitError, StoreError
+from updating.pooled.modal_files import assembled, classes, modal_model
+from updating.pooled.specimen import Specimen
+from updating.results.store import read_result
+
+_LARGE = 1e3
+"""Standard deviation of the components of shapes that stand for a class: they name modes, and are no data."""
+_EVERY = 4
+"""Every so many stations along the length, which do to tell classes apart."""
+_UP = Dof(0, (0.0, 0.0, 1.0))
+
+
+class MaterialSection(Section):
+    """What is other about a specimen's steel than the stack file says."""
+
+    young_GPa: float | None = Field(default=None, gt=0, le=1e3)
+    poisson: float | None = Field(default=None, gt=-1, lt=0.5)
+    density_kg_m3: float | None = Field(default=None, gt=0, le=1e5)
+    transverse_ratio: float | None = Field(default=None, gt=0, le=1e2)
+    shear_ratio: float | None = Field(default=None, gt=0, le=1e2)
+
+
+class SpecimenConfigurationSection(Section):
+    """One state of a specimen, and where its modes come from."""
+
+    name: str
+    torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    files: FileNames = ()
+    run: tuple[RunSection, ...] = ()
+    output: DofEntries = ()
+    input: DofEntries = ()
+    modal_model: str | None = None
+    modes: str | None = None
+    shapes: str | None = None
+    force: DofEntry | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> SpecimenConfigurationSection:
+        given = [
+            key
+            for key, value in (
+                ("files", self.files or self.run),
+                ("modal_model", self.modal_model),
+                ("modes", self.modes),
+            )
+            if value
+        ]
+        if len(given) != 1:
+            message = (
+                f"configuration {self.name!r}: give one source of its modes: 'files' or [[specimen.configuration.run]] "
+                f"of FRFs, 'modal_model', or 'modes'; found {', '.join(given) or 'none'}"
+            )
+            raise ValueError(message)
+        if (self.shapes is None) != (self.force is None) or (self.shapes and not self.modes):
+            message = (
+                f"configuration {self.name!r}: 'shapes' goes with 'modes' and with 'force', the DOF of the force such "
+                "as '45+z'"
+            )
+            raise ValueError(message)
+        return self
+
+    @property
+    def measured(self) -> bool:
+        """Whether FRFs are to be identified."""
+        return bool(self.files or self.run)
+
+
+class SpecimenSection(Section):
+    """One specimen: what its stack has of its own, notes, and configurations."""
+
+    name: str
+    stack: str | None = None
+    height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    n_lamina: int | None = Field(default=None, ge=1)
+    material: MaterialSection = MaterialSection()
+    notes: dict[str, str] = Field(default_factory=dict)
+    configuration: tuple[SpecimenConfigurationSection, ...] = Field(min_length=1)
+
+
+class RigSection(Section):
+    """The rig that all specimens share, with the stack values that they do not state themselves."""
+
+    stack: str
+
+
+class SpecimensFile(Section):
+    """The whole file."""
+
+    campaign: NameSection
+    structure: RigSection
+    points: PointsSection | None = None
+    measurement: MeasurementSection = MeasurementSection()
+    specimen: tuple[SpecimenSection, ...] = Field(min_length=2)
+    correction: tuple[CorrectionSection, ...] = ()
+    identification: IdentificationSection = IdentificationSection()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpecimenCampaign:
+    """A campaign of many specimens, its FRFs not loaded.
+
+    Attributes
+    ----------
+    name : str
+        Title.
+    path : Path
+        The file.
+    content : SpecimensFile
+        What it holds.
+    stacks : tuple of Stack
+        Of each specimen.
+    geometry : Geometry or None
+        The measured points, where they are listed.
+    measured : Campaign or None
+        All configurations that are given as FRFs, named "specimen configuration", for the identification.
+    inputs : tuple of Path
+        Files that were read.
+    """
+
+    name: str
+    path: Path
+    content: SpecimensFile
+    stacks: tuple[Stack, ...]
+    geometry: Geometry | None
+    measured: Campaign | None
+    inputs: tuple[Path, ...]
+
+
+def has_specimens(path: Path) -> bool:
+    """Whether a campaign file lists specimens; an unreadable file does not, and its reader will say why."""
+    try:
+        return "specimen" in read_toml(path)
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def read_specimens(path: Path) -> SpecimenCampaign:
+    """Read a campaign file with `[[specimen]]` tables.
+
+    Raises
+    ------
+    FitError
+        The file asks for what does not exist or is not possible; the message names file, table and key.
+    StackError
+        A stack file cannot be read, or what a specimen states makes no stack.
+    CampaignError, MeasurementError
+        What is wrong with points or FRF files.
+    """
+    content = read_form(path, SpecimensFile, FitError)
+    _require_unique(path, content)
+    folder = path.resolve().parent
+    files = [folder / (own.stack or content.structure.stack) for own in content.specimen]
+    stacks = tuple(_stack(path, file, own) for file, own in zip(files, content.specimen, strict=True))
+    geometry = None if content.points is None else geometry_of(path, folder, content.points)[0]
+    sources = [
+        folder / str(name)
+        for own in content.specimen
+        for c in own.configuration
+        for name in (c.modal_model, c.modes, c.shapes)
+        if name is not None
+    ]
+    _require_files(path, sources)
+    stack_files = tuple(dict.fromkeys(file for name in files for file in stack_inputs(name)))
+    return SpecimenCampaign(
+        name=content.campaign.name,
+        path=path,
+        content=content,
+        stacks=stacks,
+        geometry=geometry,
+        measured=_measured(path, content),
+        inputs=(path, *stack_files, *sources),
+    )
+
+
+def specimens_of(
+    campaign: SpecimenCampaign, identified: Callable[[str], ModalModel]
+) -> tuple[Specimen, ...]:
+    """Return the specimens with the modes of all their configurations, whatever they come from.
+
+    Parameters
+    ----------
+    campaign : SpecimenCampaign
+        The campaign.
+    identified : callable
+        The modes of a configuration of `SpecimenCampaign.measured`, by its name.
+
+    Raises
+    ------
+    FitError
+        A table is not as it should be, or the model lacks a mode of a class.
+    StoreError
+        A file is no modal model.
+    """
+    found = []
+    for stack, own in zip(campaign.stacks, campaign.content.specimen, strict=True):
+        tested = []
+        for c in own.configuration:
+            state = stack if c.pressure_kPa is None else stack.with_contact(pressure=1e3 * c.pressure_kPa)
+            modes = (
+                identified(full_name(own, c)) if c.measured else _tabled(campaign, state, c, full_name(own, c))
+            )
+            tested.append((c.name, state.contact.pressure, modes))
+        found.append(Specimen(name=own.name, stack=stack, tested=tuple(tested), notes=dict(own.notes)))
+    return tuple(found)
+
+
+def full_name(own: SpecimenSection, configuration: SpecimenConfigurationSection) -> str:
+    """Return what a configuration is called among those of all specimens."""
+    return f"{own.name} {configuration.name}"
+
+
+def _tabled(
+    campaign: SpecimenCampaign, stack: Stack, c: SpecimenConfigurationSection, name: str
+) -> ModalModel:
+    """Return modes that were identified before."""
+    folder = campaign.path.resolve().parent
+    if c.modal_model is not None:
+        try:
+            return read_result(folder / c.modal_model, ModalModel)
+        except StoreError as error:
+            message = f"{campaign.path}: {name}: modal_model: {error}"
+            raise FitError(message) from error
+    modes = folder / str(c.modes)
+    if c.shapes is None or c.force is None:
+        return _classed(name, modes, stack)
+    if campaign.geometry is None:
+        message = f"{campaign.path}: {name}: shapes need [points] with the list of measured points"
+        raise FitError(message)
+    return modal_model(name, modes, folder / c.shapes, campaign.geometry, c.force)
+
+
+def _classed(name: str, path: Path, stack: Stack) -> ModalModel:
+    """Return modes that are named by class: the model's shapes of these classes stand for theirs, and are no data."""
+    wanted, poles = classes(path)
+    system = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
+    grid = class_grid(stack)
+    modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)
+    if np.any(column < 0):
+        absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
+        message = f"{path}: the model of {stack.name} has no mode of class {absent}"
+        raise FitError(message)
+    upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::_EVERY].ravel()
+    node, n = grid.node[upwards], upwards.size
+    shape = modes.shape[np.ix_(upwards, column)]
+    shape = shape / np.abs(shape).max(axis=0)
+    geometry = Geometry(node=node, coordinate=grid.location[upwards], line=np.empty((0, 2), dtype=int))
+    return assembled(
+        name,
+        poles,
+        (shape, np.full(shape.shape, _LARGE)),
+        geometry=geometry,
+        dofs=Dofs(node=node, direction=grid.direction[upwards]),
+        sensor=np.zeros(n, dtype=np.int64),
+        force=_UP,
+    )
+
+
+def _stack(path: Path, file: Path, own: SpecimenSection) -> Stack:
+    """Return the stack of a specimen: that of its file with what it states of its own."""
+    stack = read_stack(file)
+    steel = {
+        name: value
+        for name, value in (
+            ("young", None if own.material.young_GPa is None else 1e9 * own.material.young_GPa),
+            ("poisson", own.material.poisson),
+            ("density", own.material.density_kg_m3),
+            ("transverse_ratio", own.material.transverse_ratio),
+            ("shear_ratio", own.material.shear_ratio),
+        )
+        if value is not None
+    }
+    changes: dict[str, Any] = {"material": replace(stack.material, **steel)}
+    changes |= {} if own.height_mm is None else {"height": 1e-3 * own.height_mm}
+    changes |= {} if own.n_lamina is None else {"n_lamina": own.n_lamina}
+    try:
+        return replace(stack, **changes)
+    except StackError as error:
+        message = f"{path}: specimen {own.name!r}: {error}"
+        raise StackError(message) from error
+
+
+def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
+    """Return the campaign of the configurations that are given as FRFs."""
+    sections = tuple(
+        ConfigurationSection(
+            name=full_name(own, c),
+            stack=own.name,
+            torque_Nm=c.torque_Nm,
+            pressure_kPa=c.pressure_kPa,
+            files=c.files,
+            output=c.output,
+            input=c.input,
+            run=c.run,
+        )
+        for own in content.specimen
+        for c in own.configuration
+        if c.measured
+    )
+    if not sections:
+        return None
+    if content.points is None:
+        message = f"{path}: points: this table is missing; FRFs need the list of measured points"
+        raise FitError(message)
+    return campaign_of(
+        path,
+        CampaignFile.model_construct(
+            campaign=content.campaign,
+            structure=content.structure,
+            points=content.points,
+            measurement=content.measurement,
+            configuration=sections,
+            correction=content.correction,
+            identification=content.identification,
+        ),
+    )
+
+
+def _require_unique(path: Path, content: SpecimensFile) -> None:
+    names = [own.name for own in content.specimen]
+    if len(set(names)) < len(names):
+        message = f"{path}: specimen: names must be unique, found {', '.join(names)}"
+        raise FitError(message)
+    for own in content.specimen:
+        states = [c.name for c in own.configuration]
+        if len(set(states)) < len(states):
+            message = f"{path}: specimen {own.name!r}: configuration: names must be unique, found {', '.join(states)}"
+            raise FitError(message)
+
+
+def _require_files(path: Path, files: list[Path]) -> None:
+    for file in files:
+        if not file.is_file():
+            there = sorted(other.name for other in file.parent.glob("*")) if file.parent.is_dir() else []
+            hint = did_you_mean(file.name, there) if there else f"there is no folder {file.parent}"
+            message = f"{path}: {file} is not there; {hint}"
+            raise FitError(message)

@@ -1,0 +1,247 @@
+"""An explanation of many specimens, fitted to all of them together: linear, solved, stepped, linear again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import SolveError
+from updating.diagnosis.discrepancy import KINDS
+from updating.diagnosis.explanation import TRUST
+from updating.pooled.algebra import Joined, Reduced, joined, log_evidence, reduced
+from updating.pooled.beside import Bench
+from updating.pooled.linear import Linear, Place, Scales, linearized, only, strengths
+from updating.pooled.term import Coordinate, Term, coordinates_of
+
+Vector = NDArray[np.float64]
+
+SCALES = ("frequency", "damping", "shape", "stiffness", "loss")
+_LOOKS = (0.7, 0.35, 0.2)  # steps of the logarithm of a scale at which it is looked for
+_FARTHEST = 0.3  # of a range, or of ln G_f, that a step may go
+_HALVED = 3
+_SETTLED = 0.1  # fall of the misfit that ends a fit
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fitted:
+    """An explanation fitted to all specimens.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        None for the base model.
+    coordinates : tuple of Coordinate
+        Of the terms.
+    at : Place
+        Where it stands.
+    scales : Scales
+        The likeliest, by which it is weighed.
+    linear : Linear
+        About where it stands.
+    log_evidence : float
+        Logarithm of the marginal likelihood with the prior of the scales, up to a constant of the data.
+    """
+
+    terms: tuple[Term, ...]
+    coordinates: tuple[Coordinate, ...]
+    at: Place
+    scales: Scales
+    linear: Linear
+    log_evidence: float
+
+    @property
+    def frequency_error(self) -> float:
+        """Mean relative error of frequencies over all specimens."""
+        return float(np.mean([own.frequency_error for own in self.linear.found]))
+
+
+class Weighing:
+    """Evidence of specimens about a place at any scales; Gram matrices at sizes that were seen are kept."""
+
+    def __init__(self, bench: Bench, linear: Linear, coordinates: Sequence[Coordinate], at: Vector) -> None:
+        self._bench, self._linear, self._coordinates, self._at = bench, linear, coordinates, at
+        self._grams: dict[tuple[int, str, float], tuple[Vector, float]] = {}
+
+    def reduced(self, scales: Scales) -> list[Reduced]:
+        """Return each specimen without its own coordinates."""
+        found = []
+        for s, block in enumerate(self._linear.block):
+            grams = []
+            for kind in KINDS:
+                key = (s, kind, getattr(scales, kind))
+                if key not in self._grams:
+                    self._grams[key] = block.gram(kind, key[2])
+                grams.append(self._grams[key])
+            found.append(reduced(block, strengths(self._bench, s, scales), grams))
+        return found
+
+    def joined(self, specimens: Sequence[Reduced | None], scales: Scales) -> Joined:
+        """Return specimens together; those that are None are left out."""
+        kept = [(s, own) for s, own in enumerate(specimens) if own is not None]
+        return joined(
+            [own for _, own in kept],
+            strengths(self._bench, kept[0][0], scales),
+            [self._linear.placed(s, self._coordinates) for s, _ in kept],
+            (self._at, np.array([own.precision for own in self._coordinates])),
+        )
+
+    def bounds(self) -> tuple[Vector, Vector]:
+        """Return how far the coordinates of the terms may step."""
+        low, high = (np.array([getattr(own, end) for own in self._coordinates]) for end in ("lower", "upper"))
+        return np.minimum(low - self._at, 0.0), np.maximum(high - self._at, 0.0)
+
+    def log_evidence(self, scales: Scales) -> float:
+        """Return the logarithm of the marginal likelihood, with the prior of the scales."""
+        found = self.joined(self.reduced(scales), scales)
+        step = found.step(*self.bounds(), TRUST)
+        unseen = np.zeros(found.slope.size)
+        unseen[found.slope.size - len(self._coordinates) :] = [own.unseen for own in self._coordinates]
+        return log_evidence(found, step, unseen) + scales.log_prior
+
+    def likeliest(self, scales: Scales, stated: Sequence[str] = ()) -> tuple[Scales, float]:
+        """Return the scales of the largest evidence near some, and that; those that are stated stay."""
+        best, top = scales, self.log_evidence(scales)
+        for h in _LOOKS:
+            for name in SCALES:
+                if name in stated:
+                    continue
+                before = best
+                ends = [self._moved(before, name, step) for step in (-h, h)]
+                values = [self.log_evidence(own) for own in ends]
+                bend = values[0] + values[1] - 2.0 * top
+                trials = list(zip(ends, values, strict=True))
+                if bend < 0.0:
+                    vertex = float(np.clip(0.5 * h * (values[0] - values[1]) / bend, -2.0 * h, 2.0 * h))
+                    own = self._moved(before, name, vertex)
+                    trials.append((own, self.log_evidence(own)))
+                best, top = max([(best, top), *trials], key=lambda trial: trial[1])
+        return best, top
+
+    @staticmethod
+    def _moved(scales: Scales, name: str, step: float) -> Scales:
+        return replace(scales, **{name: float(getattr(scales, name) * np.exp(step))})
+
+
+def misfit_at(found: Sequence[Reduced], joint: Joined, n_coordinate: int, prior: Vector) -> float:
+    """Return the misfit where own coordinates and those of terms stay, and the least by what specimens share."""
+    n = joint.slope.size - n_coordinate
+    held = sum(own.held[:n, :n] for own in found) + np.diag(prior[:n])
+    slope = sum(own.held[:n, -1] for own in found)
+    constant = sum(own.held[-1, -1] for own in found)
+    return float(constant - slope @ np.linalg.solve(held, slope))
+
+
+def fit(
+    bench: Bench,
+    terms: Sequence[Term],
+    start: Place,
+    scales: Scales,
+    *,
+    most: int = 8,
+    rescaled: bool = True,
+) -> Fitted:
+    """Fit terms, and the own coordinates of all specimens, from a place.
+
+    Parameters
+    ----------
+    bench : Bench
+        The specimens.
+    terms : sequence of Term
+        None fits the base model.
+    start : Place
+        From where.
+    scales : Scales
+        By which data are weighed at first.
+    most : int
+        Largest number of steps.
+    rescaled : bool
+        Whether the scales are estimated anew.
+
+    Raises
+    ------
+    SolveError
+        A model has no modes where the fit starts.
+    """
+    coordinates = tuple(own for term in terms for own in coordinates_of(bench, term))
+    stated = bench.own[0].evidence.scatter.stated
+    at, linear, scales = _settled(bench, coordinates, start, scales, most)
+    if rescaled:
+        weighing = Weighing(bench, linear, coordinates, at.coordinate)
+        scales, _ = weighing.likeliest(scales, stated)
+        at, linear, scales = _settled(bench, coordinates, at, scales, most // 2)
+    weighing = Weighing(bench, linear, coordinates, at.coordinate)
+    return Fitted(
+        terms=tuple(terms),
+        coordinates=coordinates,
+        at=at,
+        scales=scales,
+        linear=linear,
+        log_evidence=weighing.log_evidence(scales),
+    )
+
+
+def _settled(
+    bench: Bench, coordinates: Sequence[Coordinate], at: Place, scales: Scales, most: int
+) -> tuple[Place, Linear, Scales]:
+    """Step to where first order promises the least misfit, until it falls no more (Gauss and Newton)."""
+    linear = only(linearized(bench, at, coordinates), coordinates)
+    misfit, step = _look(bench, linear, coordinates, at, scales)
+    for _ in range(most):
+        share = 1.0
+        for _ in range(_HALVED):
+            trial = _stepped(at, step, share)
+            try:
+                further = only(linearized(bench, trial, coordinates), coordinates)
+                value, following = _look(bench, further, coordinates, trial, scales)
+            except SolveError:
+                value = np.inf
+            if value < misfit:
+                break
+            share *= 0.3
+        else:
+            break
+        fell, misfit = misfit - value, value
+        at, linear, step = trial, further, following
+        if fell < _SETTLED:
+            break
+    return at, linear, scales
+
+
+def _look(
+    bench: Bench, linear: Linear, coordinates: Sequence[Coordinate], at: Place, scales: Scales
+) -> tuple[float, tuple[list[Vector], Vector]]:
+    """Return the misfit at a place, and the steps of own coordinates and of those of terms that promise the least."""
+    weighing = Weighing(bench, linear, coordinates, at.coordinate)
+    found = weighing.reduced(scales)
+    joint = weighing.joined(found, scales)
+    weighed = strengths(bench, 0, scales)
+    prior = np.array([*weighed.mean, *weighed.latent]) ** -2.0
+    own_prior = sum(c.precision * z**2 for c, z in zip(coordinates, at.coordinate, strict=True))
+    misfit = misfit_at(found, joint, len(coordinates), prior) + own_prior
+    solution = joint.step(*weighing.bounds(), TRUST)
+    return misfit, (own_steps(linear, found, coordinates, solution), solution[solution.size - len(coordinates) :])
+
+
+def own_steps(
+    linear: Linear, found: Sequence[Reduced], coordinates: Sequence[Coordinate], solution: Vector
+) -> list[Vector]:
+    """Return the steps of the own coordinates of each specimen that go with a step of all else."""
+    n = solution.size - len(coordinates)
+    return [
+        -own.back @ np.concatenate([solution[:n], linear.placed(s, coordinates) @ solution[n:], [1.0]])
+        for s, own in enumerate(found)
+    ]
+
+
+def _stepped(at: Place, step: tuple[list[Vector], Vector], share: float) -> Place:
+    """Return a place a share of a step farther, none of which is longer than first order may do for."""
+    own, coordinate = step
+    longest = max([1e-9, *(abs(x[0]) for x in own), *np.abs(coordinate).tolist()])
+    share = min(share, share * _FARTHEST / longest)
+    return Place(
+        nuisance=tuple(x + share * dx for x, dx in zip(at.nuisance, own, strict=True)),
+        coordinate=at.coordinate + share * coordinate,
+    )

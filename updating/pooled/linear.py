@@ -1,0 +1,206 @@
+"""Specimens about a fit, to first order: what the algebra of `updating.pooled.algebra` is done with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import Parameter
+from updating.diagnosis.discrepancy import CORRELATION, MEDIAN, log_density
+from updating.diagnosis.residual import Residual, residual
+from updating.pooled.algebra import Block, Strengths
+from updating.pooled.beside import Bench
+from updating.pooled.term import Coordinate
+
+Vector = NDArray[np.float64]
+
+SHARED_PART = 0.5
+"""Share of the variance of a nuisance, such as Young's modulus, that all specimens have in common: one file states it."""
+SPREAD = {"stiffness": (0.15, 0.6), "loss": (0.3, 0.6)}
+"""Medians, and standard deviations of the logarithms, of the scatter of ln G_f and ln d_f from specimen to specimen.
+Table 6 of Pirnat, Cepon and Boltezar (2013) has 0.2 and 0.5 over six stacks, most of them treated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """What is estimated of how much scatters.
+
+    Attributes
+    ----------
+    frequency, damping, shape : float
+        Sizes of the discrepancy, see `updating.diagnosis.discrepancy.Sizes`.
+    stiffness, loss : float
+        Standard deviations of ln G_f and ln d_f from specimen to specimen.
+    """
+
+    frequency: float = MEDIAN["frequency"]
+    damping: float = MEDIAN["damping"]
+    shape: float = MEDIAN["shape"]
+    stiffness: float = SPREAD["stiffness"][0]
+    loss: float = SPREAD["loss"][0]
+
+    @property
+    def log_prior(self) -> float:
+        """Logarithm of the prior density of their logarithms, up to a constant."""
+        sizes = sum(
+            float(log_density(kind, np.asarray(getattr(self, kind)))) for kind in ("frequency", "damping", "shape")
+        )
+        away = [np.log(getattr(self, name) / median) / std for name, (median, std) in SPREAD.items()]
+        return sizes - 0.5 * float(np.sum(np.square(away)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """Where an explanation stands.
+
+    Attributes
+    ----------
+    nuisance : tuple of (n_nuisance,) float
+        Own coordinates of each specimen.
+    coordinate : (n_coordinate,) float
+        Of the terms.
+    """
+
+    nuisance: tuple[Vector, ...]
+    coordinate: Vector
+
+
+def means(bench: Bench) -> tuple[str, ...]:
+    """Return the names of all nuisances, of each of which specimens have a common mean."""
+    return tuple(dict.fromkeys(name for own in bench.own for name in own.evidence.nuisances))
+
+
+def strengths(bench: Bench, s: int, scales: Scales) -> Strengths:
+    """Return what a specimen is weighed with."""
+    names, scattered = means(bench), {"G_f": scales.stiffness, "d_f": scales.loss}
+    known = {
+        name: float(std)
+        for own in bench.own
+        for name, std in zip(own.evidence.nuisances, own.evidence.prior_std, strict=True)
+    }
+    loose = {name for name in scattered if not np.isfinite(known[name])}
+    own_std = {
+        name: scattered[name] if name in loose else np.sqrt(1.0 - SHARED_PART) * std for name, std in known.items()
+    }
+    common = {name: np.inf if name in loose else np.sqrt(SHARED_PART) * std for name, std in known.items()}
+    size = {"frequency": scales.frequency, "damping": scales.damping, "shape": scales.shape}
+    latent = [
+        1.0 if own.kind == "mesh" else np.sqrt(CORRELATION) * size[own.kind]
+        for own in bench.latents
+        for _ in range(own.direction.shape[1])
+    ]
+    return Strengths(
+        size=(scales.frequency, scales.damping, scales.shape),
+        own=tuple(float(own_std[name]) for name in bench.own[s].evidence.nuisances),
+        mean=tuple(float(common[name]) for name in names),
+        latent=tuple(float(std) for std in latent),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Linear:
+    """All specimens about a place.
+
+    Attributes
+    ----------
+    block : tuple of Block
+        Of each specimen; their effect columns are by `column`.
+    column : tuple of str
+        Effect parameters and nuisances that something is tried with.
+    found : tuple of Residual
+        Of each specimen.
+    """
+
+    block: tuple[Block, ...]
+    column: tuple[str, ...]
+    found: tuple[Residual, ...]
+
+    def placed(self, s: int, coordinates: Sequence[Coordinate]) -> Vector:
+        """Return how a specimen's effect columns follow coordinates, (n_column, n_coordinate)."""
+        where = np.zeros((len(self.column), len(coordinates)))
+        for k, own in enumerate(coordinates):
+            if s in own.members:
+                where[self.column.index(own.name), k] = 1.0
+        return where
+
+
+def linearized(
+    bench: Bench,
+    at: Place,
+    coordinates: Sequence[Coordinate],
+    tried: Sequence[Parameter] = (),
+    where: Vector | None = None,
+) -> Linear:
+    """Return all specimens to first order.
+
+    Parameters
+    ----------
+    bench : Bench
+        The specimens.
+    at : Place
+        About which; coordinates of the terms first.
+    coordinates : sequence of Coordinate
+        Of the terms.
+    tried : sequence of Parameter
+        Further effect parameters that get columns.
+    where : (n_tried,) float, optional
+        Their coordinates, neutral by default.
+    """
+    fitted = {own.parameter.name: own.parameter for own in coordinates if own.parameter is not None}
+    further = [p for p in tried if p.name not in fitted]
+    start = dict(zip((p.name for p in tried), np.zeros(len(tried)) if where is None else where, strict=True))
+    parameters = [*fitted.values(), *further]
+    shifts = means(bench)
+    column = (*(p.name for p in parameters), *shifts)
+    blocks, results = [], []
+    mean = {name: i for i, name in enumerate(shifts)}
+    for s, own in enumerate(bench.own):
+        values = {p.name: float(start.get(p.name, 0.0)) if p in further else 0.0 for p in parameters}
+        nuisance = at.nuisance[s].copy()
+        names = own.evidence.nuisances
+        for c, z in zip(coordinates, at.coordinate, strict=True):
+            if s in c.members and c.parameter is not None:
+                values[c.name] += float(z)
+            elif s in c.members and c.name in names:
+                nuisance[names.index(c.name)] += z
+        found = residual(own.evidence, nuisance, parameters, _within(parameters, values))
+        n = len(names)
+        jacobian = found.rotated_jacobian
+        shifting = np.zeros((len(jacobian), len(shifts)))
+        shifting[:, [mean[name] for name in names]] = jacobian[:, :n]
+        blocks.append(
+            Block(
+                value=found.rotated,
+                own=jacobian[:, :n],
+                shared=own.shared,
+                effect=np.hstack([jacobian[:, n:], shifting]),
+                kind=own.evidence.rows.kind,
+                growth=own.evidence.covariance.growth,
+                away=at.nuisance[s] - own.known,
+                mean=np.array([mean[name] for name in names]),
+            )
+        )
+        results.append(found)
+    return Linear(block=tuple(blocks), column=column, found=tuple(results))
+
+
+def _within(parameters: Sequence[Parameter], values: dict[str, float]) -> Vector:
+    """Return the coordinates of parameters, none beyond an end of its range."""
+    from updating.diagnosis.coordinates import bounds_of
+
+    low, high = bounds_of(parameters)
+    return np.clip([values[p.name] for p in parameters], low, high) if parameters else np.zeros(0)
+
+
+def only(linear: Linear, coordinates: Sequence[Coordinate]) -> Linear:
+    """Return the same with the columns alone that some coordinates need, which is what a fit takes."""
+    needed = tuple(name for name in linear.column if any(name == own.name for own in coordinates))
+    at = [linear.column.index(name) for name in needed]
+    return replace(
+        linear,
+        column=needed,
+        block=tuple(replace(own, effect=own.effect[:, at]) for own in linear.block),
+    )

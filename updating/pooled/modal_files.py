@@ -1,0 +1,235 @@
+"""Modes that another program identified, as tables: with shapes, or named by the class of their shape.
+
+The tables are those that `lamella ema` exports: a row for each mode, and a row for each measured direction.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.modal_model import ModalModel
+from updating.errors import FitError
+
+Vector = NDArray[np.float64]
+
+FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
+"""Relative standard deviations where a table states none; of a shape's components, over the root mean square of them."""
+_UNKNOWN = 1e3
+"""The same of what was not measured."""
+_DAMPING = 1e-2
+"""Damping ratio that stands where none was measured."""
+_DIRECTION = ("x", "y", "z")
+
+
+def read_modes(path: Path) -> dict[str, list[str]]:
+    """Read the table of modes: the columns by name, at least `frequency_Hz`.
+
+    Raises
+    ------
+    FitError
+        The file cannot be read, has no such column, or holds no mode.
+    """
+    columns = _columns(path)
+    if "frequency_Hz" not in columns:
+        message = f"{path}: no column 'frequency_Hz'; the file has {', '.join(columns) or 'no header'}"
+        raise FitError(message)
+    if not columns["frequency_Hz"]:
+        message = f"{path}: holds no mode; expected a row for each"
+        raise FitError(message)
+    return columns
+
+
+def modal_model(name: str, modes: Path, shapes: Path, geometry: Geometry, force: Dof) -> ModalModel:
+    """Return modes with shapes as an identification gives them.
+
+    Parameters
+    ----------
+    name : str
+        The configuration.
+    modes : Path
+        Columns `frequency_Hz` and, where they are known, `frequency_std_Hz`, `damping`, `damping_std`, and
+        `shape_std`, relative to the root mean square of the shape's components.
+    shapes : Path
+        Columns `node`, `x`, `y`, `z` (the direction) and, for each mode, `mode_1_real`, `mode_1_imag` and so on;
+        `sensor` counts the accelerometers of a run from 0.
+    geometry : Geometry
+        The measured points.
+    force : Dof
+        Where and along which direction the force acts.
+
+    Raises
+    ------
+    FitError
+        A file cannot be read, lacks a column, or holds something that is not a number.
+    """
+    table, rows = read_modes(modes), _columns(shapes)
+    n = len(table["frequency_Hz"])
+    parts = [
+        _numbers(shapes, rows, f"mode_{r}_real") + 1j * _numbers(shapes, rows, f"mode_{r}_imag")
+        for r in range(1, n + 1)
+    ]
+    shape = np.column_stack(parts)
+    shape = shape / np.abs(shape).max(axis=0)
+    relative = _numbers(modes, table, "shape_std") if "shape_std" in table else np.full(n, SHAPE_STD)
+    rms = np.sqrt(np.mean(np.abs(shape) ** 2, axis=0))
+    node = _numbers(shapes, rows, "node").astype(np.int64)
+    absent = sorted(set(node.tolist()) - set(geometry.node.tolist()))
+    if absent:
+        message = f"{shapes}: points {absent} are not in the list of points of the campaign file"
+        raise FitError(message)
+    sensor = _numbers(shapes, rows, "sensor") if "sensor" in rows else np.zeros(node.size)
+    return assembled(
+        name,
+        _poles(modes, table),
+        (shape, np.broadcast_to(relative * rms, shape.shape)),
+        geometry=geometry,
+        dofs=Dofs(node=node, direction=np.column_stack([_numbers(shapes, rows, a) for a in _DIRECTION])),
+        sensor=sensor.astype(np.int64),
+        force=force,
+    )
+
+
+def classes(path: Path) -> tuple[tuple[str, ...], Vector]:
+    """Return the classes of the modes of a table without shapes, and their frequencies, damping and deviations.
+
+    Returns
+    -------
+    (n_mode,) str, (4, n_mode) float
+        Frequencies, their standard deviations, Hz, damping ratios and theirs.
+
+    Raises
+    ------
+    FitError
+        The table cannot be read, lacks `shape_class`, or names a class twice.
+    """
+    table = read_modes(path)
+    if "shape_class" not in table:
+        message = (
+            f"{path}: no column 'shape_class', such as 'bending 1', which modes without shapes are known by; "
+            f"the file has {', '.join(table)}"
+        )
+        raise FitError(message)
+    names = tuple(table["shape_class"])
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        message = f"{path}: shape_class {', '.join(map(repr, twice))} stands in more than one row"
+        raise FitError(message)
+    return names, _poles(path, table)
+
+
+def assembled(
+    name: str,
+    poles: Vector,
+    shapes: tuple[NDArray[np.complex128] | Vector, Vector],
+    *,
+    geometry: Geometry,
+    dofs: Dofs,
+    sensor: NDArray[np.int64],
+    force: Dof,
+) -> ModalModel:
+    """Return modes as an identification gives them that has no functions.
+
+    Parameters
+    ----------
+    name : str
+        The configuration.
+    poles : (4, n_mode)
+        Frequencies, their standard deviations, Hz, damping ratios and theirs.
+    shapes : ((n_dof, n_mode), (n_dof, n_mode))
+        Shapes and the standard deviations of their components.
+    geometry, dofs, sensor, force
+        Points, measured directions, accelerometers, and where the force acts.
+    """
+    order = np.argsort(poles[0])
+    frequency, frequency_std, damping, damping_std = poles[:, order]
+    pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    n_dof, n = dofs.node.size, frequency.size
+    zero = np.zeros((n_dof, 1))
+    return ModalModel(
+        name=name,
+        frequency=frequency,
+        damping=damping,
+        frequency_std=frequency_std,
+        damping_std=damping_std,
+        pole=pole,
+        residue=np.zeros((n_dof, 1, n), complex),
+        lower=zero.astype(complex),
+        upper=zero.astype(complex),
+        outside_pole=np.empty(0, complex),
+        outside_residue=np.empty((n_dof, 1, 0), complex),
+        shape=np.asarray(shapes[0], complex)[:, order],
+        shape_std=np.asarray(shapes[1])[:, order],
+        scaled=np.zeros(n, dtype=bool),
+        node=dofs.node,
+        direction=dofs.direction,
+        sensor=sensor,
+        input=Dofs(node=np.array([force.node]), direction=np.array([force.direction])),
+        band=(float(frequency[0]), float(frequency[-1])),
+        geometry=geometry,
+        quantity="accelerance",
+        covariance=np.eye(2 * n),
+        residue_std=np.zeros((n_dof, 1, n)),
+        noise=zero,
+        correlation=zero + 1.0,
+        error=zero,
+        run=np.array([1]),
+        run_pole=pole[None, :],
+        run_frequency_std=frequency_std[None, :],
+        run_damping_std=damping_std[None, :],
+        run_probability=np.ones((1, n)),
+    )
+
+
+def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
+    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones where none is."""
+    frequency = _numbers(path, table, "frequency_Hz")
+    if np.any(frequency <= 0.0):
+        message = f"{path}: frequency_Hz must be above 0, found {frequency.min():g}"
+        raise FitError(message)
+    blank = [not cell.strip() for cell in table.get("damping", [""] * frequency.size)]
+    filled = {**table, "damping": [cell or str(_DAMPING) for cell in table.get("damping", [""] * frequency.size)]}
+    damping = _numbers(path, filled, "damping")
+    if np.any((damping <= 0.0) | (damping >= 1.0)):
+        message = f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}"
+        raise FitError(message)
+    known = "frequency_std_Hz" in table
+    frequency_std = _numbers(path, table, "frequency_std_Hz") if known else FREQUENCY_STD * frequency
+    damping_std = (
+        _numbers(path, table, "damping_std") if "damping_std" in table and not any(blank) else DAMPING_STD * damping
+    )
+    return np.stack([frequency, frequency_std, damping, np.where(blank, _UNKNOWN * damping, damping_std)])
+
+
+def _columns(path: Path) -> dict[str, list[str]]:
+    """Return the columns of a CSV with a header, cells as text."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, restval="")
+            names = [name or "" for name in reader.fieldnames or ()]
+            rows = [[str(row[name]) for name in names] for row in reader]
+    except (OSError, ValueError, csv.Error) as error:
+        message = f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
+        raise FitError(message) from error
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
+def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
+    if name not in columns:
+        message = f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}"
+        raise FitError(message)
+    found = np.empty(len(columns[name]))
+    for i, cell in enumerate(columns[name]):
+        try:
+            found[i] = float(cell)
+        except ValueError as error:
+            message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a number"
+            raise FitError(message) from error
+        if not np.isfinite(found[i]):
+            message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number"
+            raise FitError(message)
+    return found

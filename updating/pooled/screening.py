@@ -1,0 +1,189 @@
+"""What each effect could explain at each level, by a linear step of all specimens at once: what is worth a full fit.
+
+Once the specimens' own coordinates and what they share are eliminated, an effect at a level is a border of one or a few
+coordinates, so hundreds of them cost less than the signatures that they are made of.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from model import Parameter, SolveError
+from updating.diagnosis.coordinates import bounds_of
+from updating.diagnosis.explanation import TRUST
+from updating.pooled.algebra import Joined, Reduced, bounded, spread
+from updating.pooled.beside import Bench
+from updating.pooled.fit import Fitted, Weighing
+from updating.pooled.linear import Linear, linearized
+from updating.pooled.specimen import Level
+from updating.pooled.term import Coordinate, Term, candidates, coordinates_of, log_prior
+
+Vector = NDArray[np.float64]
+
+_SHAPES = 6  # values tried of a parameter that shapes an effect but has no strength of its own
+_SILENT = 1e-9  # relative length of a change that is none
+_SEEN = 1e-12  # share of a coordinate's precision that is its own, below which others do all that it does
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Screened:
+    """What a term could add.
+
+    Attributes
+    ----------
+    term : Term
+        What, and which specimens.
+    start : (n_coordinate,) float
+        Coordinates that do the most.
+    log_gain : float
+        Rise of the logarithm of the evidence by the linear step, that of the prior probability included.
+    detectability : float
+        Change of the data at the end of the range, beside all else, in standard deviations.
+    """
+
+    term: Term
+    start: Vector
+    log_gain: float
+    detectability: float
+
+
+def screen(bench: Bench, at: Fitted, levels: Sequence[Level]) -> tuple[Screened, ...]:
+    """Return what every effect at every level could add to a fit, the most promising first.
+
+    Parameters
+    ----------
+    bench : Bench
+        The specimens.
+    at : Fitted
+        What is fitted already.
+    levels : sequence of Level
+        At which effects are tried.
+    """
+    fitted = {own.parameter.name for own in at.coordinates if own.parameter is not None}
+    parameters = list(
+        {p.name: p for e in bench.effects.values() for p in e.parameters if p.name not in fitted}.values()
+    )
+    every = [*candidates(bench, levels)]
+    n_effect = len({own.effect for own in every})
+    best: dict[Term, Screened] = {}
+    neutral = _Bordered(bench, at, linearized(bench, at.at, at.coordinates, parameters))
+    shaping = {p.name for p in parameters if neutral.is_silent(p)}
+    shaped = {
+        name
+        for name, e in bench.effects.items()
+        if {p.name for p in e.parameters} & shaping and len(e.parameters) > 1
+    }
+    plain = [term for term in every if term.effect not in shaped and _is_new(term, at, fitted, bench)]
+    for term in plain:
+        best[term] = neutral.screened(term, {}, log_prior(n_effect, term, levels))
+    for name in sorted(shaped):
+        own = [p for p in bench.effects[name].parameters if p in parameters]
+        for where, bordered in _shaped(bench, at, own, shaping):
+            for term in (each for each in every if each.effect == name):
+                tried = bordered.screened(term, where, log_prior(n_effect, term, levels))
+                if term not in best or tried.log_gain > best[term].log_gain:
+                    best[term] = tried
+    return tuple(sorted(best.values(), key=lambda own: -own.log_gain))
+
+
+def _is_new(term: Term, at: Fitted, fitted: set[str], bench: Bench) -> bool:
+    """Tell whether a term is not fitted already, nor can be told from what is."""
+    if term in at.terms:
+        return False
+    return term.effect not in bench.effects or all(
+        p.name not in fitted for p in bench.effects[term.effect].parameters
+    )
+
+
+def _shaped(
+    bench: Bench, at: Fitted, own: Sequence[Parameter], shaping: set[str]
+) -> Iterator[tuple[dict[str, float], _Bordered]]:
+    """Yield where an effect is taken that a parameter shapes, over the range of that."""
+    turned = [p for p in own if p.name in shaping]
+    low, high = bounds_of(turned)
+    axes = [np.linspace(a, b, _SHAPES) for a, b in zip(low, high, strict=True)]
+    for values in itertools.product(*axes):
+        where = dict(zip((p.name for p in turned), map(float, values), strict=True))
+        try:
+            linear = linearized(
+                bench, at.at, at.coordinates, own, np.array([where.get(p.name, 0.0) for p in own])
+            )
+        except SolveError:  # with what is fitted already, there is no such stack
+            continue
+        yield where, _Bordered(bench, at, linear)
+
+
+class _Bordered:
+    """A fit with columns beside it, all that is fitted eliminated."""
+
+    def __init__(self, bench: Bench, at: Fitted, linear: Linear) -> None:
+        self._bench, self._linear = bench, linear
+        weighing = Weighing(bench, linear, at.coordinates, at.at.coordinate)
+        self._found: list[Reduced] = weighing.reduced(at.scales)
+        joint: Joined = weighing.joined(self._found, at.scales)
+        k = len(at.coordinates)
+        self._n = joint.slope.size - k
+        held = joint.precision.copy()
+        at_end = np.arange(self._n, self._n + k)
+        held[at_end, at_end] += TRUST
+        root = la.cho_factor(held)
+        self._places = [linear.placed(s, at.coordinates) for s in range(len(linear.block))]
+        # of each specimen: how its effect columns go with what is fitted, with each other, and with the value
+        self._beside, self._own, self._slope = [], [], []
+        stays = -la.cho_solve(root, joint.slope)
+        for own, where in zip(self._found, self._places, strict=True):
+            n_column = where.shape[0]
+            both = spread(own.gram, self._n, np.hstack([where, np.eye(n_column)]))
+            base, column = self._n + k, slice(self._n + k, self._n + k + n_column)
+            self._beside.append(both[:base, column])
+            self._own.append(both[column, column])
+            self._slope.append(both[column, -1] + both[:base, column].T @ stays)
+        self._solved = [la.cho_solve(root, own) for own in self._beside]
+
+    def is_silent(self, parameter: Parameter) -> bool:
+        """Tell whether a parameter changes nothing where it is taken."""
+        k = self._linear.column.index(parameter.name)
+        longest = max(float(np.diag(own).max()) for own in self._own)
+        return max(float(own[k, k]) for own in self._own) <= _SILENT**2 * longest
+
+    def screened(self, term: Term, where: dict[str, float], prior: float) -> Screened:
+        """Return what a term could add by a step from where its columns were taken."""
+        every = coordinates_of(self._bench, term)
+        own = [c for c in every if c.name not in where]
+        precision, slope = self._border(own)
+        known = np.array([c.precision for c in own])
+        unseen = np.array([c.unseen for c in own])
+        low, high = (np.array([getattr(c, end) for c in own]) for end in ("lower", "upper"))
+        step = bounded(precision + np.diag(known), slope, low, high)
+        fall = -float(step @ (precision + np.diag(known)) @ step + 2.0 * slope @ step)
+        volume = np.linalg.slogdet(precision + np.diag(known + unseen))[1] - np.sum(np.log(known + unseen))
+        values = dict(zip(((c.name, c.members) for c in own), step, strict=True))
+        visible = np.sqrt(np.maximum(np.diag(precision), 0.0)) * np.maximum(np.abs(low), np.abs(high))
+        return Screened(
+            term=term,
+            start=np.array([where.get(c.name, values.get((c.name, c.members), 0.0)) for c in every]),
+            log_gain=0.5 * (fall - float(volume)) + prior,
+            detectability=float(visible.max(initial=0.0)),
+        )
+
+    def _border(self, own: Sequence[Coordinate]) -> tuple[Vector, Vector]:
+        """Return precision and slope of coordinates when all that is fitted goes with them."""
+        column = [self._linear.column.index(c.name) for c in own]
+        beside = [sum(self._beside[s][:, k] for s in c.members) for c, k in zip(own, column, strict=True)]
+        solved = [sum(self._solved[s][:, k] for s in c.members) for c, k in zip(own, column, strict=True)]
+        precision = -np.array([[a @ b for b in solved] for a in beside])
+        for i, (one, k) in enumerate(zip(own, column, strict=True)):
+            for j, (other, m) in enumerate(zip(own, column, strict=True)):
+                both = set(one.members) & set(other.members)
+                precision[i, j] += sum(self._own[s][k, m] for s in both)
+        least = [_SEEN * sum(self._own[s][k, k] for s in c.members) for c, k in zip(own, column, strict=True)]
+        slope = np.array(
+            [sum(self._slope[s][k] for s in c.members) for c, k in zip(own, column, strict=True)]
+        )
+        return 0.5 * (precision + precision.T) + np.diag(least), slope

@@ -1,0 +1,224 @@
+"""The search for what specimens and rig lack: terms one by one, each at the level where it helps most, and a look back."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import SolveError
+from updating.diagnosis.calibration import STEP
+from updating.pooled.beside import Bench
+from updating.pooled.fit import Fitted, fit
+from updating.pooled.linear import Place, Scales
+from updating.pooled.screening import Screened, screen
+from updating.pooled.specimen import Level
+from updating.pooled.term import Term, candidates, coordinates_of, log_prior
+from updating.workers.workers import distribute
+
+_LOG = logging.getLogger(__name__)
+Vector = NDArray[np.float64]
+
+MOST_TERMS = 4
+"""Terms that an explanation may have."""
+N_EFFECT, N_LEVEL = 6, 3
+"""Effects that are fitted beside what is found, and levels of the most promising of them."""
+_BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
+_CLOSE = 8.0  # within which a fit is followed to its end
+_STEPS, _MORE = 4, 8
+MESSAGES = 8
+"""In which work is sent to other processes."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Start:
+    """Terms and where their fit starts."""
+
+    terms: tuple[Term, ...]
+    at: Place
+    scales: Scales
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Found:
+    """What was found.
+
+    Attributes
+    ----------
+    levels : tuple of Level
+        At which effects were tried.
+    base : Fitted
+        Without terms.
+    fitted : tuple of Fitted
+        All that were fitted to their end, the most probable first.
+    screened : tuple of Screened
+        All terms beside the base model.
+    n_effect : int
+        Effects and hypotheses that were tried.
+    """
+
+    levels: tuple[Level, ...]
+    base: Fitted
+    fitted: tuple[Fitted, ...]
+    screened: tuple[Screened, ...]
+    n_effect: int
+
+    def odds(self, own: Fitted) -> float:
+        """Return the logarithm of the posterior odds of an explanation against the base model."""
+        prior = sum(log_prior(self.n_effect, term, self.levels) for term in own.terms)
+        return own.log_evidence - self.base.log_evidence + prior
+
+
+def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = None) -> Found:
+    """Find the terms that explain what specimens beside their models have in common, and what sets some apart.
+
+    Forward selection by posterior odds, at most `MOST_TERMS`; then each term is left out, and tried at other levels,
+    to see whether it is needed as it is.
+
+    Parameters
+    ----------
+    bench : Bench
+        The specimens.
+    levels : sequence of Level
+        Where something can be.
+    executor : Executor, optional
+        Where fits that do not need each other run; in this process by default.
+    """
+    start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
+    base = fit(bench, (), start, Scales(), most=_MORE)
+    first = screen(bench, base, levels)
+    n_effect = len({term.effect for term in candidates(bench, levels)})
+    found = Found(levels=tuple(levels), base=base, fitted=(base,), screened=first, n_effect=n_effect)
+    best, beside = base, first
+    for n in range(MOST_TERMS):
+        _LOG.info("term %d of an explanation", n + 1)
+        starts = _starts(best, beside)
+        if not best.terms:
+            starts += _from_afar(bench, best, levels)
+        fitted = _followed(bench, found, starts, executor)
+        found = _with(found, fitted)
+        top = max(fitted, key=found.odds, default=None)
+        if top is None or found.odds(top) < found.odds(best) + STEP:
+            break
+        best = top
+        beside = screen(bench, best, levels)
+    best = found.fitted[0]
+    return _with(found, _followed(bench, found, _looked_back(bench, found, best), executor))
+
+
+def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
+    """Return what is worth a fit: the effects that promise most at their best levels, the first ones at others too."""
+    chosen: list[Screened] = []
+    of: dict[str, int] = {}
+    least = beside[0].log_gain - _BEHIND if beside else 0.0
+    for own in beside:
+        n = of.get(own.term.effect, 0)
+        is_first = not of or own.term.effect == next(iter(of))
+        if (n == 0 and len(of) >= N_EFFECT) or n >= (N_LEVEL if is_first else 1):
+            continue
+        if own.log_gain < least and len(chosen) >= N_LEVEL:
+            continue
+        of[own.term.effect] = n + 1
+        chosen.append(own)
+    return [
+        Start(
+            terms=(*best.terms, own.term),
+            at=replace(best.at, coordinate=np.concatenate([best.at.coordinate, own.start])),
+            scales=best.scales,
+        )
+        for own in chosen
+    ]
+
+
+def _from_afar(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Start]:
+    """Return fits of effects of the rig from where one specimen's model comes near over their whole ranges."""
+    rig = next(own for own in levels if own.kind == "rig")
+    return [
+        Start(
+            terms=(Term(effect=place.effect, level=rig),),
+            at=replace(base.at, coordinate=np.asarray(place.coordinate)),
+            scales=Scales(),
+        )
+        for place in bench.places
+        if place.effect in bench.effects
+    ]
+
+
+def _looked_back(bench: Bench, found: Found, best: Fitted) -> list[Start]:
+    """Return the best explanation with each of its terms left out, and with each at the other kinds of levels."""
+    known = {frozenset(own.terms) for own in found.fitted}
+    starts: list[Start] = []
+    at = 0
+    for i, term in enumerate(best.terms):
+        n = len(coordinates_of(bench, term))
+        here = best.at.coordinate[at : at + n]
+        before, after = best.at.coordinate[:at], best.at.coordinate[at + n :]
+        at += n
+        rest = (*best.terms[:i], *best.terms[i + 1 :])
+        starts.append(
+            Start(
+                terms=rest, at=replace(best.at, coordinate=np.concatenate([before, after])), scales=best.scales
+            )
+        )
+        for level in _other_levels(found, term):
+            once = here[: n // len(term.level.shares)]
+            own = np.tile(once, len(level.shares))
+            starts.append(
+                Start(
+                    terms=(*best.terms[:i], replace(term, level=level), *best.terms[i + 1 :]),
+                    at=replace(best.at, coordinate=np.concatenate([before, own, after])),
+                    scales=best.scales,
+                )
+            )
+    return [own for own in starts if frozenset(own.terms) not in known and own.terms]
+
+
+def _other_levels(found: Found, term: Term) -> list[Level]:
+    """Return of each other kind of levels the one at which an effect promised most beside the base model."""
+    best: dict[str, Level] = {}
+    for own in found.screened:
+        if own.term.effect == term.effect and own.term.level.kind != term.level.kind:
+            best.setdefault(own.term.level.kind, own.term.level)
+    return list(best.values())
+
+
+def _followed(
+    bench: Bench, found: Found, starts: Sequence[Start], executor: Executor | None
+) -> list[Fitted]:
+    """Fit explanations, and those that are near the best of them to their end."""
+    first = [own for own in _done(bench, starts, executor, _STEPS, rescaled=False) if own is not None]
+    if not first:
+        return []
+    top = max(found.odds(own) for own in first)
+    near = [
+        Start(terms=own.terms, at=own.at, scales=own.scales) for own in first if found.odds(own) > top - _CLOSE
+    ]
+    return [own for own in _done(bench, near, executor, _MORE, rescaled=True) if own is not None]
+
+
+def _done(
+    bench: Bench, starts: Sequence[Start], executor: Executor | None, most: int, *, rescaled: bool
+) -> Iterator[Fitted | None]:
+    return distribute(partial(_fitted, bench, most, rescaled), starts, executor, MESSAGES)
+
+
+def _fitted(bench: Bench, most: int, rescaled: bool, start: Start) -> Fitted | None:
+    try:
+        return fit(bench, start.terms, start.at, start.scales, most=most, rescaled=rescaled)
+    except (SolveError, np.linalg.LinAlgError):
+        return None
+
+
+def _with(found: Found, further: Iterable[Fitted]) -> Found:
+    """Return what was found with further fits; of fits of the same terms the best stays."""
+    best: dict[frozenset[Term], Fitted] = {}
+    for own in (*found.fitted, *further):
+        key = frozenset(own.terms)
+        if key not in best or own.log_evidence > best[key].log_evidence:
+            best[key] = own
+    return replace(found, fitted=tuple(sorted(best.values(), key=lambda own: -found.odds(own))))

@@ -1,0 +1,85 @@
+"""A specimen: one stack in the rig that all share, what was noted of it, and its identified configurations."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from model import Stack
+from updating.diagnosis.assembly import Campaigned
+
+LevelKind = Literal["rig", "group", "specimen", "each"]
+UNTREATED = ("", "none", "no", "-")
+"""Notes that say that there is nothing: no group."""
+_FEWEST = 2  # specimens that make a group
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Specimen:
+    """One stack in the rig.
+
+    Attributes
+    ----------
+    name : str
+        Unique in its campaign.
+    stack : Stack
+        Its model with the rig, without effects.
+    tested : tuple of (str, float, ModalModel)
+        Name, pressure in Pa and identified modes of each configuration; configurations of other specimens at the same
+        torque have the same name.
+    notes : mapping of str to str
+        What was noted of it, such as its treatment.
+    """
+
+    name: str
+    stack: Stack
+    tested: tuple[Campaigned, ...]
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """Which specimens have something.
+
+    Attributes
+    ----------
+    kind : "rig", "group", "specimen" or "each"
+        All of them the same; those of a group the same; one alone; each as much as it will.
+    of : str
+        Which group, such as "treatment = glued", or which specimen; empty where it is all.
+    members : tuple of int
+        Places of the specimens.
+    """
+
+    kind: LevelKind
+    of: str
+    members: tuple[int, ...]
+
+    @property
+    def shares(self) -> tuple[tuple[int, ...], ...]:
+        """Specimens that have the same value."""
+        return tuple((s,) for s in self.members) if self.kind == "each" else (self.members,)
+
+
+def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
+    """Return all levels at which something can be: the rig, groups by each column of the notes, and specimens.
+
+    Specimens of one note in one column are a group, if they are two or more and not all; of groups with the same members
+    the first one counts.
+    """
+    every = tuple(range(len(specimens)))
+    found = [Level(kind="rig", of="", members=every)]
+    if len(specimens) < _FEWEST:
+        return tuple(found)
+    known = {every}
+    for column in dict.fromkeys(name for own in specimens for name in own.notes):
+        values = [own.notes.get(column, "") for own in specimens]
+        for value, count in Counter(values).items():
+            members = tuple(i for i in every if values[i] == value)
+            if count >= _FEWEST and value not in UNTREATED and members not in known:
+                known.add(members)
+                found.append(Level(kind="group", of=f"{column} = {value}", members=members))
+    found += [Level(kind="specimen", of=own.name, members=(i,)) for i, own in enumerate(specimens)]
+    return (*found, Level(kind="each", of="", members=every))
