@@ -180,9 +180,7 @@ def _write_table(stem: Path, table: ModalTable) -> None:
     shape = table.shape / largest
     rms = np.sqrt(np.mean(table.shape**2, axis=0))
     relative = table.shape_std[0] / rms
-    modes = zip(
-        table.frequency, table.frequency_std, table.damping, table.damping_std, relative, strict=True
-    )
+    modes = zip(table.frequency, table.frequency_std, table.damping, table.damping_std, relative, strict=True)
     header = ["mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "shape_std"]
     _write(stem.with_name(f"{stem.name}_modes.csv"), header, ([r, *own] for r, own in enumerate(modes, 1)))
     names = [f"mode_{r}_{part}" for r in range(1, shape.shape[1] + 1) for part in ("real", "imag")]

@@ -28,7 +28,8 @@ NAN = float("nan")
 def results(**given):
     empty = {
         "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
-        "diagnosis": None, "updated": None, "folder": Path("out/x"), "campaign": Path("x.toml"), "origin": {},
+        "diagnosis": None, "updated": None, "pooled": None, "folder": Path("out/x"), "campaign": Path("x.toml"),
+        "origin": {},
     }  # fmt: skip
     return Results(**(empty | given))
 

@@ -13,6 +13,7 @@ from ema import read_campaign
 from model import catalogue, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
+from updating.commands.specimens import diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.cached_model import cached_model
@@ -22,6 +23,7 @@ from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.target import model_file, stack_in_state
+from updating.pooled.campaign_file import has_specimens
 from updating.results.campaign_findings import measurement_findings
 from updating.results.identified import assignments, every_identified
 from updating.results.store import kept, write_result
@@ -40,7 +42,13 @@ def diagnose(
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
     All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
+    A campaign that lists specimens is diagnosed as a whole: which effect is the rig's, which specimens are odd, and
+    what a treatment changes. Writes pooled_diagnosis.json.
     """
+    if has_specimens(campaign):
+        pooled = diagnose_pooled(campaign, output, effect_file or [], OUT, scatter_file=scatter)
+        print_pooled(pooled, output, OUT)
+        return
     found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
     for sentence in found.sentences:
         OUT.print(sentence, highlight=False, markup=False)

@@ -1,8 +1,8 @@
 """Many specimens beside one model, to first order: a Gaussian problem in which each specimen's own part goes first.
 
-A specimen's own coordinates touch its own data alone, so they are eliminated specimen by specimen, and what is left is a
-small dense problem in what all share: the block elimination of bundle adjustment (Triggs et al., Bundle Adjustment - A
-Modern Synthesis, 2000). Time grows with the number of specimens, memory of the elimination does not.
+A specimen's own coordinates touch its own data alone, so they are eliminated specimen by specimen, and what is left is
+a small dense problem in what all share: the block elimination of bundle adjustment (Triggs et al., Bundle Adjustment -
+A Modern Synthesis, 2000). Time grows with the number of specimens, the problem that is solved in the end does not.
 """
 
 from __future__ import annotations

@@ -126,10 +126,19 @@ def bench(
         places = nearest(most, executor)
         numbered = [replace(own, used=with_modes_of(own, places)) for own in numbered]
         alone = [explain(own, nuisance=x.nuisance) for own, x in zip(numbered, alone, strict=True)]
-    spreads = [spread_of(own, x.nuisance) for own, x in zip(numbered, alone, strict=True)]
-    latents = latents_of(numbered, spreads)
+    own, latents = _separated(specimens, numbered, alone)
+    possible = {n: e for n, e in effects.items() if all(n in own.effects for own in numbered)}
+    return Bench(own=own, latents=latents, effects=possible, impossible=impossible, places=places)
+
+
+def _separated(
+    specimens: Sequence[Specimen], evidences: Sequence[Evidence], alone: Sequence[Explanation]
+) -> tuple[tuple[Beside, ...], tuple[Latent, ...]]:
+    """Divide what separates models and measurements into what is own and what all share."""
+    spreads = [spread_of(own, x.nuisance) for own, x in zip(evidences, alone, strict=True)]
+    latents = latents_of(evidences, spreads)
     found = []
-    for own, spread, x, specimen in zip(numbered, spreads, alone, specimens, strict=True):
+    for own, spread, x, specimen in zip(evidences, spreads, alone, specimens, strict=True):
         divided = separated(own, spread, latents)
         known = np.zeros(len(own.nuisances))
         if "height" in own.dimensions:
@@ -143,10 +152,7 @@ def bench(
                 alone=x,
             )
         )
-    possible = {n: e for n, e in effects.items() if all(n in own.effects for own in numbered)}
-    return Bench(
-        own=tuple(found), latents=latents, effects=possible, impossible=impossible, places=places
-    )
+    return tuple(found), latents
 
 
 def _evidences(

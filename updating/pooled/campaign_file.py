@@ -208,9 +208,7 @@ def read_specimens(path: Path) -> SpecimenCampaign:
     )
 
 
-def specimens_of(
-    campaign: SpecimenCampaign, identified: Callable[[str], ModalModel]
-) -> tuple[Specimen, ...]:
+def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalModel]) -> tuple[Specimen, ...]:
     """Return the specimens with the modes of all their configurations, whatever they come from.
 
     Parameters
@@ -233,7 +231,9 @@ def specimens_of(
         for c in own.configuration:
             state = stack if c.pressure_kPa is None else stack.with_contact(pressure=1e3 * c.pressure_kPa)
             modes = (
-                identified(full_name(own, c)) if c.measured else _tabled(campaign, state, c, full_name(own, c))
+                identified(full_name(own, c))
+                if c.measured
+                else _tabled(campaign, state, c, full_name(own, c))
             )
             tested.append((c.name, state.contact.pressure, modes))
         found.append(Specimen(name=own.name, stack=stack, tested=tuple(tested), notes=dict(own.notes)))

@@ -1,8 +1,9 @@
 """What a model misses alike in all specimens and torques, and what each measurement has of its own.
 
-The discrepancy of a mode is nearly the same in all configurations of all specimens (see `updating.diagnosis.discrepancy`). Its
-common part is a strength of its own, which all specimens share, so what is left is independent from one specimen to
-the next: without it, six specimens would seem to bear out six times what the model gets wrong once.
+The discrepancy of a mode is nearly the same in all configurations of all specimens, see
+`updating.diagnosis.discrepancy`. Its common part is a strength that all specimens share, so what is left is
+independent from one specimen to the next: without it, six specimens would seem to bear out six times what the model
+gets wrong once.
 """
 
 from __future__ import annotations
@@ -75,9 +76,7 @@ def latents_of(evidences: Sequence[Evidence], spreads: Sequence[Spread]) -> tupl
         for kind in kinds:
             of = evidence.rows.kind == ("frequency" if kind == "mesh" else kind)
             for mode in np.unique(evidence.rows.mode[of]).tolist():
-                scalar.setdefault(
-                    (kind, mode), Latent(kind=kind, mode=mode, direction=one, shape=np.ones(1))
-                )
+                scalar.setdefault((kind, mode), Latent(kind=kind, mode=mode, direction=one, shape=np.ones(1)))
         for own in spread.shape:
             if own.mode not in shapes:
                 shapes[own.mode] = Latent(

@@ -222,7 +222,10 @@ def _look(
     own_prior = sum(c.precision * z**2 for c, z in zip(coordinates, at.coordinate, strict=True))
     misfit = misfit_at(found, joint, len(coordinates), prior) + own_prior
     solution = joint.step(*weighing.bounds(), TRUST)
-    return misfit, (own_steps(linear, found, coordinates, solution), solution[solution.size - len(coordinates) :])
+    return misfit, (
+        own_steps(linear, found, coordinates, solution),
+        solution[solution.size - len(coordinates) :],
+    )
 
 
 def own_steps(

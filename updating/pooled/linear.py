@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Parameter
+from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.discrepancy import CORRELATION, MEDIAN, log_density
 from updating.diagnosis.residual import Residual, residual
 from updating.pooled.algebra import Block, Strengths
@@ -18,7 +19,7 @@ from updating.pooled.term import Coordinate
 Vector = NDArray[np.float64]
 
 SHARED_PART = 0.5
-"""Share of the variance of a nuisance, such as Young's modulus, that all specimens have in common: one file states it."""
+"""Share of the variance of a nuisance, such as Young's modulus, that all specimens have in common."""
 SPREAD = {"stiffness": (0.15, 0.6), "loss": (0.3, 0.6)}
 """Medians, and standard deviations of the logarithms, of the scatter of ln G_f and ln d_f from specimen to specimen.
 Table 6 of Pirnat, Cepon and Boltezar (2013) has 0.2 and 0.5 over six stacks, most of them treated."""
@@ -46,7 +47,8 @@ class Scales:
     def log_prior(self) -> float:
         """Logarithm of the prior density of their logarithms, up to a constant."""
         sizes = sum(
-            float(log_density(kind, np.asarray(getattr(self, kind)))) for kind in ("frequency", "damping", "shape")
+            float(log_density(kind, np.asarray(getattr(self, kind))))
+            for kind in ("frequency", "damping", "shape")
         )
         away = [np.log(getattr(self, name) / median) / std for name, (median, std) in SPREAD.items()]
         return sizes - 0.5 * float(np.sum(np.square(away)))
@@ -83,7 +85,8 @@ def strengths(bench: Bench, s: int, scales: Scales) -> Strengths:
     }
     loose = {name for name in scattered if not np.isfinite(known[name])}
     own_std = {
-        name: scattered[name] if name in loose else np.sqrt(1.0 - SHARED_PART) * std for name, std in known.items()
+        name: scattered[name] if name in loose else np.sqrt(1.0 - SHARED_PART) * std
+        for name, std in known.items()
     }
     common = {name: np.inf if name in loose else np.sqrt(SHARED_PART) * std for name, std in known.items()}
     size = {"frequency": scales.frequency, "damping": scales.damping, "shape": scales.shape}
@@ -189,8 +192,6 @@ def linearized(
 
 def _within(parameters: Sequence[Parameter], values: dict[str, float]) -> Vector:
     """Return the coordinates of parameters, none beyond an end of its range."""
-    from updating.diagnosis.coordinates import bounds_of
-
     low, high = bounds_of(parameters)
     return np.clip([values[p.name] for p in parameters], low, high) if parameters else np.zeros(0)
 

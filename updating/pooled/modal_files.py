@@ -18,7 +18,7 @@ from updating.errors import FitError
 Vector = NDArray[np.float64]
 
 FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
-"""Relative standard deviations where a table states none; of a shape's components, over the root mean square of them."""
+"""Relative standard deviations where a table states none; of a shape's components, over their root mean square."""
 _UNKNOWN = 1e3
 """The same of what was not measured."""
 _DAMPING = 1e-2
@@ -143,19 +143,18 @@ def assembled(
     shapes : ((n_dof, n_mode), (n_dof, n_mode))
         Shapes and the standard deviations of their components.
     geometry, dofs, sensor, force
-        Points, measured directions, accelerometers, and where the force acts.
+        As `ema.ModalModel` has them, the force one DOF.
     """
     order = np.argsort(poles[0])
-    frequency, frequency_std, damping, damping_std = poles[:, order]
+    names = ("frequency", "frequency_std", "damping", "damping_std")
+    known = dict(zip(names, poles[:, order], strict=True))
+    frequency, damping = known["frequency"], known["damping"]
     pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
     n_dof, n = dofs.node.size, frequency.size
     zero = np.zeros((n_dof, 1))
     return ModalModel(
         name=name,
-        frequency=frequency,
-        damping=damping,
-        frequency_std=frequency_std,
-        damping_std=damping_std,
+        **known,
         pole=pole,
         residue=np.zeros((n_dof, 1, n), complex),
         lower=zero.astype(complex),
@@ -179,20 +178,23 @@ def assembled(
         error=zero,
         run=np.array([1]),
         run_pole=pole[None, :],
-        run_frequency_std=frequency_std[None, :],
-        run_damping_std=damping_std[None, :],
+        run_frequency_std=known["frequency_std"][None, :],
+        run_damping_std=known["damping_std"][None, :],
         run_probability=np.ones((1, n)),
     )
 
 
 def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
-    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones where none is."""
+    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones if unstated."""
     frequency = _numbers(path, table, "frequency_Hz")
     if np.any(frequency <= 0.0):
         message = f"{path}: frequency_Hz must be above 0, found {frequency.min():g}"
         raise FitError(message)
     blank = [not cell.strip() for cell in table.get("damping", [""] * frequency.size)]
-    filled = {**table, "damping": [cell or str(_DAMPING) for cell in table.get("damping", [""] * frequency.size)]}
+    filled = {
+        **table,
+        "damping": [cell or str(_DAMPING) for cell in table.get("damping", [""] * frequency.size)],
+    }
     damping = _numbers(path, filled, "damping")
     if np.any((damping <= 0.0) | (damping >= 1.0)):
         message = f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}"
@@ -200,7 +202,9 @@ def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
     known = "frequency_std_Hz" in table
     frequency_std = _numbers(path, table, "frequency_std_Hz") if known else FREQUENCY_STD * frequency
     damping_std = (
-        _numbers(path, table, "damping_std") if "damping_std" in table and not any(blank) else DAMPING_STD * damping
+        _numbers(path, table, "damping_std")
+        if "damping_std" in table and not any(blank)
+        else DAMPING_STD * damping
     )
     return np.stack([frequency, frequency_std, damping, np.where(blank, _UNKNOWN * damping, damping_std)])
 

@@ -131,7 +131,7 @@ class _Bordered:
         self._n = joint.slope.size - k
         held = joint.precision.copy()
         at_end = np.arange(self._n, self._n + k)
-        held[at_end, at_end] += TRUST
+        held[at_end, at_end] += [TRUST if c.precision == 0.0 else 0.0 for c in at.coordinates]
         root = la.cho_factor(held)
         self._places = [linear.placed(s, at.coordinates) for s in range(len(linear.block))]
         # of each specimen: how its effect columns go with what is fitted, with each other, and with the value
@@ -172,6 +172,11 @@ class _Bordered:
             detectability=float(visible.max(initial=0.0)),
         )
 
+    def free(self, own: Coordinate) -> tuple[float, float]:
+        """Return the value of one coordinate of which nothing is known beforehand, and its standard deviation."""
+        precision, slope = self._border([own])
+        return float(-slope[0] / precision[0, 0]), float(precision[0, 0] ** -0.5)
+
     def _border(self, own: Sequence[Coordinate]) -> tuple[Vector, Vector]:
         """Return precision and slope of coordinates when all that is fitted goes with them."""
         column = [self._linear.column.index(c.name) for c in own]
@@ -187,3 +192,15 @@ class _Bordered:
             [sum(self._slope[s][k] for s in c.members) for c, k in zip(own, column, strict=True)]
         )
         return 0.5 * (precision + precision.T) + np.diag(least), slope
+
+
+def contrast_of(bench: Bench, at: Fitted, parameter: str, level: Level) -> tuple[float, float]:
+    """Return the logarithm of a contact parameter of a group over that of the others, and its standard deviation.
+
+    Nothing is known of it beforehand. Where the group has a term of its own for it, that gives way to what is returned.
+    """
+    bordered = _Bordered(bench, at, linearized(bench, at.at, at.coordinates))
+    own = Coordinate(
+        name=parameter, parameter=None, members=level.members, lower=-np.inf, upper=np.inf, precision=0.0
+    )
+    return bordered.free(own)

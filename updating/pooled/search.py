@@ -1,4 +1,4 @@
-"""The search for what specimens and rig lack: terms one by one, each at the level where it helps most, and a look back."""
+"""The search for what specimens and rig lack: terms one by one, each where it helps most, and a look back."""
 
 from __future__ import annotations
 
@@ -162,7 +162,9 @@ def _looked_back(bench: Bench, found: Found, best: Fitted) -> list[Start]:
         rest = (*best.terms[:i], *best.terms[i + 1 :])
         starts.append(
             Start(
-                terms=rest, at=replace(best.at, coordinate=np.concatenate([before, after])), scales=best.scales
+                terms=rest,
+                at=replace(best.at, coordinate=np.concatenate([before, after])),
+                scales=best.scales,
             )
         )
         for level in _other_levels(found, term):
@@ -187,16 +189,16 @@ def _other_levels(found: Found, term: Term) -> list[Level]:
     return list(best.values())
 
 
-def _followed(
-    bench: Bench, found: Found, starts: Sequence[Start], executor: Executor | None
-) -> list[Fitted]:
+def _followed(bench: Bench, found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
     """Fit explanations, and those that are near the best of them to their end."""
     first = [own for own in _done(bench, starts, executor, _STEPS, rescaled=False) if own is not None]
     if not first:
         return []
     top = max(found.odds(own) for own in first)
     near = [
-        Start(terms=own.terms, at=own.at, scales=own.scales) for own in first if found.odds(own) > top - _CLOSE
+        Start(terms=own.terms, at=own.at, scales=own.scales)
+        for own in first
+        if found.odds(own) > top - _CLOSE
     ]
     return [own for own in _done(bench, near, executor, _MORE, rescaled=True) if own is not None]
 

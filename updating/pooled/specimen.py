@@ -66,8 +66,8 @@ class Level:
 def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
     """Return all levels at which something can be: the rig, groups by each column of the notes, and specimens.
 
-    Specimens of one note in one column are a group, if they are two or more and not all; of groups with the same members
-    the first one counts.
+    Specimens of one note in one column are a group, if they are two or more and not all; of groups with the same
+    members the first one counts.
     """
     every = tuple(range(len(specimens)))
     found = [Level(kind="rig", of="", members=every)]

@@ -76,9 +76,7 @@ class Coordinate:
 
 def coordinates_of(bench: Bench, term: Term) -> tuple[Coordinate, ...]:
     """Return the coordinates of a term."""
-    return tuple(
-        own for members in term.level.shares for own in _of_members(bench, term.effect, members)
-    )
+    return tuple(own for members in term.level.shares for own in _of_members(bench, term.effect, members))
 
 
 def _of_members(bench: Bench, effect: str, members: tuple[int, ...]) -> tuple[Coordinate, ...]:
@@ -114,7 +112,7 @@ def shifted(bench: Bench, effect: str, members: Sequence[int]) -> Mapping[str, f
 def candidates(bench: Bench, levels: Sequence[Level]) -> tuple[Term, ...]:
     """Return all that is tried: effects at every level, faults and contact parameters where they are not all alike.
 
-    A nuisance that all specimens share is free already, so what a file states wrongly for all of them is tried too.
+    What a file states wrongly is so for the whole rig or for one specimen: no treatment turns a torque wrench.
     """
     hypotheses = [
         name
@@ -122,7 +120,12 @@ def candidates(bench: Bench, levels: Sequence[Level]) -> tuple[Term, ...]:
         if all(name in own.evidence.hypotheses for own in bench.own)
     ]
     terms = [Term(effect=name, level=level) for name in bench.effects for level in levels]
-    terms += [Term(effect=name, level=level) for name in hypotheses for level in levels if level.kind != "each"]
+    terms += [
+        Term(effect=name, level=level)
+        for name in hypotheses
+        for level in levels
+        if level.kind in ("rig", "specimen")
+    ]
     terms += [
         Term(effect=name, level=level)
         for name in (CONTACT if bench.own[0].evidence.touching else ())

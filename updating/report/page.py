@@ -20,6 +20,7 @@ from updating.report.modes_part import mac_section, modes_section
 from updating.report.opening import opening_section
 from updating.report.parameter_part import parameter_section
 from updating.report.part import Section, packed
+from updating.report.pooled_part import pooled_section
 from updating.report.provenance import provenance_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.shape_part import shape_section
@@ -83,6 +84,8 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
         Those of the configurations, where they are made already; none where each has a page of its own, to which the
         list of them then leads.
     """
+    if results.pooled is not None:
+        return (pooled_section(results.pooled), provenance_section(results))
     if own is None:
         own = [configuration_section(tested, kind_of_answer(results.diagnosis)) for tested in results.tested]
     parts = [opening_section(results, own), answer_section(results)]

@@ -14,6 +14,7 @@ from updating.errors import StoreError
 from updating.fitting.fit import Fit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
+from updating.pooled.answer import PooledDiagnosis
 from updating.results.quality import Quality
 from updating.results.store import folder_name, read_document, read_frf, read_result
 from updating.results.updated import Updated
@@ -82,6 +83,8 @@ class Results:
         Where all this is.
     campaign : Path or None
         The campaign file, as it was named; None for a table of modes.
+    pooled : PooledDiagnosis or None
+        What many specimens tell together, where the campaign lists them.
     origin : mapping of str to dict
         Provenance of every result file, by its path within the folder.
     """
@@ -96,6 +99,7 @@ class Results:
     updated: Updated | None
     folder: Path
     campaign: Path | None
+    pooled: PooledDiagnosis | None
     origin: dict[str, dict[str, Any]]
 
 
@@ -107,6 +111,8 @@ def read_results(folder: Path) -> Results:
     StoreError
         The folder holds no result, or one that cannot be read.
     """
+    if (folder / "pooled_diagnosis.json").exists():
+        return _read_pooled(folder)
     if (folder / "modal_table.json").exists():
         found = _read_table(folder)
     elif (folder / "campaign.json").exists():
@@ -139,6 +145,7 @@ def _read_campaign(folder: Path) -> Results:
         updated=_read_if_there(folder / "update.json", Updated),
         folder=folder,
         campaign=campaign.path,
+        pooled=None,
         origin=_origin(folder, [own[c.name] for c in done], ("modal_model.json", "fit.json")),
     )
 
@@ -170,7 +177,27 @@ def _read_table(folder: Path) -> Results:
         updated=_read_if_there(folder / "update.json", Updated),
         folder=folder,
         campaign=None,
+        pooled=None,
         origin=_origin(folder, list(done.values()), ("fit.json",)),
+    )
+
+
+def _read_pooled(folder: Path) -> Results:
+    path = folder / "pooled_diagnosis.json"
+    pooled = read_result(path, PooledDiagnosis)
+    return Results(
+        name=pooled.name,
+        tested=(),
+        table=(),
+        shape_class=(),
+        missing=(),
+        ledger=(),
+        diagnosis=None,
+        updated=None,
+        pooled=pooled,
+        folder=folder,
+        campaign=None,
+        origin={path.name: read_document(path)["provenance"]},
     )
 
 

@@ -1,0 +1,169 @@
+"""What a pooled diagnosis says: which effect is the rig's, a group's, a specimen's, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from updating.fitting.estimate import ParameterEstimate
+from updating.pooled.linear import Scales
+from updating.pooled.specimen import LevelKind
+
+PooledVerdict = Literal["nothing missing", "identified", "one of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One term of an explanation.
+
+    Attributes
+    ----------
+    effect, label : str
+        Its name and what a person calls it.
+    level : "rig", "group", "specimen" or "each"
+        Whose it is.
+    of : str
+        Which group or specimen; empty where it is all.
+    specimens : tuple of str
+        Those that have it.
+    parameter : tuple of ParameterEstimate
+        With 95 % intervals; of shifts of what a file states or of contact parameters the ratio.
+    log_odds : float
+        What it brings: logarithm of the odds of the explanation with it against the best without; NaN where that was
+        not fitted.
+    """
+
+    effect: str
+    label: str
+    level: LevelKind
+    of: str
+    specimens: tuple[str, ...]
+    parameter: tuple[ParameterEstimate, ...]
+    log_odds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PooledRanked:
+    """One explanation.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        None of the base model.
+    log_odds : float
+        Logarithm of its posterior odds against the base model.
+    probability : float
+        Among all that were fitted.
+    frequency_error, left_out_error : float
+        Mean relative errors of frequencies over all specimens, and the same where each is predicted from the others.
+    left_out_score : float
+        Logarithm of the probability density of each specimen given the others, summed, over that of the base model.
+    """
+
+    parts: tuple[Part, ...]
+    log_odds: float
+    probability: float
+    frequency_error: float
+    left_out_error: float
+    left_out_score: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecimenAnswer:
+    """What is said of one specimen.
+
+    Attributes
+    ----------
+    name : str
+        Which.
+    notes : mapping of str to str
+        What was noted of it.
+    n_mode : int
+        Measured modes that the model has, over all its configurations.
+    G_f, d_f : ParameterEstimate
+        Its contact parameters with 95 % intervals.
+    base_error, error, left_out_error : float
+        Mean relative errors of its frequencies: base model, best explanation, and predicted from the others.
+    odd : tuple of str
+        Effects that it alone has.
+    """
+
+    name: str
+    notes: Mapping[str, str]
+    n_mode: int
+    G_f: ParameterEstimate
+    d_f: ParameterEstimate
+    base_error: float
+    error: float
+    left_out_error: float
+    odd: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contrast:
+    """What specimens of a group have of a contact parameter over what the others have, all else as it is found.
+
+    Attributes
+    ----------
+    group : str
+        Such as "treatment = glued".
+    parameter, label : str
+        "G_f" or "d_f", and what it is called.
+    ratio, lower, upper : float
+        With 95 % interval, which holds the scatter from specimen to specimen.
+    """
+
+    group: str
+    parameter: str
+    label: str
+    ratio: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PooledDiagnosis:
+    """Answer of a pooled diagnosis.
+
+    Attributes
+    ----------
+    name : str
+        The campaign.
+    verdict : str
+        "nothing missing", "identified", or "one of" where data cannot tell.
+    ranking : tuple of PooledRanked
+        What was fitted in full, the most probable first.
+    left : int
+        Explanations, the first of the ranking, that the data do not tell apart.
+    specimens : tuple of SpecimenAnswer
+        All of them.
+    contrasts : tuple of Contrast
+        What groups do to contact parameters.
+    scales : Scales
+        Sizes of the discrepancy, and scatter of contact parameters from specimen to specimen.
+    not_visible : tuple of str
+        Effects too weak to show at any plausible strength, were they the rig's.
+    impossible : mapping of str to str
+        Why effects of the catalogue cannot be.
+    sentences : tuple of str
+        The answer in words, the first one first.
+    """
+
+    name: str
+    verdict: PooledVerdict
+    ranking: tuple[PooledRanked, ...]
+    left: int
+    specimens: tuple[SpecimenAnswer, ...]
+    contrasts: tuple[Contrast, ...]
+    scales: Scales
+    not_visible: tuple[str, ...]
+    impossible: Mapping[str, str]
+    sentences: tuple[str, ...]
+
+    @property
+    def best(self) -> PooledRanked:
+        """The explanation that is told: the base model where nothing is missing."""
+        if self.verdict == "nothing missing":
+            return next(own for own in self.ranking if not own.parts)
+        return self.ranking[0]

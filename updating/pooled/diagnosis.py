@@ -1,0 +1,255 @@
+"""Specimens on one rig, diagnosed together: what the rig lacks, which specimens are odd, what a treatment changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.threads import single_threaded
+from model import Effect
+from updating.diagnosis.calibration import SEPARATE, SHOWS, VISIBLE
+from updating.diagnosis.candidates import CandidateModel, candidate_model
+from updating.diagnosis.coordinates import scaled
+from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.explanation import Z95
+from updating.diagnosis.hypotheses import LABELS
+from updating.fitting.estimate import ParameterEstimate
+from updating.pooled.answer import (
+    Contrast,
+    Part,
+    PooledDiagnosis,
+    PooledRanked,
+    PooledVerdict,
+    SpecimenAnswer,
+)
+from updating.pooled.beside import Bench, bench
+from updating.pooled.fit import Fitted, Weighing
+from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out
+from updating.pooled.screening import contrast_of
+from updating.pooled.search import Found, search
+from updating.pooled.specimen import Level, Specimen, levels_of
+from updating.pooled.term import CONTACT, Coordinate, Term, coordinates_of
+from updating.pooled.text import sentences
+
+Vector = NDArray[np.float64]
+
+_RANKED = 12  # explanations that are told
+_ENDS = 1e-4  # of a range, within which a coordinate lies on an end
+
+
+@single_threaded
+def diagnose_specimens(
+    name: str,
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> PooledDiagnosis:
+    """Say what the rig of several specimens lacks, which of them differ and in what, and what a treatment changes.
+
+    Every effect is tried as the rig's, as a group's, as one specimen's and as each specimen's own. ln G_f and ln d_f
+    scatter from specimen to specimen about a mean, by a scatter that is estimated (Gelman and Hill, Data Analysis Using
+    Regression and Multilevel Models, 2007, chapter 12); what a model misses of a mode is common to all specimens.
+
+    Parameters
+    ----------
+    name : str
+        The campaign.
+    specimens : sequence of Specimen
+        At least two, on one rig.
+    effects : mapping of str to Effect
+        The catalogue.
+    scatter : DiagnosisScatter, optional
+        What a laboratory knows of what separates a right model from a right measurement.
+    executor : Executor, optional
+        What takes a part of the work, such as `workers`; by default this process does it all.
+    reduced : callable
+        `candidate_model`, or `cached_model`, which caches the models.
+
+    Raises
+    ------
+    FitError
+        There are fewer than two specimens, or no measured mode of one resembles one of its model.
+    PairingError
+        Measured points do not lie on a stack, or are fewer than the modes.
+    """
+    beside = bench(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
+    return concluded(name, beside, search(beside, levels_of(specimens), executor))
+
+
+def concluded(name: str, beside: Bench, found: Found) -> PooledDiagnosis:
+    """Return the answer that a search comes to."""
+    told = [*found.fitted[:_RANKED], *([] if found.base in found.fitted[:_RANKED] else [_base(found)])]
+    odds = np.array([found.odds(own) for own in told])
+    probability = np.exp(odds - odds.max())
+    probability /= probability.sum()
+    left_out = [specimens_left_out(beside, own) for own in told]
+    base = next(i for i, own in enumerate(told) if not own.terms)
+    ranking = tuple(
+        PooledRanked(
+            parts=tuple(_parts(beside, found, own)),
+            log_odds=float(odds[i]),
+            probability=float(probability[i]),
+            frequency_error=own.frequency_error,
+            left_out_error=float(np.mean(left_out[i].error)),
+            left_out_score=float(np.sum(left_out[i].score - left_out[base].score)),
+        )
+        for i, own in enumerate(told)
+    )
+    near = [i for i in range(len(told)) if odds[i] > odds[0] - SEPARATE]
+    verdict: PooledVerdict = "identified" if len(near) == 1 else "one of"
+    if not told[0].terms or odds[0] < SHOWS or ranking[0].left_out_score <= 0.0:
+        verdict = "nothing missing"
+    best = base if verdict == "nothing missing" else 0
+    answer = PooledDiagnosis(
+        name=name,
+        verdict=verdict,
+        ranking=ranking,
+        left=len(near) if verdict == "one of" else 1,
+        specimens=tuple(_specimens(beside, told[base], told[best], left_out[best])),
+        contrasts=tuple(_contrasts(beside, told[best], found.levels)),
+        scales=told[best].scales,
+        not_visible=tuple(
+            sorted(
+                own.term.effect
+                for own in found.screened
+                if own.term.level.kind == "rig"
+                and own.term.effect in beside.effects
+                and own.detectability < VISIBLE
+            )
+        ),
+        impossible=beside.impossible,
+        sentences=(),
+    )
+    return replace(answer, sentences=sentences(answer))
+
+
+def _base(found: Found) -> Fitted:
+    return next(own for own in found.fitted if not own.terms)
+
+
+def _parts(beside: Bench, found: Found, own: Fitted) -> list[Part]:
+    """Return the terms of an explanation with their intervals and what each brings."""
+    std, at, parts = _stds(beside, own), 0, []
+    for term in own.terms:
+        n = len(coordinates_of(beside, term))
+        each = zip(
+            own.coordinates[at : at + n], own.at.coordinate[at : at + n], std[at : at + n], strict=True
+        )
+        without = [found.odds(other) for other in found.fitted if set(other.terms) == set(own.terms) - {term}]
+        parts.append(
+            Part(
+                effect=term.effect,
+                label=label_of(beside, term.effect),
+                level=term.level.kind,
+                of=term.level.of,
+                specimens=tuple(beside.own[s].specimen.name for s in term.level.members),
+                parameter=tuple(_estimate(beside, term, c, float(z), float(s)) for c, z, s in each),
+                log_odds=found.odds(own) - max(without) if without else float("nan"),
+            )
+        )
+        at += n
+    return parts
+
+
+def label_of(beside: Bench, effect: str) -> str:
+    """Return what a person calls an effect, a hypothesis or a contact parameter."""
+    return beside.effects[effect].label if effect in beside.effects else {**LABELS, **CONTACT}[effect]
+
+
+def _estimate(beside: Bench, term: Term, c: Coordinate, z: float, std: float) -> ParameterEstimate:
+    """Return a coordinate with its 95 % interval as the parameter that it is of."""
+    ends = np.clip(z + Z95 * std * np.array([0.0, -1.0, 1.0]), c.lower, c.upper)
+    name, unit = c.name, "1"
+    if c.parameter is not None:
+        values, unit = [scaled(c.parameter, float(x))[0] for x in ends], c.parameter.unit
+    elif beside.own[c.members[0]].evidence.unit(c.name) == "1":
+        values = np.exp(ends).tolist()
+    else:
+        values, unit = ends.tolist(), beside.own[c.members[0]].evidence.unit(c.name)
+    if term.level.kind == "each":
+        name = f"{name}[{beside.own[c.members[0]].specimen.name}]"
+    return ParameterEstimate(
+        name=name,
+        unit=unit,
+        value=float(values[0]),
+        lower=float(min(values[1:])),
+        upper=float(max(values[1:])),
+        at_bound=c.parameter is not None and not c.lower + _ENDS < z < c.upper - _ENDS,
+    )
+
+
+def _stds(beside: Bench, own: Fitted) -> Vector:
+    """Return standard deviations of the coordinates of terms, all else integrated out."""
+    weighing = Weighing(beside, own.linear, own.coordinates, own.at.coordinate)
+    joint = weighing.joined(weighing.reduced(own.scales), own.scales)
+    n = joint.slope.size - len(own.coordinates)
+    unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(joint.precision + np.diag(unseen)))[n:]))
+
+
+def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeftOut) -> list[SpecimenAnswer]:
+    """Return what is said of each specimen."""
+    weighing = Weighing(beside, own.linear, own.coordinates, own.at.coordinate)
+    every = weighing.reduced(own.scales)
+    joint = weighing.joined(every, own.scales)
+    n = joint.slope.size - len(own.coordinates)
+    unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
+    covariance = np.linalg.inv(joint.precision + np.diag(unseen))
+    found = []
+    for s, specimen in enumerate(beside.own):
+        evidence, names = specimen.evidence, specimen.evidence.nuisances
+        where = own.linear.placed(s, own.coordinates)
+        back = np.hstack([every[s].back[:, :n], every[s].back[:, n:-1] @ where])
+        std = np.sqrt(np.diag(every[s].covariance + back @ covariance @ back.T))
+        contact = {}
+        nominal = {"G_f": evidence.stack.contact.G_f, "d_f": evidence.theta(np.zeros(len(names)), 0)["d_f"]}
+        for name, unit in (("G_f", "1"), ("d_f", "s/Pa")):
+            i = names.index(name)
+            shift = sum(
+                z
+                for c, z in zip(own.coordinates, own.at.coordinate, strict=True)
+                if c.name == name and c.parameter is None and s in c.members
+            )
+            logs = own.at.nuisance[s][i] + shift + Z95 * std[i] * np.array([0.0, -1.0, 1.0])
+            value, lower, upper = (nominal[name] * np.exp(logs)).tolist()
+            contact[name] = ParameterEstimate(
+                name=name, unit=unit, value=value, lower=lower, upper=upper, at_bound=False
+            )
+        found.append(
+            SpecimenAnswer(
+                name=specimen.specimen.name,
+                notes=dict(specimen.specimen.notes),
+                n_mode=sum(used.size for used in evidence.used),
+                G_f=contact["G_f"],
+                d_f=contact["d_f"],
+                base_error=base.linear.found[s].frequency_error,
+                error=own.linear.found[s].frequency_error,
+                left_out_error=float(left_out.error[s]),
+                odd=tuple(t.effect for t in own.terms if t.level.kind == "specimen" and s in t.level.members),
+            )
+        )
+    return found
+
+
+def _contrasts(beside: Bench, own: Fitted, levels: Sequence[Level]) -> list[Contrast]:
+    """Return what groups have of contact parameters over the others."""
+    if not all(each.evidence.touching for each in beside.own):
+        return []
+    found = []
+    for level in levels:
+        if level.kind != "group":
+            continue
+        for name, label in CONTACT.items():
+            value, std = contrast_of(beside, own, name, level)
+            ratio, lower, upper = np.exp(value + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
+            found.append(
+                Contrast(group=level.of, parameter=name, label=label, ratio=ratio, lower=lower, upper=upper)
+            )
+    return found

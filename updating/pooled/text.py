@@ -1,0 +1,149 @@
+"""A pooled diagnosis in plain sentences, the answer first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from updating.pooled.answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.results.text import interval_text, percent
+
+_LISTED = 3  # explanations that are told in a sentence
+_FOLDED = 5  # names that are listed before a count stands for the rest
+
+
+def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
+    """Write the verdict, whose each effect is, which specimens are odd, and what groups change."""
+    text = [_verdict(found)]
+    if found.verdict == "one of":
+        text.append(_cannot_tell(found))
+    text.append(_odd(found))
+    text += _groups(found.contrasts)
+    text.append(_scatter(found))
+    if found.not_visible:
+        text.append(
+            "Too weak to show in these data at any plausible strength, were they the rig's: "
+            f"{_folded(found.not_visible)}."
+        )
+    return tuple(text)
+
+
+def part_text(own: Part) -> str:
+    """Return a term in words: what, and whose it is."""
+    whose = {
+        "rig": f"of the rig, the same in all {len(own.specimens)} specimens",
+        "group": f"of the group {own.of}",
+        "specimen": f"of specimen {own.of} alone",
+        "each": "of each specimen its own",
+    }[own.level]
+    return f"{own.label} ({own.effect}), {whose}"
+
+
+def explanation_text(own: PooledRanked) -> str:
+    """Return all terms of an explanation in words."""
+    return "; and ".join(map(part_text, own.parts)) or "the base model"
+
+
+def _verdict(found: PooledDiagnosis) -> str:
+    """Write the sentence that a customer needs."""
+    base = next(own for own in found.ranking if not own.parts)
+    n = len(found.specimens)
+    if found.verdict == "nothing missing":
+        return (
+            f"Nothing is missing that these {n} specimens can show. The model's frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a specimen that "
+            "is predicted from the others."
+        )
+    best = found.ranking[0]
+    parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts)
+    start = "Identified" if found.verdict == "identified" else "Most probable"
+    return (
+        f"{start}: {parts}. The mean frequency error falls from {percent(base.frequency_error)} to "
+        f"{percent(best.frequency_error)}, for a specimen that is predicted from the others from "
+        f"{percent(base.left_out_error)} to {percent(best.left_out_error)}."
+    )
+
+
+def _values(own: Part) -> str:
+    values = ", ".join(map(interval_text, own.parameter[:_LISTED]))
+    return f": {values}" if values else ""
+
+
+def _cannot_tell(found: PooledDiagnosis) -> str:
+    """Say what the data do not tell apart, and whether that is the effect or its level."""
+    others = found.ranking[1 : found.left]
+    listed = "; or ".join(explanation_text(own) for own in others[:_LISTED])
+    more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
+    first = {own.effect for own in found.ranking[0].parts}
+    same = all({own.effect for own in other.parts} == first for other in others)
+    what = "whose the effect is" if same else "which effect it is"
+    return f"These data cannot tell {what}: as well it may be {listed}{more}."
+
+
+def _odd(found: PooledDiagnosis) -> str:
+    odd = [own for own in found.specimens if own.odd]
+    if not odd:
+        return f"No specimen is odd: none of the {len(found.specimens)} needs an effect that the others lack."
+    listed = "; ".join(f"{own.name} ({', '.join(own.odd)})" for own in odd)
+    return f"Odd among the {len(found.specimens)} specimens: {listed}."
+
+
+def _groups(contrasts: Sequence[Contrast]) -> list[str]:
+    """Say what groups change, and what they do not."""
+    text, silent = [], []
+    for own in contrasts:
+        if own.lower > 1.0 or own.upper < 1.0:
+            text.append(
+                f"Specimens with {own.group} have {own.ratio:.2f} times the {own.label} {own.parameter} of the others "
+                f"(95 %: {own.lower:.2f} to {own.upper:.2f})."
+            )
+        else:
+            silent.append(
+                f"{own.parameter} of {own.group}: {own.ratio:.2f} times ({own.lower:.2f} to {own.upper:.2f})"
+            )
+    if silent:
+        text.append(f"No change beyond the scatter of specimens: {'; '.join(silent)}.")
+    return text
+
+
+def _scatter(found: PooledDiagnosis) -> str:
+    s = found.scales
+    return (
+        f"From specimen to specimen G_f scatters by {percent(float(np.expm1(s.stiffness)))} and d_f by "
+        f"{percent(float(np.expm1(s.loss)))}; beyond that and the noise the model is right to "
+        f"{percent(s.frequency)} of a frequency, {percent(s.damping)} of a damping ratio and {percent(s.shape)} of a "
+        "shape's length."
+    )
+
+
+def _folded(names: Sequence[str]) -> str:
+    rest = len(names) - _FOLDED
+    return ", ".join(names[:_FOLDED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def specimen_row(own: SpecimenAnswer) -> tuple[str, ...]:
+    """Return a specimen as cells: name, modes, G_f, d_f, errors before, after and left out, what is odd."""
+    return (
+        own.name,
+        str(own.n_mode),
+        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})",
+        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})",
+        f"{100.0 * own.base_error:.2g}",
+        f"{100.0 * own.error:.2g}",
+        f"{100.0 * own.left_out_error:.2g}",
+        ", ".join(own.odd),
+    )
+
+
+SPECIMEN_HEADER = (
+    "specimen",
+    "modes",
+    "G_f (95 %)",
+    "d_f (95 %) [s/Pa]",
+    "f error before [%]",
+    "after [%]",
+    "left out [%]",
+    "odd",
+)
+"""Heads of the columns of `specimen_row`."""
