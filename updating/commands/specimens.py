@@ -71,7 +71,7 @@ def pooled_table(found: PooledDiagnosis) -> Table:
     """Return the explanations that were fitted in full, the most probable first."""
     table = Table(title="Explanations", title_justify="left")
     table.add_column("effects, and whose they are")
-    for name in ("proba-\nbility", "f error\n[%]", "left out\n[%]"):
+    for name in ("proba-\nbility", "f error\n[%]", "specimen\nleft out\n[%]", "torque\nleft out\n[%]"):
         table.add_column(name, justify="right")
     for own in found.ranking[:_MOST_EXPLANATIONS]:
         table.add_row(
@@ -79,6 +79,7 @@ def pooled_table(found: PooledDiagnosis) -> Table:
             f"{own.probability:.3f}",
             f"{100 * own.frequency_error:.2g}",
             f"{100 * own.left_out_error:.2g}",
+            f"{100 * own.left_out_torque_error:.2g}",
         )
     return table
 

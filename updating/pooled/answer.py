@@ -57,6 +57,9 @@ class PooledRanked:
         Among all that were fitted.
     frequency_error, left_out_error : float
         Mean relative errors of frequencies over all specimens, and the same where each is predicted from the others.
+    left_out_torque_error : float
+        The same where the frequencies and damping ratios of a specimen at one torque are predicted from all else; NaN
+        with one torque.
     left_out_score : float
         Logarithm of the probability density of each specimen given the others, summed, over that of the base model.
     """
@@ -66,6 +69,7 @@ class PooledRanked:
     probability: float
     frequency_error: float
     left_out_error: float
+    left_out_torque_error: float
     left_out_score: float
 
 

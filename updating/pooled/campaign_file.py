@@ -318,7 +318,7 @@ def _stack(path: Path, file: Path, own: SpecimenSection) -> Stack:
 def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
     """Return the campaign of the configurations that are given as FRFs."""
     sections = tuple(
-        ConfigurationSection(
+        ConfigurationSection.model_construct(
             name=full_name(own, c),
             stack=own.name,
             torque_Nm=c.torque_Nm,

@@ -138,6 +138,8 @@ def _own(evidence: Evidence, spread: Spread, mesh: Vector) -> Discrepancy:
     noise = np.sqrt(np.maximum(spread.frequency**2 - mesh**2, _LEAST * spread.frequency**2))
     for kind, std in (("frequency", noise), ("damping", spread.damping)):
         of = np.flatnonzero(rows.kind == kind)
-        if of.size:
-            blocks.append(block_of(of, np.diag(std**2), (1.0 - CORRELATION) * np.eye(of.size)))
+        for c in np.unique(rows.configuration[of]):  # each by itself, so that one can be left out
+            here = rows.configuration[of] == c
+            form = (1.0 - CORRELATION) * np.eye(int(here.sum()))
+            blocks.append(block_of(of[here], np.diag(std[here] ** 2), form))
     return Discrepancy(blocks=tuple(blocks))

@@ -28,7 +28,7 @@ from updating.pooled.answer import (
 )
 from updating.pooled.beside import Bench, bench
 from updating.pooled.fit import Fitted, Weighing
-from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out
+from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
 from updating.pooled.screening import contrast_of
 from updating.pooled.search import Found, search
 from updating.pooled.specimen import Level, Specimen, levels_of
@@ -98,6 +98,7 @@ def concluded(name: str, beside: Bench, found: Found) -> PooledDiagnosis:
             probability=float(probability[i]),
             frequency_error=own.frequency_error,
             left_out_error=float(np.mean(left_out[i].error)),
+            left_out_torque_error=_mean(torques_left_out(beside, own)),
             left_out_score=float(np.sum(left_out[i].score - left_out[base].score)),
         )
         for i, own in enumerate(told)
@@ -128,6 +129,10 @@ def concluded(name: str, beside: Bench, found: Found) -> PooledDiagnosis:
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))
+
+
+def _mean(errors: Vector) -> float:
+    return float(np.mean(errors)) if errors.size else float("nan")
 
 
 def _base(found: Found) -> Fitted:

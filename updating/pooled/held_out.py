@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.diagnosis.explanation import TRUST
-from updating.pooled.algebra import Joined, Reduced, log_evidence
+from updating.pooled.algebra import Joined, Reduced, grams, log_evidence, reduced
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted, Weighing, own_steps
+from updating.pooled.linear import strengths
 
 Vector = NDArray[np.float64]
 
@@ -66,15 +67,56 @@ def _log_density(own: Fitted, joint: Joined, low: Vector, high: Vector) -> float
     return log_evidence(joint, joint.step(low, high, TRUST), unseen)
 
 
-def _error(own: Fitted, s: int, every: list[Reduced], solution: Vector, bench: Bench) -> float:
-    """Return the mean relative error of a specimen's frequencies after a step."""
+def torques_left_out(bench: Bench, own: Fitted) -> Vector:
+    """Predict the frequencies of each specimen at each torque, those and the damping ratios there being left out.
+
+    Returns
+    -------
+    (n,) float
+        Mean relative errors, of each configuration of specimens that have several.
+    """
+    weighing = Weighing(bench, own.linear, own.coordinates, own.at.coordinate)
+    every = weighing.reduced(own.scales)
+    low, high = weighing.bounds()
+    found = []
+    for s, beside in enumerate(bench.own):
+        rows, block = beside.evidence.rows, own.linear.block[s]
+        for c in range(len(beside.evidence.tested)) if len(beside.evidence.tested) > 1 else ():
+            away = (rows.configuration == c) & (rows.kind != "shape")
+            kept = replace(
+                block,
+                value=block.value[~away],
+                own=block.own[~away],
+                shared=block.shared[~away],
+                effect=block.effect[~away],
+                kind=block.kind[~away],
+                growth=block.growth[~away],
+            )
+            weighed = strengths(bench, s, own.scales)
+            without = [*every[:s], reduced(kept, weighed, grams(kept, weighed.size)), *every[s + 1 :]]
+            solution = weighing.joined(without, own.scales).step(low, high, TRUST)
+            found.append(_error(own, s, without, solution, bench, c))
+    return np.array(found)
+
+
+def _error(
+    own: Fitted,
+    s: int,
+    every: list[Reduced],
+    solution: Vector,
+    bench: Bench,
+    configuration: int | None = None,
+) -> float:
+    """Return the mean relative error of a specimen's frequencies, in one configuration or all, after a step."""
     block, n = own.linear.block[s], solution.size - len(own.coordinates)
     effects = own.linear.placed(s, own.coordinates) @ solution[n:]
     step = own_steps(own.linear, every, own.coordinates, solution)[s]
     rotated = block.value + block.own @ step + block.effect @ effects
+    rows = bench.own[s].evidence.rows
     logs = [
         la.solve(part.rotation, rotated[part.row])
         for part in bench.own[s].evidence.covariance.blocks
         if block.kind[part.row[0]] == "frequency"
+        and configuration in (None, int(rows.configuration[part.row[0]]))
     ]
     return float(np.mean(np.abs(np.expm1(-np.concatenate(logs)))))

@@ -59,10 +59,14 @@ def _verdict(found: PooledDiagnosis) -> str:
     parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts)
     start = "Identified" if found.verdict == "identified" else "Most probable"
     return (
-        f"{start}: {parts}. The mean frequency error falls from {percent(base.frequency_error)} to "
-        f"{percent(best.frequency_error)}, for a specimen that is predicted from the others from "
-        f"{percent(base.left_out_error)} to {percent(best.left_out_error)}."
+        f"{start}: {parts}. Mean frequency errors, before and with it: fitted {_change('frequency_error', base, best)}"
+        f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
+        f"; a torque predicted from all else {_change('left_out_torque_error', base, best)}."
     )
+
+
+def _change(name: str, base: PooledRanked, best: PooledRanked) -> str:
+    return f"{percent(getattr(base, name))} and {percent(getattr(best, name))}"
 
 
 def _values(own: Part) -> str:

@@ -1,0 +1,145 @@
+"""Block elimination over specimens against one dense Gaussian problem of all of them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from updating.diagnosis.discrepancy import CORRELATION, KINDS, MeasuredShape
+from updating.diagnosis.evidence import Rows
+from updating.diagnosis.residual import Spread
+from updating.pooled.algebra import Block, Strengths, bounded, grams, joined, log_evidence, reduced
+from updating.pooled.common import latents_of, separated
+
+N_OWN, N_LATENT, N_EFFECT = 4, 3, 2
+SIZE = (0.5, 0.8, 0.3)
+WEIGHED = Strengths(size=SIZE, own=(0.3, 0.5, 0.2, 0.4), mean=(0.6, 0.2, 0.9, 0.5), latent=(0.4, 0.7, 0.2))
+PRIOR = np.array([2.0, 3.0, 1.5])
+PLACE = [np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0]])]
+"""The first effect is the rig's, the second the first specimen's, and the second specimen has more of the first."""
+
+
+def block(seed, n=14):
+    rng = np.random.default_rng(seed)
+    return Block(
+        value=rng.normal(size=n),
+        own=rng.normal(size=(n, N_OWN)),
+        shared=rng.normal(size=(n, N_LATENT)),
+        effect=rng.normal(size=(n, N_EFFECT)),
+        kind=np.array([KINDS[i % 3] for i in range(n)]),
+        growth=rng.uniform(0.5, 2.0, n),
+        away=rng.normal(size=N_OWN),
+        mean=np.array([2, 0, 1, 3]),
+    )
+
+
+BLOCKS = [block(1), block(2, 17)]
+
+
+def dense(blocks):
+    """Mean and covariance of all data, and their covariance with means, latents and effects."""
+    size = dict(zip(KINDS, SIZE, strict=True))
+    shared_var = np.concatenate([np.square(WEIGHED.mean), np.square(WEIGHED.latent), 1.0 / PRIOR])
+    rows, own = [], []
+    for b, place in zip(blocks, PLACE, strict=False):
+        mean = np.zeros((b.value.size, len(WEIGHED.mean)))
+        mean[:, b.mean] = b.own
+        rows.append(np.hstack([-mean, b.shared, -b.effect @ place]))
+        variance = 1.0 + np.array([size[k] for k in b.kind]) ** 2 * b.growth
+        own.append(np.diag(variance) + b.own @ np.diag(np.square(WEIGHED.own)) @ b.own.T)
+    by = np.vstack(rows)
+    return (
+        np.concatenate([b.own @ b.away for b in blocks]),
+        la.block_diag(*own) + by * shared_var @ by.T,
+        shared_var[:, None] * by.T,
+    )
+
+
+def solved(blocks):
+    own = [reduced(b, WEIGHED, grams(b, SIZE)) for b in blocks]
+    return own, joined(own, WEIGHED, PLACE[: len(blocks)], (np.zeros(3), PRIOR))
+
+
+def test_evidence_is_that_of_the_dense_problem():
+    _, joint = solved(BLOCKS)
+    m = joint.slope.size
+    found = log_evidence(joint, joint.step(np.full(3, -9.0), np.full(3, 9.0), 0.0), np.zeros(m))
+    mean, covariance, _ = dense(BLOCKS)
+    left = np.concatenate([b.value for b in BLOCKS]) - mean
+    expected = -0.5 * (left @ np.linalg.solve(covariance, left) + np.linalg.slogdet(covariance)[1])
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_is_shared_is_that_of_the_dense_problem():
+    _, joint = solved(BLOCKS)
+    mean, covariance, cross = dense(BLOCKS)
+    left = np.concatenate([b.value for b in BLOCKS]) - mean
+    expected = cross @ np.linalg.solve(covariance, left)
+    assert joint.step(np.full(3, -9.0), np.full(3, 9.0), 0.0) == pytest.approx(expected, abs=1e-8)
+
+
+def test_own_coordinates_go_with_what_is_shared():
+    own, joint = solved(BLOCKS)
+    step = joint.step(np.full(3, -9.0), np.full(3, 9.0), 0.0)
+    n = len(WEIGHED.mean) + N_LATENT
+    b, place = BLOCKS[0], PLACE[0]
+    x = -own[0].back @ np.concatenate([step[:n], place @ step[n:], [1.0]])
+    size = dict(zip(KINDS, SIZE, strict=True))
+    weight = 1.0 / (1.0 + np.array([size[k] for k in b.kind]) ** 2 * b.growth)
+    rest = b.value - b.shared @ step[4:n] + b.effect @ place @ step[n:]
+    prior = np.square(WEIGHED.own) ** -1.0
+    gradient = b.own.T @ (weight * (rest + b.own @ x)) + prior * (x + b.away - step[b.mean])
+    assert gradient == pytest.approx(np.zeros(N_OWN), abs=1e-9)
+
+
+def test_a_specimen_that_is_left_out_is_a_summand_less():
+    own, joint = solved(BLOCKS)
+    _, one = solved(BLOCKS[:1])
+    other = joined(own[1:], WEIGHED, PLACE[1:], (np.zeros(3), np.zeros(3)))
+    known = np.concatenate([np.square(WEIGHED.mean), np.square(WEIGHED.latent)]) ** -1.0
+    both = one.precision + other.precision - np.diag(np.append(known, np.zeros(3)))
+    assert joint.precision == pytest.approx(both, abs=1e-10)
+
+
+def test_a_step_stays_within_its_bounds():
+    precision, slope = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([-4.0, -1.0])
+    assert bounded(precision, slope, np.full(2, -9.0), np.full(2, 9.0)) == pytest.approx([2.0, 0.0], abs=1e-8)
+    assert bounded(precision, slope, np.zeros(2), np.ones(2)) == pytest.approx([1.0, 0.5])
+
+
+def test_a_discrepancy_is_common_to_specimens_and_torques():
+    """Own and shared parts together are the covariance that one stack's configurations have."""
+    modes = SimpleNamespace(shape=np.zeros((1, 2)))
+    tested, used = [SimpleNamespace(modes=modes)] * 2, [np.arange(2)] * 2
+    rows = Rows.of(tested, used, used, touching=True)
+    mesh = SimpleNamespace(mesh=np.array([2e-4, -1e-4]))
+    evidence = SimpleNamespace(
+        rows=rows,
+        scatter=SimpleNamespace(mesh=0.3),
+        shift=[mesh, mesh],
+        used=used,
+    )
+    noise = np.array([1e-4, 2e-4, 3e-4, 1e-4])
+    shapes = tuple(
+        MeasuredShape(
+            row=row, mode=i, shape=np.ones(1), std=np.ones(1), slope=np.zeros((1, 1)), root=np.ones((1, 1))
+        )
+        for (_, i), row in rows.shape.items()
+    )
+    spread = Spread(frequency=noise, damping=10.0 * noise, shape=shapes)
+    latents = latents_of([evidence], [spread])
+    divided = separated(evidence, spread, latents)
+    strength = np.array([1.0 if own.kind == "mesh" else np.sqrt(CORRELATION) * 3e-3 for own in latents])
+    frequency = np.flatnonzero(evidence.rows.kind == "frequency")
+    rotation = np.zeros((12, 12))
+    for own in divided.own.blocks:
+        rotation[np.ix_(own.row, own.row)] = own.rotation
+    turned = np.linalg.inv(rotation)
+    rotated = np.diag(1.0 + 9e-6 * divided.own.growth) + divided.shared * strength**2 @ divided.shared.T
+    found = (turned @ rotated @ turned.T)[np.ix_(frequency, frequency)]
+    error = 0.3 * np.tile(mesh.mesh, 2)
+    same = np.tile(np.eye(2), (2, 2))
+    expected = np.diag(noise**2 - error**2) + same * np.outer(error, error)
+    expected += 9e-6 * (CORRELATION * same + (1.0 - CORRELATION) * np.eye(4))
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-18)
