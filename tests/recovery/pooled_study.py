@@ -1,0 +1,214 @@
+"""How often a pooled diagnosis is right: six specimens of the layered model, with something of the rig, a group or one.
+
+All cases have one stack file, so one reduced model does for them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import model
+from tests.independent.bench import SecondModel
+from tests.independent.campaign import STACK, Plan
+from tests.independent.effects import TABLE, draw_strength
+from tests.recovery.other_worlds import simulated
+from updating.diagnosis.candidates import CandidateModel, candidate_model
+from updating.pooled.answer import PooledDiagnosis
+from updating.pooled.diagnosis import diagnose_specimens
+from updating.pooled.specimen import Specimen
+
+FIRST_SEED = 700_000
+N_SPECIMEN = 6
+KINDS = ("rig", "group", "specimen", "null")
+"""Whose the planted effect is, in turn; of `null` nobody's."""
+KEYS = {
+    "rig": ("clamp_mass", "clamp_inertia_two", "stinger_mass", "stinger_spring", "clamp_inertia_four"),
+    "group": ("pressure_exponent", "contact_offset", "contact_direction", "contact_loss", "adhesive_edges"),
+    "specimen": (
+        "adhesive_edges",
+        "lost_contact_middle",
+        "lost_contact_ends",
+        "weld_seam",
+        "contact_direction",
+    ),
+    "null": (),
+}
+"""What may be planted: what a rig, a treatment, and one stack can have."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PooledCase:
+    """One case and what was said of it.
+
+    Attributes
+    ----------
+    seed, kind
+        As drawn.
+    planted : dict
+        By the second model's key, with values.
+    members : tuple of int
+        Specimens that have it.
+    truth : str
+        Effect of the catalogue that is meant; empty of none.
+    verdict : str
+        Of the diagnosis.
+    named : tuple of (str, str, tuple of str)
+        Effects of the best explanation, their levels, and the specimens that have them.
+    left : tuple of tuple of (str, str)
+        Effects and levels of all explanations that are not told apart.
+    odd : tuple of str
+        Specimens that are called odd.
+    """
+
+    seed: int
+    kind: str
+    planted: dict[str, dict[str, float]]
+    members: tuple[int, ...]
+    truth: str
+    verdict: str
+    named: tuple[tuple[str, str, tuple[str, ...]], ...]
+    left: tuple[tuple[tuple[str, str], ...], ...]
+    odd: tuple[str, ...]
+
+    @property
+    def specimens(self) -> tuple[str, ...]:
+        """Names of those that have what was planted."""
+        return tuple(f"S{s + 1}" for s in self.members)
+
+    @property
+    def right(self) -> bool:
+        """Whether effect and level lead, or nothing is named where nothing is."""
+        if not self.truth:
+            return not self.named
+        return (self.truth, self.kind, self.specimens) in self.named
+
+
+def drawn(seed: int, kind: str) -> tuple[dict[str, dict[str, float]], tuple[int, ...]]:
+    """Return what is planted, and in which specimens."""
+    rng = np.random.default_rng([seed, KINDS.index(kind)])
+    keys = KEYS[kind]
+    if not keys:
+        return {}, ()
+    key = keys[rng.integers(len(keys))]
+    order = rng.permutation(N_SPECIMEN).tolist()
+    members = {"rig": order, "group": order[: N_SPECIMEN // 2], "specimen": order[:1]}[kind]
+    return {key: draw_strength(rng, key)}, tuple(sorted(members))
+
+
+def specimens_of(
+    seed: int, planted: dict[str, dict[str, float]], members: Sequence[int], world: SecondModel
+) -> list[Specimen]:
+    """Return six specimens; half of them, those of a group if there is one, have a treatment."""
+    treated = members if len(members) == N_SPECIMEN // 2 else range(0, N_SPECIMEN, 2)
+    stack, found = model.read_stack(STACK), []
+    for s in range(N_SPECIMEN):
+        plan = Plan(
+            seed=10 * seed + s,
+            model_key="layered",
+            kind="single",
+            planted=planted if s in members else {},
+        )
+        note = {"treatment": "lacquered" if s in treated else "none"}
+        found.append(
+            Specimen(name=f"S{s + 1}", stack=stack, tested=tuple(simulated(plan, world)[1]), notes=note)
+        )
+    return found
+
+
+def shared_model() -> Callable[..., CandidateModel]:
+    """Return `candidate_model`, which is computed once: all cases have the same stack and points."""
+    kept: list[CandidateModel] = []
+
+    def reduced(*given: object) -> CandidateModel:
+        if not kept:
+            kept.append(candidate_model(*given))  # type: ignore[arg-type]  # handed on as they come
+        return kept[0]
+
+    return reduced
+
+
+def solved(seed: int, kind: str, world: SecondModel, reduced: Callable[..., CandidateModel]) -> PooledCase:
+    """Simulate a case, diagnose it, and return what was said."""
+    planted, members = drawn(seed, kind)
+    found = diagnose_specimens(
+        str(seed), specimens_of(seed, planted, members, world), model.catalogue(), reduced=reduced
+    )
+    return judged(seed, kind, planted, members, found)
+
+
+def judged(
+    seed: int,
+    kind: str,
+    planted: dict[str, dict[str, float]],
+    members: tuple[int, ...],
+    found: PooledDiagnosis,
+) -> PooledCase:
+    """Return a case with what was said of it."""
+    return PooledCase(
+        seed=seed,
+        kind=kind,
+        planted=planted,
+        members=members,
+        truth=next((str(TABLE[key].catalogue) for key in planted), ""),
+        verdict=found.verdict,
+        named=tuple((own.effect, own.level, own.specimens) for own in found.best.parts),
+        left=tuple(
+            tuple((own.effect, own.level) for own in each.parts) for each in found.ranking[: found.left]
+        ),
+        odd=tuple(own.name for own in found.specimens if own.odd),
+    )
+
+
+def study(number: int, world: SecondModel, record: Path) -> Iterator[PooledCase]:
+    """Yield so many cases; those that a record holds are read back, others are added to it."""
+    known = {(own.seed, own.kind): own for own in recorded(record)}
+    record.parent.mkdir(parents=True, exist_ok=True)
+    reduced = shared_model()
+    for i in range(number):
+        key = (FIRST_SEED + i, KINDS[i % len(KINDS)])
+        if key not in known:
+            known[key] = solved(*key, world, reduced)
+            with record.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(known[key])) + "\n")
+        yield known[key]
+
+
+def recorded(record: Path) -> list[PooledCase]:
+    """Return the cases of a record, whole lines only."""
+    if not record.exists():
+        return []
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    return [_case(json.loads(line)) for line in lines if line.endswith("\n")]
+
+
+def _case(given: dict[str, object]) -> PooledCase:
+    own = PooledCase(**given)  # type: ignore[arg-type]  # as `study` wrote it
+    return replace(
+        own,
+        members=tuple(own.members),
+        odd=tuple(own.odd),
+        named=tuple((effect, level, tuple(names)) for effect, level, names in own.named),
+        left=tuple(tuple((effect, level) for effect, level in each) for each in own.left),
+    )
+
+
+def figures(cases: Sequence[PooledCase]) -> dict[str, tuple[int, int]]:
+    """Return hits and totals: right effect and level, odd specimens found, and specimens falsely called odd."""
+    planted = [own for own in cases if own.truth]
+    lone = [own for own in cases if own.kind == "specimen"]
+    others = [(own, f"S{s + 1}") for own in cases for s in range(N_SPECIMEN)]
+    innocent = [(own, name) for own, name in others if own.kind != "specimen" or name not in own.specimens]
+    return {
+        "effect and level right": (sum(own.right for own in planted), len(planted)),
+        "odd specimen found": (sum(own.specimens[0] in own.odd for own in lone), len(lone)),
+        "specimens falsely called odd": (sum(name in own.odd for own, name in innocent), len(innocent)),
+        "nothing named where nothing is": (
+            sum(own.right for own in cases if not own.truth),
+            len(cases) - len(planted),
+        ),
+    }

@@ -1,0 +1,62 @@
+"""The pooled diagnosis on cases that an independent model made: part of `make blind`, resumable."""
+
+import json
+from dataclasses import asdict
+
+import pytest
+
+from tests.independent.layered import Layered
+from tests.recovery.pooled_study import KINDS, PooledCase, drawn, figures, recorded, study
+
+OUT = "out/blind/pooled.jsonl"
+NUMBER = 60
+
+
+def case(**given):
+    made = {
+        "seed": 1, "kind": "specimen", "planted": {"adhesive_edges": {"modulus": 5e7}}, "members": (3,),
+        "truth": "adhesive_edges", "verdict": "identified",
+        "named": (("adhesive_edges", "specimen", ("S4",)),), "left": ((("adhesive_edges", "specimen"),),),
+        "odd": ("S4",),
+    }  # fmt: skip
+    return PooledCase(**(made | given))
+
+
+def test_an_effect_at_another_level_is_not_right():
+    wrong = case(named=(("adhesive_edges", "rig", ("S1", "S2")),), odd=())
+    other = case(named=(("adhesive_edges", "specimen", ("S2",)),), odd=("S2",))
+    found = figures([case(), wrong, other])
+    assert found["effect and level right"] == (1, 3)
+    assert found["odd specimen found"] == (1, 3)
+    assert found["specimens falsely called odd"] == (1, 15)
+
+
+def test_nothing_named_is_right_where_nothing_is():
+    none = {"kind": "null", "planted": {}, "members": (), "truth": "", "odd": ()}
+    found = figures([case(**none, named=()), case(**none)])
+    assert found["nothing named where nothing is"] == (1, 2)
+
+
+def test_a_record_is_read_back_to_its_last_whole_line(tmp_path):
+    record = tmp_path / "cases.jsonl"
+    line = json.dumps(asdict(case())) + "\n"
+    record.write_text(line + line[:40], encoding="utf-8")
+    assert recorded(record) == [case()]
+
+
+@pytest.mark.parametrize(("kind", "number"), zip(KINDS, (6, 3, 1, 0), strict=True))
+def test_as_many_specimens_have_it_as_the_kind_says(kind, number):
+    planted, members = drawn(5, kind)
+    assert len(members) == number
+    assert len(planted) == (number > 0)
+
+
+@pytest.mark.blind
+def test_pooled_cases(capsys, request):
+    """Every figure is printed; of false alarms no more are left than chance explains."""
+    with capsys.disabled():
+        cases = list(study(NUMBER, Layered(), request.config.rootpath / OUT))
+        for name, (hits, total) in figures(cases).items():
+            print(f"{name}: {hits} of {total}", flush=True)
+    hits, total = figures(cases)["specimens falsely called odd"]
+    assert hits <= 0.05 * total
