@@ -17,7 +17,7 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model, instr
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Explanation, explain
-from updating.diagnosis.residual import spread_of
+from updating.diagnosis.residual import Spread, covariance_of, spread_of
 from updating.diagnosis.scan import Place, nearest, with_modes_of
 from updating.errors import FitError
 from updating.pooled.common import Latent, latents_of, separated
@@ -124,35 +124,42 @@ def bench(
     if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > ASTRAY:
         most = max(numbered, key=lambda own: max(u.size for u in own.used))
         places = nearest(most, executor)
-        numbered = [replace(own, used=with_modes_of(own, places)) for own in numbered]
+        numbered = [_reaching(own, places, x.nuisance) for own, x in zip(numbered, alone, strict=True)]
         alone = [explain(own, nuisance=x.nuisance) for own, x in zip(numbered, alone, strict=True)]
-    own, latents = _separated(specimens, numbered, alone)
-    possible = {n: e for n, e in effects.items() if all(n in own.effects for own in numbered)}
-    return Bench(own=own, latents=latents, effects=possible, impossible=impossible, places=places)
+    own = [_beside(*each) for each in zip(specimens, numbered, alone, strict=True)]
+    possible = {n: e for n, e in effects.items() if all(n in each.effects for each in numbered)}
+    spreads = [spread_of(each, x.nuisance) for each, x in zip(numbered, alone, strict=True)]
+    found = Bench(own=tuple(own), latents=(), effects=possible, impossible=impossible, places=places)
+    return with_spreads(found, spreads)
 
 
-def _separated(
-    specimens: Sequence[Specimen], evidences: Sequence[Evidence], alone: Sequence[Explanation]
-) -> tuple[tuple[Beside, ...], tuple[Latent, ...]]:
-    """Divide what separates models and measurements into what is own and what all share."""
-    spreads = [spread_of(own, x.nuisance) for own, x in zip(evidences, alone, strict=True)]
+def _reaching(own: Evidence, places: Sequence[Place], nuisance: Vector) -> Evidence:
+    """Return the evidence with those modes too that the model has at one of some places."""
+    wider = replace(own, used=with_modes_of(own, places))
+    return replace(wider, covariance=covariance_of(wider, nuisance))
+
+
+def _beside(specimen: Specimen, evidence: Evidence, alone: Explanation) -> Beside:
+    """Return a specimen beside its model, before what is own and what is shared of its discrepancy are told apart."""
+    known = np.zeros(len(evidence.nuisances))
+    if "height" in evidence.dimensions:
+        ratio = specimen.stack.height / evidence.stack.height
+        known[evidence.nuisances.index("height")] = np.log(ratio)
+    none = np.zeros((0, 0))
+    return Beside(specimen=specimen, evidence=evidence, shared=none, known=known, alone=alone)
+
+
+def with_spreads(bench: Bench, spreads: Sequence[Spread]) -> Bench:
+    """Return specimens with what separates their models from the measurements, own and shared, by how data scatter."""
+    evidences = [own.evidence for own in bench.own]
     latents = latents_of(evidences, spreads)
     found = []
-    for own, spread, x, specimen in zip(evidences, spreads, alone, specimens, strict=True):
-        divided = separated(own, spread, latents)
-        known = np.zeros(len(own.nuisances))
-        if "height" in own.dimensions:
-            known[own.nuisances.index("height")] = np.log(specimen.stack.height / own.stack.height)
+    for own, spread in zip(bench.own, spreads, strict=True):
+        divided = separated(own.evidence, spread, latents)
         found.append(
-            Beside(
-                specimen=specimen,
-                evidence=replace(own, covariance=divided.own),
-                shared=divided.shared,
-                known=known,
-                alone=x,
-            )
+            replace(own, evidence=replace(own.evidence, covariance=divided.own), shared=divided.shared)
         )
-    return tuple(found), latents
+    return replace(bench, own=tuple(found), latents=latents)
 
 
 def _evidences(

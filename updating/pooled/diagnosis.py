@@ -80,11 +80,12 @@ def diagnose_specimens(
         Measured points do not lie on a stack, or are fewer than the modes.
     """
     beside = bench(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
-    return concluded(name, beside, search(beside, levels_of(specimens), executor))
+    return concluded(name, search(beside, levels_of(specimens), executor))
 
 
-def concluded(name: str, beside: Bench, found: Found) -> PooledDiagnosis:
+def concluded(name: str, found: Found) -> PooledDiagnosis:
     """Return the answer that a search comes to."""
+    beside = found.bench
     told = [*found.fitted[:_RANKED], *([] if found.base in found.fitted[:_RANKED] else [_base(found)])]
     odds = np.array([found.odds(own) for own in told])
     probability = np.exp(odds - odds.max())

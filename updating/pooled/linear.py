@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from model import Parameter
 from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.discrepancy import CORRELATION, MEDIAN, log_density
-from updating.diagnosis.residual import Residual, residual
+from updating.diagnosis.residual import Residual, residual, spread_of
 from updating.pooled.algebra import Block, Strengths
-from updating.pooled.beside import Bench
+from updating.pooled.beside import Bench, with_spreads
 from updating.pooled.term import Coordinate
 
 Vector = NDArray[np.float64]
@@ -161,14 +161,9 @@ def linearized(
     blocks, results = [], []
     mean = {name: i for i, name in enumerate(shifts)}
     for s, own in enumerate(bench.own):
-        values = {p.name: float(start.get(p.name, 0.0)) if p in further else 0.0 for p in parameters}
-        nuisance = at.nuisance[s].copy()
         names = own.evidence.nuisances
-        for c, z in zip(coordinates, at.coordinate, strict=True):
-            if s in c.members and c.parameter is not None:
-                values[c.name] += float(z)
-            elif s in c.members and c.name in names:
-                nuisance[names.index(c.name)] += z
+        nuisance, values = state(bench, s, at, coordinates)
+        values |= {p.name: float(start[p.name]) for p in further}
         found = residual(own.evidence, nuisance, parameters, _within(parameters, values))
         n = len(names)
         jacobian = found.rotated_jacobian
@@ -188,6 +183,33 @@ def linearized(
         )
         results.append(found)
     return Linear(block=tuple(blocks), column=column, found=tuple(results))
+
+
+def state(
+    bench: Bench, s: int, at: Place, coordinates: Sequence[Coordinate]
+) -> tuple[Vector, dict[str, float]]:
+    """Return a specimen's nuisances, shifts included, and the coordinates of effect parameters by name.
+
+    Of an effect that it does not have they are neutral, 0.
+    """
+    names, nuisance = bench.own[s].evidence.nuisances, at.nuisance[s].copy()
+    values = {c.name: 0.0 for c in coordinates if c.parameter is not None}
+    for c, z in zip(coordinates, at.coordinate, strict=True):
+        if s in c.members and c.parameter is not None:
+            values[c.name] += float(z)
+        elif s in c.members and c.name in names:
+            nuisance[names.index(c.name)] += z
+    return nuisance, values
+
+
+def weighed_at(bench: Bench, at: Place, coordinates: Sequence[Coordinate]) -> Bench:
+    """Return the specimens weighed with what separates model and measurement by the modes at a place."""
+    parameters = list({c.name: c.parameter for c in coordinates if c.parameter is not None}.values())
+    spreads = []
+    for s, own in enumerate(bench.own):
+        nuisance, values = state(bench, s, at, coordinates)
+        spreads.append(spread_of(own.evidence, nuisance, parameters, _within(parameters, values)))
+    return with_spreads(bench, spreads)
 
 
 def _within(parameters: Sequence[Parameter], values: dict[str, float]) -> Vector:

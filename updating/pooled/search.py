@@ -15,7 +15,7 @@ from model import SolveError
 from updating.diagnosis.calibration import STEP
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted, fit
-from updating.pooled.linear import Place, Scales
+from updating.pooled.linear import Place, Scales, weighed_at
 from updating.pooled.screening import Screened, screen
 from updating.pooled.specimen import Level
 from updating.pooled.term import Term, candidates, coordinates_of, log_prior
@@ -28,20 +28,23 @@ MOST_TERMS = 4
 """Terms that an explanation may have."""
 N_EFFECT, N_LEVEL = 6, 3
 """Effects that are fitted beside what is found, and levels of the most promising of them."""
+N_AFAR = 5
+"""Places, over the whole ranges of effects, from which fits start where the base models are far off."""
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 8.0  # within which a fit is followed to its end
-_STEPS, _MORE = 4, 8
+_STEPS, _MORE, _AFAR = 4, 8, 12  # steps of a first fit, of one that is followed, and of one from afar
 MESSAGES = 8
 """In which work is sent to other processes."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
-    """Terms and where their fit starts."""
+    """Terms, where their fit starts, and the largest number of its steps."""
 
     terms: tuple[Term, ...]
     at: Place
     scales: Scales
+    most: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,6 +53,8 @@ class Found:
 
     Attributes
     ----------
+    bench : Bench
+        The specimens, weighed by the modes at the best of the first terms.
     levels : tuple of Level
         At which effects were tried.
     base : Fitted
@@ -62,6 +67,7 @@ class Found:
         Effects and hypotheses that were tried.
     """
 
+    bench: Bench
     levels: tuple[Level, ...]
     base: Fitted
     fitted: tuple[Fitted, ...]
@@ -93,22 +99,37 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
     base = fit(bench, (), start, Scales(), most=_MORE)
     first = screen(bench, base, levels)
     n_effect = len({term.effect for term in candidates(bench, levels)})
-    found = Found(levels=tuple(levels), base=base, fitted=(base,), screened=first, n_effect=n_effect)
+    found = Found(
+        bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=first, n_effect=n_effect
+    )
     best, beside = base, first
     for n in range(MOST_TERMS):
         _LOG.info("term %d of an explanation", n + 1)
         starts = _starts(best, beside)
         if not best.terms:
             starts += _from_afar(bench, best, levels)
-        fitted = _followed(bench, found, starts, executor)
+        fitted = _followed(found, starts, executor)
         found = _with(found, fitted)
         top = max(fitted, key=found.odds, default=None)
         if top is None or found.odds(top) < found.odds(best) + STEP:
             break
         best = top
-        beside = screen(bench, best, levels)
-    best = found.fitted[0]
-    return _with(found, _followed(bench, found, _looked_back(bench, found, best), executor))
+        if n == 0:
+            found = _weighed(found, best, executor)
+            best = found.fitted[0]
+            if not best.terms:
+                break
+        beside = screen(found.bench, best, levels)
+    return _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
+
+
+def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
+    """Weigh all data by the modes at an explanation, and fit anew what was fitted: what is far off by a few steps."""
+    bench = weighed_at(found.bench, best.at, best.coordinates)
+    starts = [Start(terms=own.terms, at=own.at, scales=own.scales, most=_STEPS) for own in found.fitted]
+    fitted = [own for own in _done(bench, starts, executor, rescaled=True) if own is not None]
+    base = next(own for own in fitted if not own.terms)
+    return _with(replace(found, bench=bench, base=base, fitted=()), fitted)
 
 
 def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
@@ -130,32 +151,41 @@ def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
             terms=(*best.terms, own.term),
             at=replace(best.at, coordinate=np.concatenate([best.at.coordinate, own.start])),
             scales=best.scales,
+            most=_STEPS,
         )
         for own in chosen
     ]
 
 
 def _from_afar(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Start]:
-    """Return fits of effects of the rig from where one specimen's model comes near over their whole ranges."""
+    """Return fits of effects of the rig from where one specimen's model comes near over their whole ranges.
+
+    The contact of all specimens is moved as that one's is, which has the most modes. They are weighed with usual sizes:
+    with those that a model leaves that is far off, all that is near seems right.
+    """
     rig = next(own for own in levels if own.kind == "rig")
-    return [
-        Start(
-            terms=(Term(effect=place.effect, level=rig),),
-            at=replace(base.at, coordinate=np.asarray(place.coordinate)),
-            scales=Scales(),
+    looked_at = max(bench.own, key=lambda own: max(used.size for used in own.evidence.used))
+    before = base.at.nuisance[bench.own.index(looked_at)][0]
+    near = [place for place in bench.places if place.effect in bench.effects][:N_AFAR]
+    starts = []
+    for place in near:
+        away = np.log(place.G_f / looked_at.evidence.stack.contact.G_f) - before
+        at = Place(
+            nuisance=tuple(np.append(x[0] + away, x[1:]) for x in base.at.nuisance),
+            coordinate=np.asarray(place.coordinate),
         )
-        for place in bench.places
-        if place.effect in bench.effects
-    ]
+        term = Term(effect=place.effect, level=rig)
+        starts.append(Start(terms=(term,), at=at, scales=Scales(), most=_AFAR))
+    return starts
 
 
-def _looked_back(bench: Bench, found: Found, best: Fitted) -> list[Start]:
+def _looked_back(found: Found, best: Fitted) -> list[Start]:
     """Return the best explanation with each of its terms left out, and with each at the other kinds of levels."""
     known = {frozenset(own.terms) for own in found.fitted}
     starts: list[Start] = []
     at = 0
     for i, term in enumerate(best.terms):
-        n = len(coordinates_of(bench, term))
+        n = len(coordinates_of(found.bench, term))
         here = best.at.coordinate[at : at + n]
         before, after = best.at.coordinate[:at], best.at.coordinate[at + n :]
         at += n
@@ -165,6 +195,7 @@ def _looked_back(bench: Bench, found: Found, best: Fitted) -> list[Start]:
                 terms=rest,
                 at=replace(best.at, coordinate=np.concatenate([before, after])),
                 scales=best.scales,
+                most=_STEPS,
             )
         )
         for level in _other_levels(found, term):
@@ -175,6 +206,7 @@ def _looked_back(bench: Bench, found: Found, best: Fitted) -> list[Start]:
                     terms=(*best.terms[:i], replace(term, level=level), *best.terms[i + 1 :]),
                     at=replace(best.at, coordinate=np.concatenate([before, own, after])),
                     scales=best.scales,
+                    most=_STEPS,
                 )
             )
     return [own for own in starts if frozenset(own.terms) not in known and own.terms]
@@ -189,29 +221,30 @@ def _other_levels(found: Found, term: Term) -> list[Level]:
     return list(best.values())
 
 
-def _followed(bench: Bench, found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
+def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
     """Fit explanations, and those that are near the best of them to their end."""
-    first = [own for own in _done(bench, starts, executor, _STEPS, rescaled=False) if own is not None]
+    bench = found.bench
+    first = [own for own in _done(bench, starts, executor, rescaled=False) if own is not None]
     if not first:
         return []
     top = max(found.odds(own) for own in first)
     near = [
-        Start(terms=own.terms, at=own.at, scales=own.scales)
+        Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE)
         for own in first
         if found.odds(own) > top - _CLOSE
     ]
-    return [own for own in _done(bench, near, executor, _MORE, rescaled=True) if own is not None]
+    return [own for own in _done(bench, near, executor, rescaled=True) if own is not None]
 
 
 def _done(
-    bench: Bench, starts: Sequence[Start], executor: Executor | None, most: int, *, rescaled: bool
+    bench: Bench, starts: Sequence[Start], executor: Executor | None, *, rescaled: bool
 ) -> Iterator[Fitted | None]:
-    return distribute(partial(_fitted, bench, most, rescaled), starts, executor, MESSAGES)
+    return distribute(partial(_fitted, bench, rescaled), starts, executor, MESSAGES)
 
 
-def _fitted(bench: Bench, most: int, rescaled: bool, start: Start) -> Fitted | None:
+def _fitted(bench: Bench, rescaled: bool, start: Start) -> Fitted | None:
     try:
-        return fit(bench, start.terms, start.at, start.scales, most=most, rescaled=rescaled)
+        return fit(bench, start.terms, start.at, start.scales, most=start.most, rescaled=rescaled)
     except (SolveError, np.linalg.LinAlgError):
         return None
 
