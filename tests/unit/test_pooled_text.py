@@ -1,0 +1,121 @@
+"""What a pooled diagnosis says in words, and its page."""
+
+from dataclasses import replace
+
+import pytest
+
+from updating.fitting.estimate import ParameterEstimate
+from updating.pooled.answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.pooled.linear import Scales
+from updating.pooled.text import sentences
+from updating.report.page import write_report
+from updating.results.store import read_result, write_result
+
+
+def estimate(name="G_f", value=1500.0, unit="1"):
+    return ParameterEstimate(
+        name=name, unit=unit, value=value, lower=0.9 * value, upper=1.1 * value, at_bound=False
+    )
+
+
+def part(effect="clamp_inertia", level="rig", of="", specimens=("S1", "S2", "S3"), **given):
+    own = {"label": "inertia of the clamps", "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),)}
+    return Part(effect=effect, level=level, of=of, specimens=specimens, log_odds=20.0, **(own | given))
+
+
+def ranked(*parts, odds=30.0, error=0.002):
+    return PooledRanked(
+        parts=parts,
+        log_odds=odds,
+        probability=0.9,
+        frequency_error=error,
+        left_out_error=1.5 * error,
+        left_out_torque_error=2.0 * error,
+        left_out_score=10.0,
+    )
+
+
+GLUED = part("adhesive_edges", "specimen", "S2", ("S2",), label="glue along the long edges")
+BASE = ranked(odds=0.0, error=0.08)
+
+
+def answer(verdict="identified", ranking=None, left=1, contrasts=()):
+    found = PooledDiagnosis(
+        name="three stacks",
+        verdict=verdict,
+        ranking=ranking or (ranked(part(), GLUED), BASE),
+        left=left,
+        specimens=tuple(
+            SpecimenAnswer(
+                name=name,
+                notes={"treatment": "glued" if name == "S2" else "none"},
+                n_mode=12,
+                G_f=estimate(),
+                d_f=estimate("d_f", 9e-12, "s/Pa"),
+                base_error=0.08,
+                error=0.002,
+                left_out_error=0.003,
+                odd=("adhesive_edges",) if name == "S2" and verdict == "identified" else (),
+            )
+            for name in ("S1", "S2", "S3")
+        ),
+        contrasts=contrasts,
+        scales=Scales(),
+        not_visible=("temperature",),
+        impossible={},
+        sentences=(),
+    )
+    return replace(found, sentences=sentences(found))
+
+
+def test_the_first_sentence_is_the_answer():
+    first, odd, *_ = answer().sentences
+    assert first == (
+        "Identified: inertia of the clamps (clamp_inertia), of the rig, the same in all 3 specimens: "
+        "clamp_roll_inertia = 0.002 kg m2 (95 %: 0.0018 kg m2 to 0.0022 kg m2); and glue along the long edges "
+        "(adhesive_edges), of specimen S2 alone: clamp_roll_inertia = 0.002 kg m2 (95 %: 0.0018 kg m2 to "
+        "0.0022 kg m2). Mean frequency errors, before and with it: fitted 8.0 % and 0.20 %; a specimen predicted from the others "
+        "12 % and 0.30 %; a torque predicted from all else 16 % and 0.40 %."
+    )
+    assert odd == "Odd among the 3 specimens: S2 (adhesive_edges)."
+
+
+def test_nothing_missing_names_no_effect():
+    text = " ".join(answer("nothing missing").sentences)
+    assert text.startswith(
+        "Nothing is missing that these 3 specimens can show. The model's frequencies are off by 8.0 %"
+    )
+    assert "clamp_inertia" not in text
+    assert "No specimen is odd" in text
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (part(level="each"), "cannot tell whose the effect is: as well it may be inertia of the clamps"),
+        (part("clamp_mass", label="clamp mass"), "cannot tell which effect it is: as well it may be clamp mass"),
+    ],
+)  # fmt: skip
+def test_what_data_cannot_tell_is_said(other, said):
+    first, second, *_ = answer("one of", (ranked(part()), ranked(other, odds=29.0), BASE), 2).sentences
+    assert first.startswith("Most probable: inertia of the clamps")
+    assert said in second
+
+
+def test_a_change_by_a_treatment_is_told_from_none():
+    changed = Contrast(
+        group="treatment = glued", parameter="G_f", label="contact stiffness", ratio=2.0, lower=1.5, upper=2.6
+    )
+    same = replace(changed, parameter="d_f", label="contact damping", ratio=1.1, lower=0.8, upper=1.4)
+    text = " ".join(answer(contrasts=(changed, same)).sentences)
+    assert "glued have 2.00 times the contact stiffness G_f of the others (95 %: 1.50 to 2.60)" in text
+    assert "No change beyond the scatter of specimens: d_f of treatment = glued: 1.10 times" in text
+
+
+def test_the_answer_is_kept_and_has_a_page(tmp_path):
+    path = tmp_path / "pooled_diagnosis.json"
+    write_result(path, answer(), inputs=(), options={})
+    assert read_result(path, PooledDiagnosis).sentences == answer().sentences
+    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert "Identified: inertia of the clamps" in page
+    assert all(f">{own}<" in page for own in ("S1", "S2", "S3", "treatment", "glued"))
