@@ -74,8 +74,8 @@ def test_the_first_sentence_is_the_answer():
         "Identified: inertia of the clamps (clamp_inertia), of the rig, the same in all 3 specimens: "
         "clamp_roll_inertia = 0.002 kg m2 (95 %: 0.0018 kg m2 to 0.0022 kg m2); and glue along the long edges "
         "(adhesive_edges), of specimen S2 alone: clamp_roll_inertia = 0.002 kg m2 (95 %: 0.0018 kg m2 to "
-        "0.0022 kg m2). Mean frequency errors, before and with it: fitted 8.0 % and 0.20 %; a specimen predicted from the others "
-        "12 % and 0.30 %; a torque predicted from all else 16 % and 0.40 %."
+        "0.0022 kg m2). Mean frequency errors, before and with it: fitted 8.0 % and 0.20 %; a specimen predicted "
+        "from the others 12 % and 0.30 %; a torque predicted from all else 16 % and 0.40 %."
     )
     assert odd == "Odd among the 3 specimens: S2 (adhesive_edges)."
 
