@@ -44,7 +44,7 @@ def test_a_record_is_read_back_to_its_last_whole_line(tmp_path):
     assert recorded(record) == [case()]
 
 
-@pytest.mark.parametrize(("kind", "number"), zip(KINDS, (6, 3, 1, 0), strict=True))
+@pytest.mark.parametrize(("kind", "number"), list(zip(KINDS, (6, 3, 1, 0), strict=True)))
 def test_as_many_specimens_have_it_as_the_kind_says(kind, number):
     planted, members = drawn(5, kind)
     assert len(members) == number

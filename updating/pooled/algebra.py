@@ -130,7 +130,7 @@ def reduced(block: Block, weighed: Strengths, grams: Sequence[tuple[Vector, floa
     """
     n_own, n_mean = block.own.shape[1], len(weighed.mean)
     precision = np.array(weighed.own) ** -2.0
-    data = sum(gram for gram, _ in grams)
+    data = np.sum([gram for gram, _ in grams], axis=0)
     m = n_mean + len(data) - n_own
     full = np.zeros((n_own + m, n_own + m))
     at = np.r_[np.arange(n_own), n_own + n_mean + np.arange(len(data) - n_own)]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError
-from updating.diagnosis.calibration import STEP
+from updating.diagnosis.calibration import MODEL_FORM, STEP
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted, fit
 from updating.pooled.linear import Place, Scales, weighed_at
@@ -108,7 +108,8 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         starts = _starts(best, beside)
         if not best.terms:
             starts += _from_afar(bench, best, levels)
-        fitted = _followed(found, starts, executor)
+        followed = _followed(found, starts, executor)
+        fitted = [own for own in followed if not is_form(found.base, best, own)]
         found = _with(found, fitted)
         top = max(fitted, key=found.odds, default=None)
         if top is None or found.odds(top) < found.odds(best) + STEP:
@@ -121,6 +122,26 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
                 break
         beside = screen(found.bench, best, levels)
     return _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
+
+
+def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
+    """Tell whether what a further term brings may be no more than the error of the form of one that is there already.
+
+    An effect that acts in another form than the catalogue's leaves a share of what it changes, alike in all specimens
+    that have it. So this is asked of a term that the same specimens have; what fewer have is no error of form.
+    """
+    (term,) = set(after.terms) - set(before.terms)
+    members = term.level.members
+    if not any(own.level.members == members for own in before.terms):
+        return False
+    left = [_misfit(own, members) for own in (base, before, after)]
+    return left[1] - left[2] < MODEL_FORM**2 * (left[0] - left[1])
+
+
+def _misfit(own: Fitted, members: Sequence[int]) -> float:
+    """Return the squared residuals of some specimens at usual sizes of the discrepancy."""
+    found = [own.linear.found[s] for s in members]
+    return float(sum(np.sum(each.value[each.kind != "prior"] ** 2) for each in found))
 
 
 def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:

@@ -1,0 +1,42 @@
+"""When a further term is no more than the error of the form of one that is there."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from updating.pooled.search import is_form
+from updating.pooled.specimen import Level
+from updating.pooled.term import Term
+
+RIG = Level(kind="rig", of="", members=(0, 1))
+ODD = Level(kind="specimen", of="S2", members=(1,))
+FIRST, FURTHER = Term(effect="clamp_inertia", level=RIG), Term(effect="clamp_mass", level=RIG)
+GLUED = Term(effect="adhesive_edges", level=ODD)
+
+
+def fitted(terms, *misfit):
+    """A fit with some squared residuals in each specimen; what priors leave does not count."""
+    found = [
+        SimpleNamespace(value=np.array([np.sqrt(own), 9.0]), kind=np.array(["frequency", "prior"]))
+        for own in misfit
+    ]
+    return SimpleNamespace(terms=terms, linear=SimpleNamespace(found=found))
+
+
+BASE, BEFORE = fitted((), 100.0, 100.0), fitted((FIRST,), 10.0, 10.0)
+
+
+def test_a_small_share_beside_an_effect_of_the_same_specimens_may_be_its_form():
+    assert is_form(BASE, BEFORE, fitted((FIRST, FURTHER), 4.0, 4.0))  # 12 of 180
+
+
+def test_a_large_share_is_more_than_that():
+    assert not is_form(BASE, BEFORE, fitted((FIRST, FURTHER), 1.0, 1.0))  # 18 of 180
+
+
+def test_what_one_specimen_has_is_no_error_of_form_of_the_rig():
+    assert not is_form(BASE, BEFORE, fitted((FIRST, GLUED), 10.0, 9.0))
+
+
+def test_the_first_term_is_no_error_of_form():
+    assert not is_form(BASE, BASE, fitted((FIRST,), 99.0, 99.0))
