@@ -6,6 +6,7 @@ import pytest
 
 from updating.fitting.estimate import ParameterEstimate
 from updating.pooled.answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.pooled.diagnosis import verdict_of
 from updating.pooled.linear import Scales
 from updating.pooled.text import sentences
 from updating.report.page import write_report
@@ -87,6 +88,32 @@ def test_nothing_missing_names_no_effect():
     )
     assert "clamp_inertia" not in text
     assert "No specimen is odd" in text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "start"),
+    [
+        ("partly explained", "Part of what is missing: inertia of the clamps"),
+        ("unlike anything", "Something is missing that no effect of the catalogue explains"),
+    ],
+)
+def test_what_remains_is_said_first(verdict, start):
+    assert answer(verdict).sentences[0].startswith(start)
+
+
+@pytest.mark.parametrize(
+    ("first", "scales", "n_near", "verdict"),
+    [
+        (ranked(part()), Scales(), 1, "identified"),
+        (ranked(part()), Scales(), 2, "one of"),
+        (ranked(part(), odds=2.0), Scales(), 1, "nothing missing"),
+        (replace(ranked(part()), left_out_score=-1.0), Scales(), 1, "nothing missing"),
+        (ranked(part(), error=0.02), Scales(frequency=0.05), 1, "partly explained"),
+        (ranked(part(), error=0.09), Scales(frequency=0.05), 1, "unlike anything"),
+    ],
+)
+def test_the_verdict_asks_for_odds_prediction_and_what_remains(first, scales, n_near, verdict):
+    assert verdict_of(first, BASE, scales, n_near) == verdict
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from updating.fitting.estimate import ParameterEstimate
 from updating.pooled.linear import Scales
 from updating.pooled.specimen import LevelKind
 
-PooledVerdict = Literal["nothing missing", "identified", "one of"]
+PooledVerdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,8 @@ class PooledDiagnosis:
     name : str
         The campaign.
     verdict : str
-        "nothing missing", "identified", or "one of" where data cannot tell.
+        "nothing missing"; "identified"; "one of" where data cannot tell; "partly explained" where what remains is more
+        than a right model leaves; "unlike anything" where specimens are not predicted better for all that.
     ranking : tuple of PooledRanked
         What was fitted in full, the most probable first.
     left : int
@@ -167,7 +168,7 @@ class PooledDiagnosis:
 
     @property
     def best(self) -> PooledRanked:
-        """The explanation that is told: the base model where nothing is missing."""
-        if self.verdict == "nothing missing":
+        """The explanation that is told: the base model where nothing is missing, or nothing helps."""
+        if self.verdict in ("nothing missing", "unlike anything"):
             return next(own for own in self.ranking if not own.parts)
         return self.ranking[0]

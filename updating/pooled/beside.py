@@ -119,7 +119,7 @@ def bench(
         raise FitError(message)
     evidences, impossible = _evidences(specimens, effects, scatter, reduced, executor)
     numbered = _numbered(evidences)
-    alone = [explain(own) for own in numbered]
+    alone = _alone(numbered)
     places: tuple[Place, ...] = ()
     if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > ASTRAY:
         most = max(numbered, key=lambda own: max(u.size for u in own.used))
@@ -131,6 +131,17 @@ def bench(
     spreads = [spread_of(each, x.nuisance) for each, x in zip(numbered, alone, strict=True)]
     found = Bench(own=tuple(own), latents=(), effects=possible, impossible=impossible, places=places)
     return with_spreads(found, spreads)
+
+
+def _alone(evidences: Sequence[Evidence]) -> list[Explanation]:
+    """Fit the base model of each specimen; one that went astray begins again where the others are."""
+    found = [explain(own) for own in evidences]
+    contact = np.median([x.nuisance[:2] for x in found], axis=0)
+    for s, own in enumerate(evidences):
+        if found[s].residual.frequency_error > ASTRAY:
+            again = explain(own, nuisance=np.append(contact, own.start[2:]))
+            found[s] = max(found[s], again, key=lambda x: x.log_evidence)
+    return found
 
 
 def _reaching(own: Evidence, places: Sequence[Place], nuisance: Vector) -> Evidence:

@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from ema.types.threads import single_threaded
 from model import Effect
-from updating.diagnosis.calibration import SEPARATE, SHOWS, VISIBLE
+from updating.diagnosis.calibration import HELPS, P_ADEQUATE, SEPARATE, SHOWS, VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.coordinates import scaled
+from updating.diagnosis.discrepancy import KINDS, MEDIAN, SPREAD
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import Z95
 from updating.diagnosis.hypotheses import LABELS
@@ -29,6 +31,7 @@ from updating.pooled.answer import (
 from updating.pooled.beside import Bench, bench
 from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
+from updating.pooled.linear import Scales
 from updating.pooled.screening import contrast_of
 from updating.pooled.search import Found, search
 from updating.pooled.specimen import Level, Specimen, levels_of
@@ -105,10 +108,8 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
         for i, own in enumerate(told)
     )
     near = [i for i in range(len(told)) if odds[i] > odds[0] - SEPARATE]
-    verdict: PooledVerdict = "identified" if len(near) == 1 else "one of"
-    if not told[0].terms or odds[0] < SHOWS or ranking[0].left_out_score <= 0.0:
-        verdict = "nothing missing"
-    best = base if verdict == "nothing missing" else 0
+    verdict = verdict_of(ranking[0], ranking[base], told[0].scales, len(near))
+    best = base if verdict in ("nothing missing", "unlike anything") else 0
     answer = PooledDiagnosis(
         name=name,
         verdict=verdict,
@@ -130,6 +131,16 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))
+
+
+def verdict_of(first: PooledRanked, base: PooledRanked, scales: Scales, n_near: int) -> PooledVerdict:
+    """Return the verdict: whether the first explanation is believed, is enough, and stands alone."""
+    if not first.parts or first.log_odds < SHOWS or first.left_out_score <= 0.0:
+        return "nothing missing"
+    away = [np.log(getattr(scales, kind) / MEDIAN[kind]) / SPREAD for kind in KINDS]
+    if ndtr(-max(away)) < P_ADEQUATE:  # more is left than a right model leaves
+        return "partly explained" if first.left_out_error < HELPS * base.left_out_error else "unlike anything"
+    return "identified" if n_near == 1 else "one of"
 
 
 def _mean(errors: Vector) -> float:

@@ -56,8 +56,16 @@ def _verdict(found: PooledDiagnosis) -> str:
             "is predicted from the others."
         )
     best = found.ranking[0]
+    if found.verdict == "unlike anything":
+        return (
+            "Something is missing that no effect of the catalogue explains, whosever it be. The model's frequencies "
+            f"are off by {percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a "
+            "specimen that is predicted from the others, which none of what was tried lowers much."
+        )
     parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts)
-    start = "Identified" if found.verdict == "identified" else "Most probable"
+    start = {"identified": "Identified", "partly explained": "Part of what is missing"}.get(
+        found.verdict, "Most probable"
+    )
     return (
         f"{start}: {parts}. Mean frequency errors, before and with it: fitted {_change('frequency_error', base, best)}"
         f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
