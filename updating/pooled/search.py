@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from model import SolveError
 from updating.diagnosis.calibration import MODEL_FORM, STEP
+from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted, fit
 from updating.pooled.linear import Place, Scales, weighed_at
@@ -32,7 +33,7 @@ N_AFAR = 5
 """Places, over the whole ranges of effects, from which fits start where the base models are far off."""
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 8.0  # within which a fit is followed to its end
-_STEPS, _MORE, _AFAR = 4, 8, 12  # steps of a first fit, of one that is followed, and of one from afar
+_STEPS, _MORE, _AFAR = 6, 8, 12  # steps of a first fit, of one that is followed, and of one from afar
 MESSAGES = 8
 """In which work is sent to other processes."""
 
@@ -124,6 +125,16 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
     return _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
 
 
+def usual_at_most(scales: Scales) -> Scales:
+    """Return scales with sizes of the discrepancy that are usual at most, by which a fit begins.
+
+    With those that a model leaves that is far off, all that is near seems right, and what all specimens have in common
+    is taken for discrepancy.
+    """
+    sizes = {kind: min(getattr(scales, kind), MEDIAN[kind]) for kind in KINDS}
+    return replace(scales, **sizes)
+
+
 def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
     """Tell whether what a further term brings may be no more than the error of the form of one that is there already.
 
@@ -171,7 +182,7 @@ def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
         Start(
             terms=(*best.terms, own.term),
             at=replace(best.at, coordinate=np.concatenate([best.at.coordinate, own.start])),
-            scales=best.scales,
+            scales=usual_at_most(best.scales),
             most=_STEPS,
         )
         for own in chosen
@@ -215,7 +226,7 @@ def _looked_back(found: Found, best: Fitted) -> list[Start]:
             Start(
                 terms=rest,
                 at=replace(best.at, coordinate=np.concatenate([before, after])),
-                scales=best.scales,
+                scales=usual_at_most(best.scales),
                 most=_STEPS,
             )
         )
@@ -226,7 +237,7 @@ def _looked_back(found: Found, best: Fitted) -> list[Start]:
                 Start(
                     terms=(*best.terms[:i], replace(term, level=level), *best.terms[i + 1 :]),
                     at=replace(best.at, coordinate=np.concatenate([before, own, after])),
-                    scales=best.scales,
+                    scales=usual_at_most(best.scales),
                     most=_STEPS,
                 )
             )
