@@ -76,7 +76,7 @@ CAMPAIGNS = {
     "pooled_a": PooledPlan(
         seed=8100,
         name="Six stacks on one rig",
-        rig={"clamp_inertia_two": {"inertia": 2.5e-4, "station": 0.55}},
+        rig={"clamp_mass": {"mass": 0.5}},
         own={4: {"adhesive_edges": {"modulus": 4.5e7}}},
         treated=(1, 2, 5),
     ),

@@ -12,7 +12,7 @@ from updating.pooled.diagnosis import diagnose_specimens
 
 DATA = Path(__file__).parents[2] / "data" / "hidden_effect"
 MEANT = {
-    "pooled_a": {("clamp_inertia", "rig", ""), ("adhesive_edges", "specimen", "S5")},
+    "pooled_a": {("clamp_mass", "rig", ""), ("adhesive_edges", "specimen", "S5")},
     "pooled_b": {("pressure_exponent", "group", "treatment = lacquered")},
 }
 """What the catalogue calls what was planted, and whose it is."""

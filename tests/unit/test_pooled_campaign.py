@@ -175,4 +175,4 @@ def test_shipped_campaigns_are_small_and_read(name):
     assert all(len(own.tested) == 2 for own in specimens)
     assert {own.notes["treatment"] for own in specimens} == {"none", "lacquered"}
     given = (folder / "campaign.toml").read_text(encoding="utf-8")
-    assert not any(word in given for word in ("clamp_inertia", "adhesive", "exponent"))
+    assert not any(word in given for word in ("clamp_inertia", "clamp_mass", "adhesive", "exponent"))
