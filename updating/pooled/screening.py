@@ -40,7 +40,8 @@ class Screened:
     term : Term
         What, and which specimens.
     start : (n_coordinate,) float
-        Coordinates that do the most.
+        Coordinates where its changes were taken. A fit starts there, so that own coordinates go along with its first
+        step: without them modes would be taken for others.
     log_gain : float
         Rise of the logarithm of the evidence by the linear step, that of the prior probability included.
     detectability : float
@@ -163,11 +164,10 @@ class _Bordered:
         step = bounded(precision + np.diag(known), slope, low, high)
         fall = -float(step @ (precision + np.diag(known)) @ step + 2.0 * slope @ step)
         volume = np.linalg.slogdet(precision + np.diag(known + unseen))[1] - np.sum(np.log(known + unseen))
-        values = dict(zip(((c.name, c.members) for c in own), step, strict=True))
         visible = np.sqrt(np.maximum(np.diag(precision), 0.0)) * np.maximum(np.abs(low), np.abs(high))
         return Screened(
             term=term,
-            start=np.array([where.get(c.name, values.get((c.name, c.members), 0.0)) for c in every]),
+            start=np.array([where.get(c.name, 0.0) for c in every]),
             log_gain=0.5 * (fall - float(volume)) + prior,
             detectability=float(visible.max(initial=0.0)),
         )
