@@ -18,9 +18,9 @@ from tests.independent.campaign import STACK, Plan
 from tests.independent.effects import TABLE, draw_strength
 from tests.recovery.other_worlds import simulated
 from updating.diagnosis.candidates import CandidateModel, candidate_model
-from updating.pooled.answer import PooledDiagnosis
 from updating.pooled.diagnosis import diagnose_specimens
 from updating.pooled.specimen import Specimen
+from updating.results.pooled_answer import PooledDiagnosis
 
 FIRST_SEED = 700_000
 N_SPECIMEN = 6

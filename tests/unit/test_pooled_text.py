@@ -1,15 +1,15 @@
 """What a pooled diagnosis says in words, and its page."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
 from updating.fitting.estimate import ParameterEstimate
-from updating.pooled.answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
 from updating.pooled.diagnosis import verdict_of
 from updating.pooled.linear import Scales
-from updating.pooled.text import sentences
 from updating.report.page import write_report
+from updating.results.pooled_answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.results.pooled_text import sentences
 from updating.results.store import read_result, write_result
 
 
@@ -61,7 +61,7 @@ def answer(verdict="identified", ranking=None, left=1, contrasts=()):
             for name in ("S1", "S2", "S3")
         ),
         contrasts=contrasts,
-        scales=Scales(),
+        scales=asdict(Scales()),
         not_visible=("temperature",),
         impossible={},
         sentences=(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +20,6 @@ from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import Z95
 from updating.diagnosis.hypotheses import LABELS
 from updating.fitting.estimate import ParameterEstimate
-from updating.pooled.answer import (
-    Contrast,
-    Part,
-    PooledDiagnosis,
-    PooledRanked,
-    PooledVerdict,
-    SpecimenAnswer,
-)
 from updating.pooled.beside import Bench, bench
 from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
@@ -36,7 +28,15 @@ from updating.pooled.screening import contrast_of
 from updating.pooled.search import Found, search
 from updating.pooled.specimen import Level, Specimen, levels_of
 from updating.pooled.term import CONTACT, Coordinate, Term, coordinates_of
-from updating.pooled.text import sentences
+from updating.results.pooled_answer import (
+    Contrast,
+    Part,
+    PooledDiagnosis,
+    PooledRanked,
+    PooledVerdict,
+    SpecimenAnswer,
+)
+from updating.results.pooled_text import sentences
 
 Vector = NDArray[np.float64]
 
@@ -117,7 +117,7 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
         left=len(near) if verdict == "one of" else 1,
         specimens=tuple(_specimens(beside, told[base], told[best], left_out[best])),
         contrasts=tuple(_contrasts(beside, told[best], found.levels)),
-        scales=told[best].scales,
+        scales=asdict(told[best].scales),
         not_visible=tuple(
             sorted(
                 own.term.effect

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 from model import Stack
 from updating.diagnosis.assembly import Campaigned
+from updating.results.pooled_answer import LevelKind
 
-LevelKind = Literal["rig", "group", "specimen", "each"]
 UNTREATED = ("", "none", "no", "-")
 """Notes that say that there is nothing: no group."""
 _FEWEST = 2  # specimens that make a group

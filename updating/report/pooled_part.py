@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from updating.pooled.answer import PooledDiagnosis
-from updating.pooled.text import SPECIMEN_HEADER, specimen_row
 from updating.report.part import Section, Table
+from updating.results.pooled_answer import PooledDiagnosis
+from updating.results.pooled_text import SPECIMEN_HEADER, specimen_row
 
 
 def pooled_section(found: PooledDiagnosis) -> Section:
@@ -21,4 +21,4 @@ def pooled_section(found: PooledDiagnosis) -> Section:
         "where what specimens share is taken from the others. Odd: effects that a specimen has alone. A click on a "
         "heading sorts.",
     )
-    return Section(title="Answer", text=found.sentences, blocks=(table.without_empty_columns(),), lead=True)
+    return Section(title="Answer", text=found.sentences, blocks=(table.without_empty_columns(),))

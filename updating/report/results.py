@@ -14,7 +14,7 @@ from updating.errors import StoreError
 from updating.fitting.fit import Fit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
-from updating.pooled.answer import PooledDiagnosis
+from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
 from updating.results.store import folder_name, read_document, read_frf, read_result
 from updating.results.updated import Updated

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from updating.fitting.estimate import ParameterEstimate
-from updating.pooled.linear import Scales
-from updating.pooled.specimen import LevelKind
 
+LevelKind = Literal["rig", "group", "specimen", "each"]
 PooledVerdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
 
@@ -145,8 +144,9 @@ class PooledDiagnosis:
         All of them.
     contrasts : tuple of Contrast
         What groups do to contact parameters.
-    scales : Scales
-        Sizes of the discrepancy, and scatter of contact parameters from specimen to specimen.
+    scales : mapping of str to float
+        By the names of `updating.pooled.linear.Scales`: sizes of the discrepancy, and scatter of contact parameters
+        from specimen to specimen.
     not_visible : tuple of str
         Effects too weak to show at any plausible strength, were they the rig's.
     impossible : mapping of str to str
@@ -161,7 +161,7 @@ class PooledDiagnosis:
     left: int
     specimens: tuple[SpecimenAnswer, ...]
     contrasts: tuple[Contrast, ...]
-    scales: Scales
+    scales: Mapping[str, float]
     not_visible: tuple[str, ...]
     impossible: Mapping[str, str]
     sentences: tuple[str, ...]

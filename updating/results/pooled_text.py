@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.pooled.answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.results.pooled_answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
 from updating.results.text import interval_text, percent
 
 _LISTED = 3  # explanations that are told in a sentence
@@ -122,10 +122,10 @@ def _groups(contrasts: Sequence[Contrast]) -> list[str]:
 def _scatter(found: PooledDiagnosis) -> str:
     s = found.scales
     return (
-        f"From specimen to specimen G_f scatters by {percent(float(np.expm1(s.stiffness)))} and d_f by "
-        f"{percent(float(np.expm1(s.loss)))}; beyond that and the noise the model is right to "
-        f"{percent(s.frequency)} of a frequency, {percent(s.damping)} of a damping ratio and {percent(s.shape)} of a "
-        "shape's length."
+        f"From specimen to specimen G_f scatters by {percent(float(np.expm1(s['stiffness'])))} and d_f by "
+        f"{percent(float(np.expm1(s['loss'])))}; beyond that and the noise the model is right to "
+        f"{percent(s['frequency'])} of a frequency, {percent(s['damping'])} of a damping ratio and "
+        f"{percent(s['shape'])} of a shape's length."
     )
 
 
