@@ -165,7 +165,7 @@ def step_chart(way: Sequence[Step]) -> str:
             "xaxis": {"automargin": True, "tickangle": 0},
             "legend": legend_above(),
             "waterfallgap": 0.25,
-            "margin": {"r": 8, "t": 40},
+            "margin": {"r": 8, "t": 66},
         },
     )
 
@@ -235,7 +235,7 @@ def mode_chart(modes: Sequence[ModeChange]) -> str:
             "yaxis": axis("frequency error [%]", zeroline=True),
             "xaxis": {"automargin": True},
             "legend": legend_above(),
-            "margin": {"r": 8, "t": 40},
+            "margin": {"r": 8, "t": 66},
         },
     )
 

@@ -88,7 +88,7 @@ def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
         "yaxis": axis(UNIT[lines.quantity], type="log", exponentformat="power", domain=domains[0]),
         "yaxis2": axis("phase [°]", range=[-190, 190], tickvals=[-180, 0, 180], domain=domains[1]),
         "legend": legend_above(),
-        "margin": {"r": 12, "t": 40},
+        "margin": {"r": 12, "t": 66},
         "shapes": [{**mark, "x0": float(f), "x1": float(f)} for f in measured.frequency],
     }
     if lines.coherence is not None:

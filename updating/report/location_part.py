@@ -150,7 +150,10 @@ def map_chart(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> str:
             "marker": {"size": 3, "color": MEASURED}, "hovertemplate": "point %{text}<extra></extra>",
         },
     ]  # fmt: skip
-    axes = {f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": 4, "showspikes": False} for a in "xyz"}
+    axes = {
+        f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": n, "showspikes": False}
+        for a, n in (("x", 4), ("y", 2), ("z", 3))  # few along the short sides, where numbers would overlap
+    }
     view = {"eye": {"x": -1.45, "y": -3.2, "z": 1.55}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
     scene = {**axes, "aspectmode": "data", "camera": view, "dragmode": "turntable"}
     return chart(traces, {"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}})

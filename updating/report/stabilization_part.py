@@ -91,7 +91,7 @@ def stabilization_chart(
         "yaxis": axis("model order", rangemode="tozero"),
         "yaxis2": {"overlaying": "y", "side": "right", "type": "log", "visible": False},
         "legend": {**legend_above(), "itemsizing": "constant"},
-        "margin": {"r": 12, "t": 40},
+        "margin": {"r": 12, "t": 66},
         "shapes": [
             {
                 "type": "line", "x0": f, "x1": f, "yref": "paper", "y0": 0, "y1": 1, "layer": "below",
