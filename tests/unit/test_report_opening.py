@@ -32,7 +32,8 @@ BOTH = ranked("clamp_mass", "weld_seam", error=0.0005, left_out=0.0014)
 def results(**given):
     empty = {
         "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
-        "diagnosis": None, "updated": None, "folder": Path("out/x"), "campaign": Path("my test/x.toml"), "origin": {},
+        "diagnosis": None, "pooled": None, "updated": None, "folder": Path("out/x"),
+        "campaign": Path("my test/x.toml"), "origin": {},
     }  # fmt: skip
     return Results(**(empty | given))
 
