@@ -58,7 +58,10 @@ def test_nothing_is_missing_where_nothing_is_hidden(candidates):
 
 @pytest.mark.parametrize(
     ("name", "values"),
-    [("contact_direction", {"G_yz_ratio": 0.8}), ("pressure_exponent", {"exponent": 0.5})],
+    [
+        ("contact_direction", {"G_yz_ratio": 0.8}),
+        pytest.param("pressure_exponent", {"exponent": 0.5}, marks=pytest.mark.slow),
+    ],
 )
 def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue, name, values):
     found = diagnosed(candidates, (catalogue[name],), values, 12)
@@ -84,6 +87,7 @@ def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confide
     assert found.set == ()
 
 
+@pytest.mark.slow
 def test_a_mass_that_no_effect_of_the_catalogue_is_gets_no_name_and_shows_where_it_sits(candidates):
     """It moves with the stack at the shaker."""
     moving, mass = model.catalogue()["stinger_mass"], 0.05
@@ -123,9 +127,8 @@ def test_what_the_mesh_is_off_by_is_taken_out(candidates):
         assert np.abs(own(corrected)).max() < bound < np.abs(own(plain)).max()
 
 
-@pytest.mark.parametrize(
-    "name", ["length", *(pytest.param(n, marks=pytest.mark.slow) for n in ("width", "height"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["length", "width", "height"])
 def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, name):
     """The influence is a Rayleigh quotient of the nominal stack's modes; the data are those of another stack."""
     test = blind_test(SPECIFICATION, 14, (), {})
@@ -205,8 +208,9 @@ def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
     assert shown(0.02, point_place=3e-4)[0] == 3e-4
 
 
-@pytest.mark.parametrize("seed", [31, pytest.param(32, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("each", ["one of two sensors", pytest.param("every point", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [31, 32])
+@pytest.mark.parametrize("each", ["one of two sensors", "every point"])
 def test_sensors_that_read_one_per_cent_too_high_are_no_missing_effect(candidates, catalogue, seed, each):
     test = blind_test(SPECIFICATION, seed, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
 

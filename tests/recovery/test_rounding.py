@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import ema
 from ema.identification.identify import identify_frf
@@ -20,6 +21,7 @@ def assert_same(first, second, name):
     np.testing.assert_allclose(second, first, rtol=BOUND, atol=BOUND * np.abs(first).max(), err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_last_digit_of_the_data_does_not_decide():
     """A pole that wanders off in the fit of a single run left the others, and the shapes, to rounding."""
     campaign = ema.read_campaign(DATA / "campaign.toml")

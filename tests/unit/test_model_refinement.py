@@ -79,7 +79,10 @@ def solve(system, G_f=825.0):
     return model.solve_modes(system, G_f=G_f, d_f=0.0, n_mode=N_MODE, observation=anywhere)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    ["five weak", "bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("random", "soft zone"))],
+)
 def test_estimate_meets_the_true_error_and_refinement_removes_it(case):
     terms, bound = CASES[case]
     system = model.reduce(

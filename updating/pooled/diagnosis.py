@@ -21,7 +21,7 @@ from updating.diagnosis.explanation import Z95
 from updating.diagnosis.hypotheses import LABELS
 from updating.fitting.estimate import ParameterEstimate
 from updating.pooled.beside import Bench, bench
-from updating.pooled.fit import Fitted, Weighing
+from updating.pooled.fit import Fitted, Weighing, stds
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
 from updating.pooled.linear import Scales
 from updating.pooled.screening import contrast_of
@@ -153,7 +153,7 @@ def _base(found: Found) -> Fitted:
 
 def _parts(beside: Bench, found: Found, own: Fitted) -> list[Part]:
     """Return the terms of an explanation with their intervals and what each brings."""
-    std, at, parts = _stds(beside, own), 0, []
+    std, at, parts = stds(beside, own), 0, []
     for term in own.terms:
         n = len(coordinates_of(beside, term))
         each = zip(
@@ -200,15 +200,6 @@ def _estimate(beside: Bench, term: Term, c: Coordinate, z: float, std: float) ->
         upper=float(max(values[1:])),
         at_bound=c.parameter is not None and not c.lower + _ENDS < z < c.upper - _ENDS,
     )
-
-
-def _stds(beside: Bench, own: Fitted) -> Vector:
-    """Return standard deviations of the coordinates of terms, all else integrated out."""
-    weighing = Weighing(beside, own.linear, own.coordinates, own.at.coordinate)
-    joint = weighing.joined(weighing.reduced(own.scales), own.scales)
-    n = joint.slope.size - len(own.coordinates)
-    unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(joint.precision + np.diag(unseen)))[n:]))
 
 
 def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeftOut) -> list[SpecimenAnswer]:

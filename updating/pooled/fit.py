@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError
+from updating.diagnosis.calibration import WIDER
 from updating.diagnosis.discrepancy import KINDS
 from updating.diagnosis.explanation import TRUST
 from updating.pooled.algebra import Joined, Reduced, joined, log_evidence, reduced
@@ -123,6 +124,18 @@ class Weighing:
     @staticmethod
     def _moved(scales: Scales, name: str, step: float) -> Scales:
         return replace(scales, **{name: float(getattr(scales, name) * np.exp(step))})
+
+
+def stds(bench: Bench, own: Fitted) -> Vector:
+    """Return standard deviations of the coordinates of terms, all else integrated out.
+
+    What separates model and measurement is most of them, so they are all widened as those of a single stack.
+    """
+    weighing = Weighing(bench, own.linear, own.coordinates, own.at.coordinate)
+    joint = weighing.joined(weighing.reduced(own.scales), own.scales)
+    n = joint.slope.size - len(own.coordinates)
+    unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
+    return WIDER * np.asarray(np.sqrt(np.diag(np.linalg.inv(joint.precision + np.diag(unseen)))[n:]))
 
 
 def misfit_at(found: Sequence[Reduced], joint: Joined, n_coordinate: int, prior: Vector) -> float:

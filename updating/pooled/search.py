@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from model import SolveError
 from updating.diagnosis.calibration import MODEL_FORM, STEP
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
+from updating.diagnosis.explanation import Z95
 from updating.pooled.beside import Bench
-from updating.pooled.fit import Fitted, fit
+from updating.pooled.fit import Fitted, fit, stds
 from updating.pooled.linear import Place, Scales, weighed_at
 from updating.pooled.screening import Screened, screen
 from updating.pooled.specimen import Level
@@ -122,7 +123,37 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
             if not best.terms:
                 break
         beside = screen(found.bench, best, levels)
-    return _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
+    found = _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
+    return _without_neutral(found, executor)
+
+
+def _without_neutral(found: Found, executor: Executor | None) -> Found:
+    """Pass over explanations with a term that may as well be neutral, and fit each without it from where it stands.
+
+    Such a term led the fit to a better place, and brings nothing of its own there.
+    """
+    while (best := found.fitted[0]).terms:
+        std, at, kept, coordinate = stds(found.bench, best), 0, [], []
+        for term in best.terms:
+            own = slice(at, at + len(coordinates_of(found.bench, term)))
+            at = own.stop
+            if np.any(np.abs(best.at.coordinate[own]) > Z95 * std[own]):
+                kept.append(term)
+                coordinate.append(best.at.coordinate[own])
+        if len(kept) == len(best.terms):
+            break
+        start = Start(
+            terms=tuple(kept),
+            at=replace(best.at, coordinate=np.concatenate([np.zeros(0), *coordinate])),
+            scales=best.scales,
+            most=_MORE,
+        )
+        others = tuple(own for own in found.fitted if own is not best)
+        further = [own for own in _done(found.bench, [start], executor, rescaled=True) if own is not None]
+        found = _with(replace(found, fitted=others), further)
+        if not kept:
+            found = replace(found, base=next(own for own in found.fitted if not own.terms))
+    return found
 
 
 def usual_at_most(scales: Scales) -> Scales:
