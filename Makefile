@@ -12,11 +12,12 @@ export OPENBLAS_NUM_THREADS ?= 1
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
 
+# Files in the order of their folders: those with few and long tests come before the many short ones, which even out the end.
 test: $(READY)
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-all: $(READY)
-	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile
+	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile --no-loadscope-reorder
 
 lint: $(READY)
 	$(BIN)/ruff check .

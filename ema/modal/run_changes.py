@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy.stats
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from ema.types.modal_model import ModalModel
 
@@ -82,7 +82,7 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
             continue
         ratio = (whole - left) / pattern.unknowns / max(left / spare, 1.0)
         likelihood = np.log(max(left, spare)) + pattern.unknowns * np.log(freedom) / freedom
-        if scipy.stats.f.sf(ratio, pattern.unknowns, spare) < _CHANCE and likelihood < least:
+        if fdtrc(pattern.unknowns, spare, ratio) < _CHANCE and likelihood < least:
             best, least = pattern, likelihood
     if best.cause == "sensor mass" and modal_model.sensor_mass > 0.0:
         best = replace(best, text=f"{1e3 * modal_model.sensor_mass:.2g} g each")

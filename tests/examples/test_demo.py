@@ -9,6 +9,7 @@ import pytest
 
 from ema import ModalModel, mac
 from updating import Fit, read_result, write_report
+from updating.results.text import Z95, uncertain
 
 TRUTH = Path(__file__).parents[2] / "data/demo_stack/truth.json"
 
@@ -81,5 +82,5 @@ def test_the_report_holds_everything_that_it_shows(demo):
     assert "@import" not in text
     for found, fitted in demo[1]:
         measured = found.modal_model
-        assert f"{measured.frequency[0]:.3f}" in text
-        assert f"{fitted.modes.frequency[fitted.pairing.model[0]]:.3f}" in text
+        assert uncertain(measured.frequency[0], Z95 * measured.frequency_std[0]) in text
+        assert f"{fitted.modes.frequency[fitted.pairing.model[0]]:.2f}" in text
