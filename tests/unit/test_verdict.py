@@ -156,6 +156,24 @@ def test_the_error_of_form_is_a_share_of_what_is_explained_and_the_base_model_ha
     assert not is_form(BASE, BASE, explanation("a", 0.0, misfit=9999.0))
 
 
+def test_what_relieves_the_difference_between_torques_is_no_error_of_form():
+    strong = explanation("a", 500.0, misfit=1000.0, strain=STRAINED**2 + 1.0)
+    assert is_form(BASE, strong, explanation("ab", 530.0, misfit=990.0, strain=2.0))
+    assert not is_form(BASE, strong, explanation("ab", 530.0, misfit=990.0, strain=0.5))
+    decision = decide(found(strong, explanation("ab", 530.0, misfit=990.0, strain=0.5)))
+    assert names(decision.left) == ["ab"]
+
+
+def test_of_two_that_cannot_be_told_apart_the_one_with_fewer_effects_is_named():
+    more = explanation("ab", 20.0 + SEPARATE - 0.1, misfit=300.0)
+    decision = decide(found(more, explanation("a", 20.0, misfit=5000.0)))
+    assert (decision.verdict, names(decision.left)) == ("identified", ["a"])
+    apart = explanation("ab", 20.0 + SEPARATE + 0.1, misfit=300.0)
+    assert names(decide(found(apart, explanation("a", 20.0, misfit=5000.0))).left) == ["ab"]
+    silent = explanation("a", 20.0, misfit=5000.0, left_out=(1.0, 1.0, 1.0), strain=12.0)
+    assert names(decide(found(more, silent)).left)[0] == "ab"
+
+
 def test_the_way_goes_by_the_effect_that_raises_the_odds_most():
     fitted = [explanation("a", 20.0, misfit=6000.0), explanation("b", 5.0, misfit=7000.0)]
     fitted += [explanation("ab", 40.0, misfit=3000.0), explanation("bc", 35.0, misfit=3100.0)]

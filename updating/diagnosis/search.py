@@ -16,7 +16,7 @@ from model import SolveError, enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.assembly import Assembled, scattered
-from updating.diagnosis.calibration import MIXED_UP, MODEL_FORM, STEP, VISIBLE
+from updating.diagnosis.calibration import MIXED_UP, MODEL_FORM, STEP, STRAINED, VISIBLE
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation, explain, explained, likeliest
@@ -128,9 +128,10 @@ def is_form(base: Explanation, before: Explanation, after: Explanation) -> bool:
     """Tell whether what a further effect brings may be no more than the error of the form of what is there before it.
 
     An effect that acts in another form than the catalogue's leaves a share of what it changes, and further effects
-    that happen to fit it are no more than that.
+    that happen to fit it are no more than that. It acts in that form at all torques alike: what relieves the
+    differences between them, which assembly and torque do not explain, is no error of form.
     """
-    if not before.effects:
+    if not before.effects or before.strain - after.strain > STRAINED**2:
         return False
     share = explained(base, before)
     return explained(base, after) - share < MODEL_FORM**2 * share

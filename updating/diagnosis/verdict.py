@@ -80,9 +80,14 @@ def _helps(found: Search, own: Explanation) -> bool:
 
 
 def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:
-    """Return the last explanation on the way whose every step brings more than the error of what is there before."""
+    """Return the last explanation on the way whose every step brings more than the error of what is there before.
+
+    Where the data cannot tell it from one with fewer effects that helps as well, that is the one.
+    """
     beyond = itertools.takewhile(lambda pair: not is_form(found.base, *pair), itertools.pairwise(steps))
-    return [after for _, after in beyond][-1]
+    way = [after for _, after in beyond]
+    alike = [x for x in way if found.odds(way[-1]) - found.odds(x) < SEPARATE and _helps(found, x)]
+    return alike[0] if alike else way[-1]
 
 
 def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
