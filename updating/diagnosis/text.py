@@ -217,8 +217,9 @@ def _remains(found: Diagnosis) -> list[str]:
 
 def _further(found: Diagnosis) -> list[str]:
     """Say what the rest looks like, but is too little of beside what was found to be named."""
-    further = [name for name in found.steps[-1].effects if found.set and name not in found.set[0]]
-    if not further:
+    told = {name for effects in found.set for name in effects}
+    further = [name for name in found.steps[-1].effects if name not in told]
+    if not (found.set and further):
         return []
     return [
         f"What is left looks like {named(found, further)}, but is so little beside {named(found, found.set[0])} that "

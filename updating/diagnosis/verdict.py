@@ -80,20 +80,16 @@ def _helps(found: Search, own: Explanation) -> bool:
 
 
 def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:
-    """Return the last explanation on the way whose every step brings more than the error of what is there before.
-
-    Where the data cannot tell it from one with fewer effects that helps as well, that is the one.
-    """
+    """Return the last explanation on the way whose every step brings more than the error of what is there before."""
     beyond = itertools.takewhile(lambda pair: not is_form(found.base, *pair), itertools.pairwise(steps))
-    way = [after for _, after in beyond]
-    alike = [x for x in way if found.odds(way[-1]) - found.odds(x) < SEPARATE and _helps(found, x)]
-    return alike[0] if alike else way[-1]
+    return [after for _, after in beyond][-1]
 
 
 def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
-    """Return what is nearly as probable as an explanation or more, of as many effects; itself comes first.
+    """Return what is nearly as probable as an explanation or more, of as many effects.
 
-    What only adds an effect to another of these says nothing new.
+    It comes first itself, but for what does with fewer of its effects; what only adds an effect to another of these
+    says nothing new.
     """
     near = [
         x
@@ -101,7 +97,8 @@ def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
         if found.odds(own) - found.odds(x) < SEPARATE and len(x.effects) <= len(own.effects)
     ]
     near = [x for x in near if x is own or not any(set(y.effects) < set(x.effects) for y in near)]
-    return (own, *sorted((x for x in near if x is not own), key=lambda x: -found.odds(x)))
+    simpler = {id(x) for x in near if set(x.effects) < set(own.effects)}
+    return tuple(sorted(near, key=lambda x: (id(x) not in simpler, x is not own, -found.odds(x))))
 
 
 def _steps(found: Search, best: Explanation) -> tuple[Explanation, ...]:
