@@ -20,6 +20,7 @@ from updating.results.text import interval_text
 CONSIDERED = ("clamp_mass", "pressure_exponent")
 
 
+@pytest.mark.slow
 def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_campaign, tmp_path, monkeypatch):
     whole, made = model.catalogue(), []
     campaign, shown = write_small_campaign(tmp_path, 2), io.StringIO()

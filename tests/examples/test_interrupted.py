@@ -72,6 +72,7 @@ def test_a_fit_that_is_stopped_twice_goes_on_and_ends_with_the_same_bytes(small,
     assert written(out) == written(whole)
 
 
+@pytest.mark.slow
 @posix
 def test_an_updating_that_is_killed_goes_on_and_ends_with_the_same_bytes(small, written, tmp_path):
     campaign, _ = small

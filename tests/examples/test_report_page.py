@@ -177,6 +177,7 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     assert up[0] < up[-1]
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_page_prints_as_a_pdf(page):
     printed = print_pdf(page).read_bytes()
@@ -248,6 +249,7 @@ def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
     assert "Dotted" not in picture.caption
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):

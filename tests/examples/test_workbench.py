@@ -134,6 +134,7 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     assert page.locator("#others li").all_text_contents() == others
 
 
+@pytest.mark.slow
 def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page, folder):
     enter(page, "Identification")
     chips = page.locator("#poles .v-chip")
@@ -156,6 +157,7 @@ def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page,
     (folder[1] / "C1" / "poles.txt").unlink()
 
 
+@pytest.mark.slow
 def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
     enter(page, "Comparison")
     page.wait_for_selector("#mac .nsewdrag")
@@ -193,6 +195,7 @@ def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder
     assert given.first == {"clamp_added_mass": 0.0}
 
 
+@pytest.mark.slow
 def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
     enter(page, "Diagnosis")
     assert page.locator("#badge").text_content() == "fitted"
@@ -204,6 +207,7 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
     assert page.locator("#fit").is_enabled()
 
 
+@pytest.mark.slow
 def test_the_report_is_written(page, folder):
     enter(page, "Report")
     page.locator("#write-report").click()

@@ -19,6 +19,7 @@ SOME = ("6", "12", "18")
 DATA = read_published(Path(__file__).parents[2] / "data/pirnat2013")
 
 
+@pytest.mark.slow
 def test_one_shared_effect_explains_most_of_the_error_of_three_stacks():
     rows = tuple(row for row in DATA.table.rows if row.name in SOME)
     some = replace(DATA, table=replace(DATA.table, rows=rows))

@@ -103,6 +103,7 @@ def test_a_mass_that_no_effect_of_the_catalogue_is_gets_no_name_and_shows_where_
     assert np.linalg.norm(points[point.node] - shaker) < 0.03
 
 
+@pytest.mark.slow
 def test_what_the_mesh_is_off_by_is_taken_out(candidates):
     """Data without noise, of a mesh 5/3 times finer, hold three quarters of the fit's error, which is extrapolated."""
     test = replace(blind_test(SPECIFICATION, 14, (), {}), spread={})
@@ -240,6 +241,7 @@ def test_an_effect_that_brings_unseen_modes_below_the_measured_ones_is_still_nam
     assert found.set == (("clamp_pitch_inertia",),)
 
 
+@pytest.mark.slow
 def test_an_effect_that_does_nothing_is_no_evidence(candidates, catalogue):
     test = blind_test(SPECIFICATION, 12, (catalogue["contact_direction"],), {"G_yz_ratio": 0.8})
     evidence = assemble_evidence(candidates, simulated(test)[:2])

@@ -30,6 +30,7 @@ def study(seeds, **world):
     return np.mean(held, axis=(0, 2)), causes
 
 
+@pytest.mark.slow
 def test_intervals_hold_with_noise_of_the_force_and_no_run_is_said_to_differ():
     # with functions taken as independent, 69 % of frequencies and 58 % of damping ratios held in small sets
     held, causes = study(range(8))

@@ -137,6 +137,7 @@ def test_the_example_has_thirty_lines_and_no_faults():
     assert effect_faults(model.read_effect(EXAMPLE)) == ()
 
 
+@pytest.mark.slow
 def test_a_new_file_alone_makes_an_effect(tmp_path, stack_file):
     """A file written by following the README: listed, explained, checked and used, and nothing else is touched."""
     mine = tmp_path / "mine.py"
