@@ -16,6 +16,7 @@ from updating.errors import WorkerError
 from updating.workers.workers import distribute, workers
 
 
+@pytest.mark.slow
 def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_path, written):
     distributed = pytest.importorskip("distributed")
     campaign, whole = small
