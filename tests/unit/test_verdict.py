@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from updating.diagnosis import verdict
-from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, STRAINED
+from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, STRAINED, VISIBLE
 from updating.diagnosis.discrepancy import MEDIAN, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.held_out import LeftOut
@@ -19,14 +19,21 @@ PRICE = float(np.log(0.5 / len(EFFECTS)))
 POINT = "a change at one point"
 
 
-def explanation(effects, odds, *, misfit=100.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0):
-    """An explanation with the logarithm of its odds against the base model, and so many times the usual size left."""
+def explanation(
+    effects, odds, *, misfit=100.0, losses=0.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0
+):
+    """An explanation with the logarithm of its odds against the base model, and so many times the usual size left.
+
+    What an effect leaves has nothing to do with what it takes away: `misfit` of frequencies, `losses` of damping.
+    """
+    value = np.zeros(4)
+    value[0 if not effects else 1], value[2 if not effects else 3] = np.sqrt([misfit, losses])
     return SimpleNamespace(
         effects=tuple(effects),
         log_evidence=odds - PRICE * len(effects),
-        misfit=misfit,
         mean=Sizes(frequency=left * MEDIAN["frequency"]),
-        residual=(*left_out, score),
+        residual=SimpleNamespace(value=value, kind=np.repeat(["frequency", "damping"], 2)),
+        left_out=(*left_out, score),
         strain=strain,
     )
 
@@ -37,13 +44,12 @@ FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0, 1.0), strain=12.0)
 
 @pytest.fixture(autouse=True)
 def predicted(monkeypatch):
-    """What is left out is said by `left_out` of each explanation, and every residual looks like one point."""
+    """What is left out is said by `left_out` of each explanation, and what is left always looks like one point."""
+    kinds = ("frequency", "damping", "shape")
     monkeypatch.setattr(
         verdict,
         "left_out",
-        lambda _, own: LeftOut(
-            **dict(zip(("frequency", "damping", "shape"), own.residual, strict=False)), score=own.residual[3:]
-        ),
+        lambda _, own: LeftOut(**dict(zip(kinds, own.left_out, strict=False)), score=own.left_out[3:]),
     )
     monkeypatch.setattr(verdict, "point_change", lambda _, at: (POINT, at.effects))
 
@@ -137,9 +143,9 @@ def test_a_model_that_lacks_a_measured_mode_is_not_complete(fitted, base, expect
 
 
 def test_a_weak_effect_beside_a_strong_one_may_be_no_more_than_the_error_of_its_form():
-    """The strong one brings 9000 of the misfit; 9 % of that may be left by its form."""
+    """The strong one changes 11,000 of the misfit; 9 % of that may be left by its form."""
     for beside, left, verdict_of, first in (
-        (300.0, 1.0, "identified", "a"), (300.0, 6.0, "partly explained", "a"), (100.0, 1.0, "identified", "ab")
+        (300.0, 1.0, "identified", "a"), (300.0, 6.0, "partly explained", "a"), (1.0, 1.0, "identified", "ab")
     ):  # fmt: skip
         strong = explanation("a", 500.0, misfit=1000.0, left=left)
         decision = decide(found(strong, explanation("ab", 530.0, misfit=beside)))
@@ -148,12 +154,36 @@ def test_a_weak_effect_beside_a_strong_one_may_be_no_more_than_the_error_of_its_
         assert names(decision.steps) == ["", "a", "ab"]
 
 
-def test_the_error_of_form_is_a_share_of_what_is_explained_and_the_base_model_has_none():
-    least = MODEL_FORM**2 * 9000.0
+def test_the_error_of_form_is_a_share_of_what_is_changed_and_the_base_model_has_none():
+    least = MODEL_FORM**2 * 11_000.0
     strong = explanation("a", 500.0, misfit=1000.0)
     assert is_form(BASE, strong, explanation("ab", 0.0, misfit=1000.0 - 0.99 * least))
     assert not is_form(BASE, strong, explanation("ab", 0.0, misfit=1000.0 - 1.01 * least))
     assert not is_form(BASE, BASE, explanation("a", 0.0, misfit=9999.0))
+
+
+def test_a_loss_beside_what_changes_frequencies_is_no_error_of_its_form():
+    strong = explanation("a", 500.0, misfit=1000.0, losses=50.0)
+    for brought, form in ((0.9 * VISIBLE**2, True), (1.1 * VISIBLE**2, False)):
+        loss = explanation("ab", 510.0, misfit=1000.0, losses=50.0 - brought)
+        assert is_form(BASE, strong, loss) is form
+        assert names(decide(found(strong, loss)).left)[0] == ("a" if form else "ab")
+
+
+def test_what_brings_more_than_an_error_of_form_goes_before_what_fits_it_better():
+    """Of two that are nearly as probable beside a strong one, that which its form cannot have left is named."""
+    strong = explanation("a", 500.0, misfit=1000.0, losses=50.0)
+    filler, loss = (
+        explanation("ab", 512.0, misfit=900.0, losses=50.0),
+        explanation("ac", 510.0, misfit=1000.0),
+    )
+    decision = decide(found(strong, filler, loss))
+    assert names(decision.left) == ["ac"]
+    assert names(decision.steps) == ["", "a", "ac"]
+    both = explanation("abc", 525.0, misfit=900.0)
+    decision = decide(found(strong, filler, loss, both))
+    assert names(decision.left) == ["ac"]
+    assert names(decision.steps) == ["", "a", "ac", "abc"]
 
 
 def test_what_relieves_the_difference_between_torques_is_no_error_of_form():

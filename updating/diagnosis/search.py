@@ -19,7 +19,7 @@ from updating.diagnosis.assembly import Assembled, scattered
 from updating.diagnosis.calibration import MIXED_UP, MODEL_FORM, STEP, STRAINED, VISIBLE
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import Explanation, explain, explained, likeliest
+from updating.diagnosis.explanation import Explanation, explain, likeliest
 from updating.diagnosis.mixed_up import MOST, MixedUp, put_right
 from updating.diagnosis.residual import covariance_of
 from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
@@ -41,6 +41,7 @@ N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
 N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
 """Evaluations of all fits of a global search, how many are then followed, and their evaluations."""
+_STIFF, _LOSSY = ("frequency", "shape"), ("damping",)  # kinds of data in which a form is wrong together
 _ASTRAY = 0.04  # frequency error of the best single effect, beyond which steps from the base model mislead
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
@@ -128,13 +129,20 @@ def is_form(base: Explanation, before: Explanation, after: Explanation) -> bool:
     """Tell whether what a further effect brings may be no more than the error of the form of what is there before it.
 
     An effect that acts in another form than the catalogue's leaves a share of what it changes, and further effects
-    that happen to fit it are no more than that. It acts in that form at all torques alike: what relieves the
-    differences between them, which assembly and torque do not explain, is no error of form.
+    that happen to fit it are no more than that. What it changes in frequencies and shapes says nothing of damping,
+    nor the other way round: a loss beside an added mass is no error of that mass. And it acts in that form at all
+    torques alike: what relieves the differences between them, which assembly and torque do not explain, is none.
     """
     if not before.effects or before.strain - after.strain > STRAINED**2:
         return False
-    share = explained(base, before)
-    return explained(base, after) - share < MODEL_FORM**2 * share
+    first, last, further = base.residual, before.residual, after.residual
+    for kinds in _STIFF, _LOSSY:
+        of = np.isin(last.kind, kinds)
+        changed = np.sum((last.value[of] - first.value[of]) ** 2)
+        brought = np.sum(last.value[of] ** 2) - np.sum(further.value[of] ** 2)
+        if brought > max(MODEL_FORM**2 * changed, VISIBLE**2):
+            return False
+    return True
 
 
 def log_odds(evidence: Evidence, own: Explanation, base: Explanation) -> float:
@@ -242,12 +250,13 @@ def _with_further(
     fitted = list(singles)
     level, best = list(_ordered(evidence, base, singles)), base
     for n in range(2, MOST_EFFECTS + 1):
-        if not level or log_odds(evidence, level[0], base) < log_odds(evidence, best, base) + STEP:
+        least = log_odds(evidence, best, base) + STEP
+        rising = [x for x in level if log_odds(evidence, x, base) >= least]
+        beyond = [x for x in rising if not is_form(base, best, x)]
+        if not beyond:  # what else is there cannot be told from the error of a form
             break
-        if is_form(base, best, level[0]):  # what else is there cannot be told from that
-            break
-        best = level[0]
-        first = [x for x in level[:N_FIRST] if best.log_evidence - x.log_evidence < 3.0 * _CLOSE]
+        best = beyond[0]
+        first = [x for x in beyond[:N_FIRST] if best.log_evidence - x.log_evidence < 3.0 * _CLOSE]
         beside = list(distribute(partial(screen, evidence.alone), first, executor))
         starts = _further_starts(evidence, base, screened if n == 2 else (), first, beside)
         _LOG.info("fit %d explanations of %d effects", len(starts), n)

@@ -43,25 +43,30 @@ def decide(found: Search) -> Decision:
     """Give the verdict on what a search found."""
     base = found.base
     evidence = found.evidence
-    best = _best(found)
-    if best is None:
+    shown = _shown(found)
+    if not shown:
         if not too_large(evidence, base) and not evidence.lacking:
             return Decision(verdict="nothing missing", left=(), steps=(base,))
         return Decision(verdict="unlike anything", left=(), steps=(base,), point=point_change(evidence, base))
-    steps = _steps(found, best)
+    ways = [_steps(found, x) for x in shown]
+    steps = max(ways, key=lambda way: found.odds(_beyond_its_form(found, way)))
     own = _beyond_its_form(found, steps)
     left = _ambiguous(found, own)
     if too_large(evidence, own) or evidence.lacking:
-        point = point_change(evidence, best)
+        point = point_change(evidence, steps[-1])
         return Decision(verdict="partly explained", left=left, steps=steps, point=point)
     return Decision(verdict="identified" if len(left) == 1 else "one of", left=left, steps=steps)
 
 
-def _best(found: Search) -> Explanation | None:
-    """Return the most probable explanation that shows and helps."""
+def _shown(found: Search) -> list[Explanation]:
+    """Return the most probable explanation that shows and helps, and others that do and are nearly as probable."""
     ordered = sorted(found.fitted, key=found.odds, reverse=True)
-    shows = itertools.takewhile(lambda own: found.odds(own) >= SHOWS, ordered)
-    return next((own for own in itertools.islice(shows, MOST_JUDGED) if _helps(found, own)), None)
+    shows = [own for own in ordered[:MOST_JUDGED] if found.odds(own) >= SHOWS]
+    first = next((own for own in shows if _helps(found, own)), None)
+    if first is None:
+        return []
+    near = (own for own in shows if 0.0 < found.odds(first) - found.odds(own) < SEPARATE)
+    return [first, *(own for own in near if _helps(found, own))]
 
 
 def _helps(found: Search, own: Explanation) -> bool:
@@ -86,7 +91,7 @@ def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanati
 
 
 def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
-    """Return what is nearly as probable as an explanation or more, of as many effects.
+    """Return what is nearly as probable as an explanation or more, of as many effects, each beyond the others' form.
 
     It comes first itself, but for what does with fewer of its effects; what only adds an effect to another of these
     says nothing new.
@@ -94,7 +99,9 @@ def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
     near = [
         x
         for x in found.fitted
-        if found.odds(own) - found.odds(x) < SEPARATE and len(x.effects) <= len(own.effects)
+        if found.odds(own) - found.odds(x) < SEPARATE
+        and len(x.effects) <= len(own.effects)
+        and (x is own or _beyond_its_form(found, _steps(found, x)) is x)
     ]
     near = [x for x in near if x is own or not any(set(y.effects) < set(x.effects) for y in near)]
     simpler = {id(x) for x in near if set(x.effects) < set(own.effects)}
@@ -102,12 +109,20 @@ def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
 
 
 def _steps(found: Search, best: Explanation) -> tuple[Explanation, ...]:
-    """Return the way from the base model to an explanation, at each step by the effect that raises the odds most."""
-    steps = [best]
-    while len(steps[-1].effects) > 1:
-        members = set(steps[-1].effects)
-        before = [x for x in found.fitted if set(x.effects) < members and len(x.effects) == len(members) - 1]
-        if not before:
-            break
-        steps.append(max(before, key=found.odds))
-    return (found.base, *reversed(steps))
+    """Return the way from the base model to an explanation, one effect at a time.
+
+    The first is the most probable of its effects; each further one brings more than the error of form of what is there
+    before it, if one does, and is the most probable of these.
+    """
+    steps = [found.base]
+    while len(steps[-1].effects) < len(best.effects):
+        at = steps[-1]
+        further = [
+            x
+            for x in found.fitted
+            if len(x.effects) == len(at.effects) + 1 and set(at.effects) < set(x.effects) <= set(best.effects)
+        ]
+        if not further:  # not all of its parts were fitted
+            return (*steps, best)
+        steps.append(min(further, key=lambda x: (is_form(found.base, at, x), -found.odds(x))))
+    return tuple(steps)
