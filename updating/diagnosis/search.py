@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -45,6 +45,9 @@ _STIFF, _LOSSY = ("frequency", "shape"), ("damping",)  # kinds of data in which 
 _ASTRAY = 0.04  # frequency error of the best single effect, beyond which steps from the base model mislead
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
+_ELSEWHERE = (
+    0.1  # difference of two coordinates, in units of a range, from which a fit may have ended elsewhere
+)
 _STEPS = 12  # evaluations of a fit
 _REFIT = 8  # the same after basis or weights have changed, and of several effects
 
@@ -263,9 +266,8 @@ def _with_further(
         level = _best_of_each(_done(_begun(evidence, starts, executor)))
         fitted += level
         level = list(_ordered(evidence, base, level))
-        if level and log_odds(evidence, level[0], base) > log_odds(evidence, best, base):
-            fitted += _done(_begun(evidence, _without_one(evidence, level[0], fitted), executor))
-    return _best_of_each(fitted)
+    best = max([base, *fitted], key=lambda x: log_odds(evidence, x, base))
+    return _best_of_each([*fitted, *_done(_begun(evidence, _parts(evidence, best), executor))])
 
 
 def _further_starts(
@@ -310,15 +312,17 @@ def _supposed(evidence: Evidence, own: Explanation) -> list[str]:
     ]
 
 
-def _without_one(evidence: Evidence, own: Explanation, fitted: Iterable[Explanation]) -> list[Start]:
-    """Return an explanation without each of its effects in turn, from where it stands, but those that were fitted."""
-    known = {frozenset(x.effects) for x in fitted}
-    coordinate = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
+def _parts(evidence: Evidence, own: Explanation) -> list[Start]:
+    """Return what an explanation is without some of its effects, from where it stands.
+
+    Each was perhaps fitted alone already, but a strong effect may then have ended elsewhere.
+    """
+    there = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
     starts = []
-    for left in itertools.combinations(own.effects, len(own.effects) - 1):
-        if frozenset(left) not in known:
-            where = np.array([coordinate[p.name] for p in evidence.parameters(left)])
-            starts.append(Start(left, own.nuisance, where, _STEPS))
+    for n in range(1, len(own.effects)):
+        for kept in itertools.combinations(own.effects, n):
+            where = np.array([there[p.name] for p in evidence.parameters(kept)])
+            starts.append(Start(kept, own.nuisance, where, _STEPS))
     return starts
 
 
