@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
-from tests.recovery.other_worlds_study import OtherCase, figures, median_fall, planned, recorded, study
+from tests.recovery.other_worlds_study import OtherCase, figures, median_fall, planned, recorded, run, study
 
 OUT = "out/blind/other_worlds.jsonl"
 NUMBER = 300
@@ -43,6 +43,14 @@ def test_the_record_goes_on_after_the_last_whole_line(tmp_path):
     record.write_text(line + line[:40], encoding="utf-8")
     assert recorded(record) == [case()]
     assert median_fall([case()]) == pytest.approx(0.1)
+
+
+@pytest.mark.slow
+def test_a_strong_effect_leads_though_alone_it_is_fitted_elsewhere_at_first():
+    """Clamp inertia beside a force cell's mass: clamps that stand elsewhere led, for the inertia was not found."""
+    own = run(700104, "pair", "layered")
+    assert set(own.planted) == {"clamp_inertia_two", "stinger_mass"}
+    assert own.leads == "clamp_inertia"
 
 
 @pytest.mark.blind
