@@ -19,6 +19,7 @@ from ema.identification.functions import Functions, inside
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit
 from ema.identification.noise_colour import whitest
+from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
 from ema.identification.selection import fit_chosen, select_modes
@@ -211,6 +212,7 @@ def identify_frf(
     white = lines.convert(whitest(lines))
     fit, runs, left = _fitted(white, order, pole, band, name)
     model = _model(fit, runs, white, lines.quantity, geometry, name, band)
+    model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
     return replace(model, unexplained=_unexplained(left, lines.input.node.size))
