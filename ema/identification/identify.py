@@ -19,6 +19,7 @@ from ema.identification.functions import Functions, inside
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit
 from ema.identification.noise_colour import whitest
+from ema.identification.references import check_references
 from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
@@ -155,8 +156,9 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
     )
     notes = (*_unscaled(modal_model), *_without_sensors(modal_model, campaign.sensor_mass))
     kept = replace(kept, notes=(*kept.notes, *notes))
-    explained = explained_power(_by_reciprocity(kept.frf), modal_model)
-    verdicts += check_explained(explained, modal_model)
+    identified = _by_reciprocity(kept.frf)
+    explained = explained_power(identified, modal_model)
+    verdicts += (*check_explained(explained, modal_model), *check_references(identified, modal_model))
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)
 
 

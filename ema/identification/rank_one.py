@@ -34,6 +34,10 @@ LEAST_PART = 0.02
 """Part of a second mode in the residues, relative to the first, below which it may be an error of the measurement."""
 LEAST_DEFINITE = 1e-3
 """Least over largest eigenvalue of what driving points say of the scale of shapes, for it to be used."""
+LEAST_LIKELIER = 2.0
+"""Log-likelihood by which a second mode is to explain a second part of the residues better than errors of gains."""
+LARGEST_ERROR = 0.1
+"""Errors of gains of single functions, relative, that are thought possible."""
 UNKNOWN_ANGLE = np.pi / 4.0
 """Standard deviation, rad, of a rotation that nothing tells: any shape of the subspace is as good."""
 
@@ -109,9 +113,9 @@ class _Factors:
 
 
 def rank_one_modes(
-    around: Around, pole: complex, pairs: list[tuple[int, int, float]]
-) -> RankOneModes | None:
-    """Find the modes that share a pole.
+    around: Around, pole: complex, pairs: list[tuple[int, int, float]], most: int
+) -> RankOneModes:
+    """Find the modes that share a pole, one at least.
 
     Parameters
     ----------
@@ -121,15 +125,10 @@ def rank_one_modes(
         The common pole, rad/s.
     pairs : list of (int, int, float)
         Driving points: output, input, and the product of their signs.
-
-    Returns
-    -------
-    RankOneModes or None
-        None where the residues are those of one mode.
+    most : int
+        How many modes there may be.
     """
-    factors = _factors(around, pole)
-    if factors.left.shape[1] < 2:
-        return None
+    factors = _factors(around, pole, most)
     mixing = _common_basis(factors, around, pairs)
     matrix = np.linalg.solve(mixing, _distances(around, pole, factors) @ mixing)
     # Where shapes and participations are the same, so are the matrix and its transpose.
@@ -140,8 +139,8 @@ def rank_one_modes(
     return _refined(around, factors, start, participation)
 
 
-def _factors(around: Around, pole: complex) -> _Factors:
-    """Factor modal constants into as many modes as stand out of the noise, one at least."""
+def _factors(around: Around, pole: complex, most: int) -> _Factors:
+    """Factor modal constants into as many modes as stand out of the noise, one at least and some at most."""
     line = around.line(np.array([pole]))[0]
     constant = around.value @ line.conj() / np.linalg.norm(line) ** 2
     rest = around.rough(around.value) - constant[..., None] * line
@@ -150,11 +149,14 @@ def _factors(around: Around, pole: complex) -> _Factors:
     left, gain, right = np.linalg.svd(constant, full_matrices=False)
     n_output, n_input = constant.shape
     n = 1
-    while n < gain.size:
+    while n < min(gain.size, most):
         freedom = 2 * (n_output - n) * (n_input - n)
         beyond = float(np.sum(gain[n:] ** 2)) > variance * special.chdtri(freedom, FALSE_ALARM)
         own = gain[n] * np.outer(left[:, n], right[n])
         if not beyond or gain[n] < LEAST_PART * gain[0] or not _real(own, variance):
+            break
+        physical = around.output_noise * np.stack([left[:, 0] * gain[0], left[:, n] * gain[n]])
+        if not _is_additive(*np.abs(physical), np.sqrt(variance) * around.output_noise):
             break
         n += 1
     left, gain, right = np.linalg.svd(constant.real, full_matrices=False)
@@ -169,6 +171,25 @@ def _real(constant: NDArray[np.complex128], variance: float) -> bool:
     total = real + imaginary
     distance = np.hypot(real - imaginary, 2.0 * float(np.sum(constant.real * constant.imag)))
     return total > 0.0 and distance**2 >= MIN_COLLINEARITY * total**2 and real >= MIN_REALNESS * total
+
+
+def _is_additive(
+    strong: NDArray[np.float64], weak: NDArray[np.float64], noise: NDArray[np.float64]
+) -> bool:
+    """Whether a weak part of the modal constants is one of a mode, and not an error of gains or of places hit.
+
+    Such errors grow with the response of the strong part and are nothing where that is at rest; a mode shows there.
+    Returned is which of both variances over the outputs, ``(n_output,)``, is likelier.
+    """
+
+    def log_likelihood(std: NDArray[np.float64]) -> float:
+        variance = std**2 + noise**2
+        return float(np.max(-0.5 * np.sum(np.log(variance) + weak**2 / variance, axis=1)))
+
+    size = np.geomspace(0.1, 10.0, 41)[:, None] * np.sqrt(np.mean(weak**2))
+    error = np.geomspace(1e-3, LARGEST_ERROR, 41)[:, None]
+    additive = log_likelihood(size * np.ones(weak.size))
+    return additive > log_likelihood(error * strong) + LEAST_LIKELIER
 
 
 def _common_basis(
@@ -259,6 +280,6 @@ def _refined(
         pole_std=width * np.maximum(std[:n], std[n : 2 * n])[rank],
         residue=residue,
         residue_std=noise * np.sqrt(0.5 * grown) / (line * 2.0 * np.mean(pole.imag)),
-        angle_std=float(min(std[2 * n :].max(), UNKNOWN_ANGLE)),
+        angle_std=float(min(std[2 * n :].max(initial=0.0), UNKNOWN_ANGLE)),
         left=float(np.sum(np.abs(rest) ** 2)) / grown,
     )

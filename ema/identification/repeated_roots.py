@@ -22,6 +22,8 @@ from ema.types.modal_model import ModalModel, synthesize
 
 NEAR = 1.0
 """Half bandwidths within which residues of two poles are taken together: beyond, each pole has certain ones."""
+ALIKE = 0.9
+"""MAC from which on neighbouring poles are one mode."""
 WINDOW = 10.0
 """Half bandwidths on each side of a pole over which its modes are sought."""
 _FEWEST_LINES = 16
@@ -51,10 +53,19 @@ def with_repeated_roots(model: ModalModel, frf: FRF) -> ModalModel:
     for own in reversed(list(_clusters(model.pole))):
         around, left = _around(model, own, frf, rest, noises)
         size = np.linalg.norm(model.residue[..., own], axis=(0, 1)) / -model.pole[own].real
-        modes = rank_one_modes(around, complex(np.average(model.pole[own], weights=size)), pairs)
-        if modes is not None and (own.size == 1 or _as_good(modes, left, around, own.size)):
+        pole = complex(np.average(model.pole[own], weights=size))
+        modes = rank_one_modes(around, pole, pairs, model.input.node.size)
+        if modes.pole.size > 1 and (own.size == 1 or _as_good(modes, left, around, own.size)):
             model = _with_modes(model, own, modes)
+        elif own.size > 1 and _alike(model.residue[..., own]):
+            model = _with_modes(model, own, rank_one_modes(around, pole, pairs, 1))
     return model
+
+
+def _alike(residue: NDArray[np.complex128]) -> bool:
+    """Whether neighbouring modes have one shape: a mode whose frequency is another one with each force."""
+    shape = np.stack([np.linalg.svd(one)[0][:, 0] for one in np.moveaxis(residue, -1, 0)])
+    return bool(np.all(np.abs(np.sum(shape[1:].conj() * shape[:-1], axis=1)) ** 2 > ALIKE))
 
 
 def _clusters(pole: NDArray[np.complex128]) -> Iterator[NDArray[np.int64]]:
