@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ema.io.units import parse_unit
 from ema.types.arrays import readonly
 from ema.types.errors import MeasurementError
+
+
+Position = Annotated[int, Field(ge=1)]
 
 
 class Averaging(BaseModel):
@@ -34,8 +37,9 @@ class Averaging(BaseModel):
         `FRFEstimate.decay_rate` states.
     force_s : float or None
         For impact testing: time after which the force is set to zero, s.
-    force : int
-        Position of the force among the channels of a file, from 1, where the file does not tell.
+    force : int or tuple of int
+        Position of the force, or of several that act at once, among the channels of a file, from 1, where the file does
+        not tell.
     force_unit, response_unit : str or None
         Units of text files, and of files that do not state theirs.
     """
@@ -48,7 +52,7 @@ class Averaging(BaseModel):
     window: Literal["boxcar", "hann"]
     response_end: float = Field(default=1.0, gt=0, le=1)
     force_s: float | None = Field(default=None, gt=0)
-    force: int = Field(default=1, ge=1)
+    force: Position | Annotated[tuple[Position, ...], Field(min_length=1)] = 1
     force_unit: str | None = None
     response_unit: str | None = None
 
@@ -133,15 +137,10 @@ def estimate_frf(
         )
         raise MeasurementError(message)
     n_sample = force.shape[1]
-    n_block = n_sample if averaging.block_s is None else round(averaging.block_s * rate)
-    if not 2 <= n_block <= n_sample:
-        message = f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
-        raise MeasurementError(message)
-    n_overlap = int(averaging.overlap * n_block)
-    decay_rate = -np.log(averaging.response_end) * rate / n_block
+    n_block, n_overlap, decay_rate = block_of(n_sample, rate, averaging)
     if averaging.force_s is not None:
         force = np.where(np.arange(n_sample) / rate <= averaging.force_s, force, 0.0)
-    frequency, g_ff, g_fx, g_xx = _spectra(force, response, rate, averaging, (n_block, n_overlap, decay_rate))
+    frequency, g_ff, g_fx, g_xx = _spectra(force, response, rate, averaging)
     if not np.all(g_ff[1:-1] > 0):
         message = "the force is zero or not a number; no FRF can be estimated"
         raise MeasurementError(message)
@@ -156,32 +155,48 @@ def estimate_frf(
         value=value,
         coherence=coherence if n_average > 1 else None,
         n_average=n_average,
-        decay_rate=float(decay_rate),
+        decay_rate=decay_rate,
     )
 
 
-def _spectra(
-    force: NDArray[np.float64],
-    response: NDArray[np.float64],
-    rate: float,
-    averaging: Averaging,
-    block: tuple[int, int, float],
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return the lines and the averaged spectra of force, of force and response, and of response.
+def block_of(n_sample: int, rate: float, averaging: Averaging) -> tuple[int, int, float]:
+    """Return the samples of a block, those it shares with the next one, and the exponential window's decay rate, 1/s.
 
-    `block` has samples of a block, those it shares with the next one, and the exponential window's decay rate.
+    Raises
+    ------
+    MeasurementError
+        The records are shorter than a block.
     """
+    n_block = n_sample if averaging.block_s is None else round(averaging.block_s * rate)
+    if not 2 <= n_block <= n_sample:
+        message = f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
+        raise MeasurementError(message)
+    decay_rate = -np.log(averaging.response_end) * rate / n_block
+    return n_block, int(averaging.overlap * n_block), float(decay_rate)
+
+
+def spectrum_settings(n_sample: int, rate: float, averaging: Averaging) -> dict[str, Any]:
+    """Return what `scipy.signal.csd` is to be called with for records of `n_sample` samples."""
     from scipy import signal  # here: it takes long to import, and most tests come as FRFs
 
-    n_block, n_overlap, decay_rate = block
+    n_block, n_overlap, decay_rate = block_of(n_sample, rate, averaging)
     window = signal.get_window(averaging.window, n_block)
-    settings = {
+    return {
         "fs": rate,
         "window": window * np.exp(-decay_rate * (np.arange(n_block) / rate)),
         "nperseg": n_block,
         "noverlap": n_overlap,
         "detrend": "constant" if averaging.window == "hann" else False,
     }
+
+
+def _spectra(
+    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Return the lines and the averaged spectra of force, of force and response, and of response."""
+    from scipy import signal
+
+    settings = spectrum_settings(force.shape[1], rate, averaging)
     frequency, g_ff = signal.csd(force, force, **settings)
     g_fx = signal.csd(force[None], response, **settings)[1].mean(axis=1)
     g_xx = signal.csd(response, response, **settings)[1].real.mean(axis=1)

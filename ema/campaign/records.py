@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.estimate import Averaging, FRFEstimate, clipped_share, double_hit, estimate_frf
+from ema.campaign.estimate_matrix import FRFMatrixEstimate, estimate_frf_matrix
 from ema.io.measured_function import MeasuredFunction
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
+
+SHARED = 0.5
+"""Share of a force that is in the others from which on it is told: the variance of its functions is twice as large."""
 
 _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 
@@ -19,28 +24,34 @@ _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 def frfs_from_records(
     contents: list[tuple[Path, tuple[MeasuredFunction, ...]]], averaging: Averaging, notes: list[str]
 ) -> list[_Found]:
-    """Estimate the FRFs of one run from its files, each of which holds one force and the same responses.
+    """Estimate the FRFs of one run from its files, each of which holds the same forces and responses.
 
     Parameters
     ----------
     contents : list of (Path, tuple of MeasuredFunction)
         Files and what they hold; all of them are averaged.
     averaging : Averaging
-        Estimator, windows, position of the force, units.
+        Estimator, windows, positions of the forces, units.
     notes : list of str
-        Overloads and double hits are added to it.
+        Overloads and double hits are added to it, and of several forces what they share.
 
     Returns
     -------
     list of (FRF, coherence or None, share of overloaded samples, decay rate)
-        One entry for each response, in reading order; the last is what an exponential window adds, 1/s.
+        One entry for each response, in reading order, of several forces one for each response and force; the coherence
+        is then the partial one. The last is what an exponential window adds, 1/s.
 
     Raises
     ------
     MeasurementError
-        The files do not hold one force and the same number of responses on one uniform time axis.
+        The files do not hold the same number of forces and responses on one uniform time axis.
     """
-    records = [_force_first(file, functions, averaging) for file, functions in contents]
+    sorted_channels = [_force_first(file, functions, averaging) for file, functions in contents]
+    records = [channels for channels, _ in sorted_channels]
+    n_force = sorted_channels[0][1]
+    if any(own != n_force for _, own in sorted_channels):
+        message = f"{contents[0][0]} and the files averaged with it hold different numbers of forces"
+        raise MeasurementError(message)
     counts = {len(channels) for channels in records}
     if len(counts) > 1:
         message = (
@@ -50,28 +61,68 @@ def frfs_from_records(
     n_sample = min(channel.abscissa.size for channels in records for channel in channels)
     rate = _rate(records)
     value = np.array([[channel.value[:n_sample] for channel in channels] for channels in records])
-    _note_blows(contents, value[:, 0], averaging, notes)
     clipped = np.array([[clipped_share(record) for record in channels] for channels in value])
-    estimate = estimate_frf(value[:, 0], value[:, 1:].swapaxes(0, 1), rate, averaging)
+    force, response = value[:, :n_force].swapaxes(0, 1), value[:, n_force:].swapaxes(0, 1)
+    if n_force == 1:
+        _note_blows(contents, force[0], averaging, notes)
+        estimate = estimate_frf(force[0], response, rate, averaging)
+    else:
+        matrix = estimate_frf_matrix(force, response, rate, averaging)
+        _note_forces(contents[0][0], records[0], matrix, notes)
+        estimate = _one_by_one(matrix)
     if estimate.decay_rate > 0:
         notes.append(
             f"{contents[0][0]}: the exponential window adds {estimate.decay_rate:.4g} 1/s to the decay rate of "
             "every mode; damping ratios are given without it"
         )
-    return _functions(records, estimate, clipped, averaging, notes)
+    return _functions(records, n_force, estimate, clipped, averaging, notes)
+
+
+def _one_by_one(matrix: FRFMatrixEstimate) -> FRFEstimate:
+    """Lay the functions of several forces out in a row, for each response those of all forces."""
+    n_frequency = matrix.frequency.size
+    return FRFEstimate(
+        frequency=matrix.frequency,
+        value=matrix.value.reshape(-1, n_frequency),
+        coherence=matrix.partial_coherence.reshape(-1, n_frequency),
+        n_average=matrix.n_average,
+        decay_rate=matrix.decay_rate,
+    )
+
+
+def _note_forces(
+    file: Path, channels: list[MeasuredFunction], matrix: FRFMatrixEstimate, notes: list[str]
+) -> None:
+    """Note how much of each response the forces explain together, and how independent the forces are."""
+    n_force = matrix.independent.shape[0]
+    power = np.sum(np.abs(matrix.value) ** 2, axis=1)
+    multiple = np.sum(power * matrix.multiple_coherence, axis=1) / np.sum(power, axis=1)
+    worst = int(np.argmin(multiple))
+    notes.append(
+        f"{file}: {n_force} forces at once, {matrix.n_average} averages: of its power they explain "
+        f"{np.median(multiple):.2f} in the median over the responses (multiple coherence), {multiple[worst]:.2f} at "
+        f"least ({channels[n_force + worst].source})"
+    )
+    shared = 1.0 - np.median(matrix.independent, axis=1)
+    if shared.max() > SHARED:
+        notes.append(
+            f"{file}: {100 * shared.max():.0f} % of a force is in the others, too: its functions are as much less certain"
+        )
 
 
 def _functions(
     records: list[list[MeasuredFunction]],
+    n_force: int,
     estimate: FRFEstimate,
     clipped: NDArray[np.float64],
     averaging: Averaging,
     notes: list[str],
 ) -> list[_Found]:
-    """Return each response's FRF in SI units with its coherence; `clipped` are shares (n_record, n_channel)."""
+    """Return each response's FRFs in SI units with their coherence; `clipped` are shares (n_record, n_channel)."""
     factor, unit = _unit(averaging)
     found: list[_Found] = []
-    for k, response in enumerate(records[0][1:]):
+    for k, (response, force) in enumerate(product(records[0][n_force:], records[0][:n_force])):
+        channel = n_force + k // n_force
         more = "" if len(records) == 1 else f" and {len(records) - 1} more"
         frf = replace(
             response,
@@ -79,14 +130,14 @@ def _functions(
             abscissa=estimate.frequency,
             value=estimate.value[k] * factor,
             quantity=response.quantity if unit is None else unit.motion,
-            input=records[0][0].output or response.input,
+            input=force.output or (response.input if n_force == 1 else None),
             source=response.source + more,
         )
         coherence = None
         if estimate.coherence is not None:
             coherence = replace(frf, kind="coherence", value=estimate.coherence[k], quantity=None)
-        overload = float(clipped[:, [0, k + 1]].max())
-        if overload > 0:
+        overload = float(clipped[:, [*range(n_force), channel]].max())
+        if overload > 0 and force is records[0][0]:
             notes.append(
                 f"{response.source}: {100 * overload:.2g} % of its samples or its force's are clipped"
             )
@@ -96,26 +147,21 @@ def _functions(
 
 def _force_first(
     file: Path, functions: tuple[MeasuredFunction, ...], averaging: Averaging
-) -> list[MeasuredFunction]:
+) -> tuple[list[MeasuredFunction], int]:
+    """Return the time histories of a file, forces first, and how many forces there are."""
     channels = [f for f in functions if f.kind in ("force", "response")]
     forces = [f for f in channels if f.kind == "force"]
-    if not forces and averaging.force <= len(channels):
-        forces = [channels[averaging.force - 1]]
-    if len(forces) > 1:
-        sources = ", ".join(f.source for f in forces)
+    stated = averaging.force if isinstance(averaging.force, tuple) else (averaging.force,)
+    if not forces and max(stated) <= len(channels):
+        forces = [channels[position - 1] for position in dict.fromkeys(stated)]
+    responses = [f for f in channels if not any(f is force for force in forces)]
+    if not forces or not responses:
         message = (
-            f"{file}: {len(forces)} forces act at once ({sources}), but FRFs are estimated from time histories of "
-            "one force only. Excite with one force after the other, each in a run of its own, or "
-            "let the test system estimate the FRFs to all forces and give these"
-        )
-        raise MeasurementError(message)
-    if len(forces) != 1 or len(channels) < 2:
-        message = (
-            f"{file}: expected time histories of one force and its responses, found {len(forces)} forces "
+            f"{file}: expected time histories of forces and responses, found {len(forces)} forces "
             f"among {len(channels)} time histories"
         )
         raise MeasurementError(message)
-    return forces + [f for f in channels if f is not forces[0]]
+    return forces + responses, len(forces)
 
 
 def _rate(records: list[list[MeasuredFunction]]) -> float:

@@ -107,23 +107,3 @@ def test_double_hit():
     pulse = np.exp(-(((np.arange(200) - 20) / 3) ** 2))
     assert double_hit(pulse) == 0
     assert double_hit(pulse + 0.3 * np.roll(pulse, 60)) == pytest.approx(0.3, abs=1e-3)
-
-
-def test_several_forces_at_once_are_refused_with_what_would_be_right():
-    time = np.arange(2000) / RATE
-    channels = tuple(
-        MeasuredFunction(
-            kind=kind,
-            abscissa=time,
-            value=np.sin(40 * (k + 1) * time),
-            quantity=None if kind == "force" else "accelerance",
-            output=(k, 3),
-            input=None,
-            source=f"run.uff: data set {k}",
-        )
-        for k, kind in enumerate(("force", "force", "response"), start=1)
-    )
-    with pytest.raises(MeasurementError) as error:
-        frfs_from_records([(Path("run.uff"), channels)], Averaging(window="hann", block_s=0.5), [])
-    assert "2 forces act at once (run.uff: data set 1, run.uff: data set 2)" in str(error.value)
-    assert "one force after the other" in str(error.value)
