@@ -62,6 +62,19 @@ def test_of_exactly_one_frequency_the_single_shapes_are_said_to_be_uncertain():
     assert np.all(model.shape_std.max(axis=0) > 0.1 * np.abs(model.shape).max(axis=0))
 
 
+def test_driving_points_scale_shapes_that_are_not_orthogonal_over_the_points():
+    world = stator_ring()
+    kept = np.arange(len(world.shape)) < 8
+    world, frf = replace(world, shape=world.shape[kept]), world.measured(np.random.default_rng(1)).outputs(kept)
+    model = identified(world, frf)
+    assert worst_mac(world, model) > 0.999
+    assert model.scaled.all()
+    for r in range(0, model.frequency.size, 2):
+        true = world.shape[:, r : r + 2] @ world.shape[:, r : r + 2].T
+        found = (model.shape[:, r : r + 2] @ model.shape[:, r : r + 2].T).real
+        np.testing.assert_allclose(found, true, atol=0.03 * np.abs(true).max())
+
+
 def test_without_a_driving_point_both_modes_are_found_unscaled():
     world = square_plate(2e-4)
     frf = world.measured(np.random.default_rng(1))
