@@ -28,6 +28,8 @@ class Averaging(BaseModel):
         Length of the averaged blocks, s; left out, each record is one block (impact testing).
     overlap : float
         Share of a block that the next one overlaps.
+    before_hit_s : float or None
+        For records of many hits of a hammer: each is found and gives one block that begins this long before it, s.
     window : {"boxcar", "hann"}
         Window on force and response: "hann" for continuous random excitation, "boxcar" where each block
         holds a whole transient or a whole number of periods.
@@ -48,6 +50,7 @@ class Averaging(BaseModel):
 
     estimator: Literal["H1", "H2", "Hv"] = "H1"
     block_s: float | None = Field(default=None, gt=0)
+    before_hit_s: float | None = Field(default=None, ge=0)
     overlap: float = Field(default=0.0, ge=0, lt=1)
     window: Literal["boxcar", "hann"]
     response_end: float = Field(default=1.0, gt=0, le=1)
@@ -58,6 +61,14 @@ class Averaging(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Averaging:
+        if self.before_hit_s is not None and (
+            self.block_s is None or self.block_s <= self.before_hit_s or self.window != "boxcar" or self.overlap > 0
+        ):
+            message = "before_hit_s, of hits, needs a longer 'block_s', window = 'boxcar' and no overlap"
+            raise ValueError(message)
+        if self.before_hit_s is not None and isinstance(self.force, tuple) and len(self.force) > 1:
+            message = "before_hit_s is for one force: a hammer hits one point at a time"
+            raise ValueError(message)
         for key in ("force_unit", "response_unit"):
             label = getattr(self, key)
             try:

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.campaign.estimate import Averaging, FRFEstimate, clipped_share, double_hit, estimate_frf
+from ema.campaign.estimate import Averaging, FRFEstimate, clipped_share, estimate_frf
 from ema.campaign.estimate_matrix import FRFMatrixEstimate, estimate_frf_matrix
+from ema.campaign.hits import cut_at_hits, second_pulse
 from ema.io.measured_function import MeasuredFunction
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
@@ -33,7 +34,7 @@ def frfs_from_records(
     averaging : Averaging
         Estimator, windows, positions of the forces, units.
     notes : list of str
-        Overloads and double hits are added to it, and of several forces what they share.
+        Overloads and double hits, which are not used, are added to it, and of several forces what they share.
 
     Returns
     -------
@@ -44,7 +45,7 @@ def frfs_from_records(
     Raises
     ------
     MeasurementError
-        The files do not hold the same number of forces and responses on one uniform time axis.
+        The files do not hold the same number of forces and responses on one uniform time axis, or no single hit.
     """
     sorted_channels = [_force_first(file, functions, averaging) for file, functions in contents]
     records = [channels for channels, _ in sorted_channels]
@@ -62,9 +63,10 @@ def frfs_from_records(
     rate = _rate(records)
     value = np.array([[channel.value[:n_sample] for channel in channels] for channels in records])
     clipped = np.array([[clipped_share(record) for record in channels] for channels in value])
+    if n_force == 1:
+        value = _single_hits(contents[0][0], value, rate, averaging, notes)
     force, response = value[:, :n_force].swapaxes(0, 1), value[:, n_force:].swapaxes(0, 1)
     if n_force == 1:
-        _note_blows(contents, force[0], averaging, notes)
         estimate = estimate_frf(force[0], response, rate, averaging)
     else:
         matrix = estimate_frf_matrix(force, response, rate, averaging)
@@ -185,15 +187,34 @@ def _unit(averaging: Averaging) -> tuple[float, Unit | None]:
     return factor / (1.0 if force_unit is None else force_unit.factor), response_unit
 
 
-def _note_blows(
-    contents: list[tuple[Path, tuple[MeasuredFunction, ...]]],
-    force: NDArray[np.float64],
-    averaging: Averaging,
-    notes: list[str],
-) -> None:
-    if averaging.block_s is not None or averaging.window != "boxcar":
-        return  # continuous excitation
-    for (file, _), record in zip(contents, force, strict=True):
-        second = double_hit(record)
-        if second > 0:
-            notes.append(f"{file}: double hit, a second pulse of {100 * second:.0f} % of the first")
+def _single_hits(
+    file: Path, value: NDArray[np.float64], rate: float, averaging: Averaging, notes: list[str]
+) -> NDArray[np.float64]:
+    """Return records with one hit each, (n_record, n_channel, n_sample), those of continuous excitation as they are."""
+    if averaging.before_hit_s is not None:
+        assert averaging.block_s is not None
+        blocks = round(averaging.block_s * rate), round(averaging.before_hit_s * rate)
+        try:
+            value, n_cut = cut_at_hits(value, *blocks)
+        except MeasurementError as error:
+            message = f"{file}: {error}"
+            raise MeasurementError(message) from error
+        notes.append(
+            f"{file}: {len(value)} hits are found"
+            + (f"; {n_cut} more whose block is not whole are left out" if n_cut else "")
+        )
+    elif averaging.block_s is not None or averaging.window != "boxcar":
+        return value
+    second = np.array([second_pulse(record[0]) for record in value])
+    for k in np.flatnonzero(second > 0.0):
+        notes.append(
+            f"{file}: hit {k + 1} of {len(value)} is left out: it is a double hit, or the next hit falls into its "
+            f"block, a second pulse of {100 * second[k]:.0f} % of the first"
+        )
+    if np.all(second > 0.0):
+        message = (
+            f"{file}: all {len(value)} hits are double, or the next hit falls into their blocks; measure this point "
+            "again, or shorten 'block_s'"
+        )
+        raise MeasurementError(message)
+    return value[second == 0.0]

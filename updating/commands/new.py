@@ -33,7 +33,7 @@ def new(
         OUT.print(f"  {name}: {len(contents)} files, {n_frf} functions", markup=False, highlight=False)
     for line in found.left_out:
         OUT.print(f"  left out: {line}", markup=False, highlight=False, soft_wrap=True)
-    OUT.print(f"Campaign: [bold]{path}[/bold]; look at what is marked as guessed.")
+    OUT.print(f"Campaign: {path}; look at what is marked as guessed.")
     OUT.print("To be filled in, since the files do not tell:")
     for line in file.missing:
         OUT.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
