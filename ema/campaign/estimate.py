@@ -13,7 +13,6 @@ from ema.io.units import parse_unit
 from ema.types.arrays import readonly
 from ema.types.errors import MeasurementError
 
-
 Position = Annotated[int, Field(ge=1)]
 
 
@@ -62,7 +61,10 @@ class Averaging(BaseModel):
     @model_validator(mode="after")
     def _consistent(self) -> Averaging:
         if self.before_hit_s is not None and (
-            self.block_s is None or self.block_s <= self.before_hit_s or self.window != "boxcar" or self.overlap > 0
+            self.block_s is None
+            or self.block_s <= self.before_hit_s
+            or self.window != "boxcar"
+            or self.overlap > 0
         ):
             message = "before_hit_s, of hits, needs a longer 'block_s', window = 'boxcar' and no overlap"
             raise ValueError(message)

@@ -158,8 +158,8 @@ def _require_independent(g_ff: NDArray[np.complex128]) -> None:
     value = np.linalg.eigvalsh(g_ff[1:-1] / np.sqrt(auto[:, :, None] * auto[:, None, :]))
     if np.median(value[:, 0]) < LEAST_INDEPENDENT:
         message = (
-            f"the {auto.shape[1]} forces are the same up to a factor at most lines, so their effects are not told apart; "
-            "drive the shakers with independent signals, or state one of them as the force"
+            f"the {auto.shape[1]} forces are the same up to a factor at most lines, so their effects are not told "
+            "apart; drive the shakers with independent signals, or state one of them as the force"
         )
         raise MeasurementError(message)
 

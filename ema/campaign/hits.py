@@ -34,9 +34,7 @@ def find_hits(force: NDArray[np.float64], n_block: int) -> NDArray[np.int64]:
     return np.array(found, dtype=np.int64)
 
 
-def cut_at_hits(
-    value: NDArray[np.float64], n_block: int, n_before: int
-) -> tuple[NDArray[np.float64], int]:
+def cut_at_hits(value: NDArray[np.float64], n_block: int, n_before: int) -> tuple[NDArray[np.float64], int]:
     """Cut records at their hits.
 
     Parameters

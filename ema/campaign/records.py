@@ -108,7 +108,7 @@ def _note_forces(
     shared = 1.0 - np.median(matrix.independent, axis=1)
     if shared.max() > SHARED:
         notes.append(
-            f"{file}: {100 * shared.max():.0f} % of a force is in the others, too: its functions are as much less certain"
+            f"{file}: {100 * shared.max():.0f} % of a force is in the others, too: its functions are less certain"
         )
 
 

@@ -18,7 +18,6 @@ misfit of the modes themselves, not of their series; shapes and a smooth part ar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -132,20 +131,20 @@ def rank_one_modes(
     mixing = _common_basis(factors, around, pairs)
     matrix = np.linalg.solve(mixing, _distances(around, pole, factors) @ mixing)
     # Where shapes and participations are the same, so are the matrix and its transpose.
-    matrix = 0.5 * (matrix + matrix.T)
-    rotation = np.linalg.eigh(matrix.imag)[1]
+    symmetric = 0.5 * (matrix + matrix.T)
+    rotation = np.linalg.eigh(symmetric.imag)[1]
     participation = factors.right @ np.linalg.inv(mixing @ rotation).T
-    start = pole + np.diag(rotation.T @ matrix @ rotation)
+    start = pole + np.diag(rotation.T @ symmetric @ rotation)
     return _refined(around, factors, start, participation)
 
 
 def _factors(around: Around, pole: complex, most: int) -> _Factors:
     """Factor modal constants into as many modes as stand out of the noise, one at least and some at most."""
     line = around.line(np.array([pole]))[0]
-    constant = around.value @ line.conj() / np.linalg.norm(line) ** 2
+    constant: NDArray[np.complex128] = around.value @ line.conj() / np.linalg.norm(line) ** 2
     rest = around.rough(around.value) - constant[..., None] * line
     grown = inflation(rest.reshape(-1, line.size))
-    variance = 0.5 * grown / np.linalg.norm(line) ** 2  # of either part
+    variance = 0.5 * grown / float(np.linalg.norm(line)) ** 2  # of either part
     left, gain, right = np.linalg.svd(constant, full_matrices=False)
     n_output, n_input = constant.shape
     n = 1
@@ -155,13 +154,13 @@ def _factors(around: Around, pole: complex, most: int) -> _Factors:
         own = gain[n] * np.outer(left[:, n], right[n])
         if not beyond or gain[n] < LEAST_PART * gain[0] or not _real(own, variance):
             break
-        physical = around.output_noise * np.stack([left[:, 0] * gain[0], left[:, n] * gain[n]])
-        if not _is_additive(*np.abs(physical), np.sqrt(variance) * around.output_noise):
+        strong, weak = (np.abs(around.output_noise * left[:, k] * gain[k]) for k in (0, n))
+        if not _is_additive(strong, weak, np.sqrt(variance) * around.output_noise):
             break
         n += 1
-    left, gain, right = np.linalg.svd(constant.real, full_matrices=False)
-    root = np.sqrt(gain[:n])
-    return _Factors(left=left[:, :n] * root, right=right[:n].T * root)
+    by_output, size, by_input = np.linalg.svd(constant.real, full_matrices=False)
+    root = np.sqrt(size[:n])
+    return _Factors(left=by_output[:, :n] * root, right=by_input[:n].T * root)
 
 
 def _real(constant: NDArray[np.complex128], variance: float) -> bool:
@@ -173,9 +172,7 @@ def _real(constant: NDArray[np.complex128], variance: float) -> bool:
     return total > 0.0 and distance**2 >= MIN_COLLINEARITY * total**2 and real >= MIN_REALNESS * total
 
 
-def _is_additive(
-    strong: NDArray[np.float64], weak: NDArray[np.float64], noise: NDArray[np.float64]
-) -> bool:
+def _is_additive(strong: NDArray[np.float64], weak: NDArray[np.float64], noise: NDArray[np.float64]) -> bool:
     """Whether a weak part of the modal constants is one of a mode, and not an error of gains or of places hit.
 
     Such errors grow with the response of the strong part and are nothing where that is at rest; a mode shows there.
@@ -197,8 +194,8 @@ def _common_basis(
 ) -> NDArray[np.float64]:
     """Mixing X of the columns that makes shapes ``left X`` and participations ``right X**-T`` the same.
 
-    At driving points that is ``left S = right`` with the symmetric ``S = X X^T``. Where they do not tell it, X makes the
-    shapes orthogonal.
+    At driving points that is ``left S = right`` with the symmetric ``S = X X^T``. Where they do not tell it, X makes
+    the shapes orthogonal.
     """
     left, right = around.output_noise[:, None] * factors.left, around.input_noise[:, None] * factors.right
     n = left.shape[1]
@@ -219,7 +216,10 @@ def _common_basis(
 def _distances(around: Around, pole: complex, factors: _Factors) -> NDArray[np.complex128]:
     """Return M of the module's equation, rad/s: the functions seen along the factors have it in a double pole."""
     square = np.sum(factors.left**2, axis=0)  # as of `right`
-    seen = np.einsum("ok,oif,il->klf", factors.left, around.value, factors.right) / np.outer(square, square)[..., None]
+    seen = (
+        np.einsum("ok,oif,il->klf", factors.left, around.value, factors.right)
+        / np.outer(square, square)[..., None]
+    )
     basis = np.concatenate([around.line(np.array([pole]), power) for power in (2, 1)])
     n = square.size
     solution = np.linalg.lstsq(basis.T, around.rough(seen).reshape(n * n, -1).T, rcond=None)[0]
@@ -240,7 +240,9 @@ def _refined(
     participation: NDArray[np.float64],
 ) -> RankOneModes:
     """Minimise the misfit over poles and a rotation of the participations, from a start."""
-    from scipy.optimize import least_squares  # here: it takes long to import, and few structures are symmetric
+    from scipy.optimize import (
+        least_squares,
+    )  # here: it takes long to import, and few structures are symmetric
 
     n, width = start.size, float(np.mean(-start.real))
     side = factors.left / np.linalg.norm(factors.left, axis=0)
@@ -264,7 +266,9 @@ def _refined(
     x = found.x
     if np.any(pole.real >= 0.0) or np.any(np.abs(pole - start) > width):
         pole, own, x = start, participation, np.zeros(found.x.size)
-    shape = np.linalg.lstsq(basis(x).T, around.rough(around.value).reshape(len(factors.left), -1).T, rcond=None)[0].T
+    shape = np.linalg.lstsq(
+        basis(x).T, around.rough(around.value).reshape(len(factors.left), -1).T, rcond=None
+    )[0].T
     rest = around.rough(around.value) - np.einsum("ok,ik,kf->oif", shape, own, around.line(pole))
     grown = inflation(rest.reshape(-1, rest.shape[-1]))
     information = found.jac.T @ found.jac / (0.5 * grown)

@@ -63,7 +63,8 @@ def check_references(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
         apart = seen.any() and np.ptp(found[seen]) > LEAST_SHIFT * -kept[r].real / (2.0 * np.pi)
         if apart and runs.probability[:, r].min() < FALSE_ALARM:
             each = " and ".join(
-                f"{found[i]:.6g} Hz with the force at {modal_model.input.name(i)}" for i in np.flatnonzero(seen)
+                f"{found[i]:.6g} Hz with the force at {modal_model.input.name(int(i))}"
+                for i in np.flatnonzero(seen)
             )
             told.append(f"M{np.flatnonzero(alone)[r] + 1} {each}")
     if not told:

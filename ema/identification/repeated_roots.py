@@ -72,7 +72,9 @@ def _clusters(pole: NDArray[np.complex128]) -> Iterator[NDArray[np.int64]]:
     """Yield the positions of poles that are near each other, of one alone, too."""
     first = 0
     for r in range(1, pole.size + 1):
-        if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -NEAR * max(pole.real[r], pole.real[r - 1], key=abs):
+        if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -NEAR * max(
+            pole.real[r], pole.real[r - 1], key=abs
+        ):
             yield np.arange(first, r)
             first = r
 

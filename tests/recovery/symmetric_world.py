@@ -27,7 +27,10 @@ class World:
     @property
     def geometry(self):
         return Geometry(
-            node=np.arange(len(self.shape)), coordinate=self.coordinate[: len(self.shape)], line=np.empty((0, 2)), axes=()
+            node=np.arange(len(self.shape)),
+            coordinate=self.coordinate[: len(self.shape)],
+            line=np.empty((0, 2)),
+            axes=(),
         )
 
     @property

@@ -65,7 +65,10 @@ def test_of_exactly_one_frequency_the_single_shapes_are_said_to_be_uncertain():
 def test_driving_points_scale_shapes_that_are_not_orthogonal_over_the_points():
     world = stator_ring()
     kept = np.arange(len(world.shape)) < 8
-    world, frf = replace(world, shape=world.shape[kept]), world.measured(np.random.default_rng(1)).outputs(kept)
+    world, frf = (
+        replace(world, shape=world.shape[kept]),
+        world.measured(np.random.default_rng(1)).outputs(kept),
+    )
     model = identified(world, frf)
     assert worst_mac(world, model) > 0.999
     assert model.scaled.all()
@@ -134,5 +137,7 @@ def test_share_of_sets_whose_modes_are_all_found(make, capsys):
     worlds = [make(split) for split in 5e-4 * rng.uniform(size=30)] + [make()] * 10
     found = [worst_mac(world, identified(world, world.measured(rng))) for world in worlds]
     with capsys.disabled():
-        print(f"\n{make.__name__}: all modes with a subspace MAC of 0.99 in {np.mean(np.array(found) > 0.99):.3f}")
+        print(
+            f"\n{make.__name__}: all modes with a subspace MAC of 0.99 in {np.mean(np.array(found) > 0.99):.3f}"
+        )
     assert np.mean(np.array(found) > 0.99) >= 0.98

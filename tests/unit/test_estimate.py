@@ -1,15 +1,11 @@
 """FRFs from time histories: exact on noise-free data, with the bias that H1, H2 and Hv are known for."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy import signal
 
 from ema.campaign.estimate import Averaging, clipped_share, double_hit, estimate_frf
-from ema.campaign.records import frfs_from_records
-from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import MeasurementError
 
 RATE = 1000.0

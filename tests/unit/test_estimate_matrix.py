@@ -22,7 +22,9 @@ def shaken(rng, n_sample=200_000, *, shared=0.0, force_noise=0.0, response_noise
     """Two forces, some of the second in the first, and three responses."""
     force = rng.normal(size=(2, n_sample))
     force[0] += shared * force[1]
-    response = np.array([sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS])
+    response = np.array(
+        [sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS]
+    )
     response += response_noise * response.std(axis=1, keepdims=True) * rng.normal(size=response.shape)
     force += force_noise * rng.normal(size=force.shape)
     return force[:, None], response[:, None]
@@ -50,7 +52,9 @@ def test_whole_transients_without_noise_are_exact():
     rng = np.random.default_rng(2)
     force = np.zeros((2, 4, 2048))
     force[:, :, 20:30] = rng.normal(size=(2, 4, 10))
-    response = np.array([sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS])
+    response = np.array(
+        [sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS]
+    )
     for estimator in ("H1", "Hv"):
         estimate = estimate_frf_matrix(force, response, RATE, Averaging(window="boxcar", estimator=estimator))
         np.testing.assert_allclose(estimate.value, truth(estimate.frequency), atol=1e-5)
@@ -102,7 +106,9 @@ def refusal(force, response, **averaging):
 
 def test_what_does_not_tell_forces_apart_is_refused():
     force, response = shaken(np.random.default_rng(5), 20_000)
-    assert "2 averages do not tell the parts of 2 forces" in refusal(force, response, window="hann", block_s=10.0)
+    assert "2 averages do not tell the parts of 2 forces" in refusal(
+        force, response, window="hann", block_s=10.0
+    )
     same = np.stack([force[0], 2 * force[0]])
     assert "the 2 forces are the same up to a factor" in refusal(same, response, **RANDOM)
     assert "force 2 of 2 is zero" in refusal(force * [[[1]], [[0]]], response, **RANDOM)

@@ -88,7 +88,9 @@ def test_blocks_begin_before_the_hit():
     assert abs(int(np.argmax(blocks[0, 0])) - 51) <= 1
 
 
-@pytest.mark.parametrize("wrong", [{"block_s": None}, {"block_s": 0.04}, {"window": "hann"}, {"overlap": 0.5}])
+@pytest.mark.parametrize(
+    "wrong", [{"block_s": None}, {"block_s": 0.04}, {"window": "hann"}, {"overlap": 0.5}]
+)
 def test_what_does_not_go_with_hits_is_refused(wrong):
     with pytest.raises(ValidationError, match="before_hit_s, of hits, needs"):
         Averaging(**({"window": "boxcar", "block_s": 1.0, "before_hit_s": 0.05} | wrong))
