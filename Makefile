@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint docs picture benchmark blind published clean
+.PHONY: demo test test-all test-lowest test-newest lint docs picture benchmark blind published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -18,6 +18,23 @@ test: $(READY)
 
 test-all: $(READY)
 	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile --no-loadscope-reorder
+
+# The oldest versions that pyproject.toml allows, and the newest there are, each in an environment of its own. What needs
+# other programs or a browser is left to `make test`. TESTS=tests runs all.
+TESTS ?= tests/unit tests/conformance tests/literature
+
+test-lowest: out/lowest/bin/uv
+	out/lowest/bin/uv pip install --quiet --python out/lowest/bin/python --resolution lowest-direct \
+		--only-binary :all: --no-binary lamella --editable ".[dev]"
+	out/lowest/bin/python -m pytest $(TESTS) -n auto --dist loadfile
+
+test-newest: out/newest/bin/uv
+	out/newest/bin/uv pip install --quiet --python out/newest/bin/python --upgrade --editable ".[dev]"
+	out/newest/bin/python -m pytest $(TESTS) -n auto --dist loadfile
+
+out/%/bin/uv:
+	$(PYTHON) -m venv out/$*
+	out/$*/bin/python -m pip install --quiet uv
 
 lint: $(READY)
 	$(BIN)/ruff check .

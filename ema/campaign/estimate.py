@@ -80,6 +80,11 @@ class Averaging(BaseModel):
             if unit is not None and not (unit.is_force if key == "force_unit" else unit.motion is not None):
                 message = f"{key}: {label!r} is not a unit of {'force' if key == 'force_unit' else 'motion'}"
                 raise ValueError(message)
+        if self.block_s is not None and self.force_s is not None:
+            message = (
+                "force_s is of records that are one block each; it would end the force of all later blocks"
+            )
+            raise ValueError(message)
         return self
 
 
@@ -222,12 +227,15 @@ def clipped_share(record: NDArray[np.float64]) -> float:
     A signal that is cut holds its extreme value again and again, but few values just inside it. So an extreme
     that occurs at least three times, and three times as often as the values in the next two percent (or the
     next step of the converter, if that is coarser), marks an overload; 0 for a sound or a constant record.
+    Nothing, exactly, is no overload.
     """
     record = np.asarray(record, float)
     if record.size == 0 or not np.isfinite(record).all() or np.ptp(record) == 0:
         return 0.0
     stuck = 0
     for side in (record, -record):
+        if side.max() == 0.0:  # a force that is gated to nothing between blows
+            continue
         distance = side.max() - side
         inside = distance > 1e-6 * np.ptp(record)
         quantum = float(distance[inside].min())

@@ -17,6 +17,7 @@ from model.stack.arrays import readonly
 from model.stack.errors import StackError
 
 Points = NDArray[np.float64]
+_PICKLES = (".pkl", ".pickle")
 
 _CLEARANCE = 0.55  # of the element size, between the boundary and the points inside
 _SMOOTHING = 12
@@ -263,11 +264,14 @@ def read_mesh(path: str | Path) -> Triangulation:
     Raises
     ------
     StackError
-        The file cannot be read or holds other cells than triangles.
+        The file cannot be read, holds other cells than triangles, or is a pickle, whose reading would run code.
     """
     import pyvista as pv
 
     path = Path(path)
+    if path.suffix.lower() in _PICKLES:  # which older versions of pyvista read
+        message = f"{path}: a pickle runs code when it is read; give a mesh file, such as .vtk, .stl or .msh"
+        raise StackError(message)
     if not path.exists():
         message = f"{path}: there is no such mesh file"
         raise StackError(message)

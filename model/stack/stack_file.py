@@ -116,7 +116,9 @@ class _Mesh(_Table):
     n_y: int = Mesh.n_y
 
 
-class _Stack(_Table):
+class StackFile(_Table):
+    """The form of the whole file."""
+
     name: str
     length_mm: float | None = None
     width_mm: float | None = None
@@ -149,7 +151,7 @@ def _explain(path: Path, error: ValidationError) -> str:
     for item in error.errors():
         place = [part for part in item["loc"] if isinstance(part, str)]
         where = ".".join(str(part) for part in item["loc"])
-        table = _TABLES.get(place[0], _Stack) if len(place) > 1 else _Stack
+        table = _TABLES.get(place[0], StackFile) if len(place) > 1 else StackFile
         allowed = sorted(table.model_fields)
         if item["type"] == "extra_forbidden":
             close = difflib.get_close_matches(place[-1], allowed, n=3, cutoff=0.5)
@@ -221,9 +223,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     return tomllib.loads(plain_text(path))
 
 
-def _validated(raw: dict[str, Any]) -> _Stack:
+def _validated(raw: dict[str, Any]) -> StackFile:
     """Return the form of a file, strictly: true is not 1 and no text is a number."""
-    return _Stack.model_validate_json(json.dumps(raw, default=str), strict=True)
+    return StackFile.model_validate_json(json.dumps(raw, default=str), strict=True)
 
 
 def stack_inputs(path: Path) -> tuple[Path, ...]:
@@ -237,7 +239,7 @@ def stack_inputs(path: Path) -> tuple[Path, ...]:
     return (path, *(path.parent / name for name in named if name is not None))
 
 
-def _to_si(given: _Stack, folder: Path) -> Stack:
+def _to_si(given: StackFile, folder: Path) -> Stack:
     material = given.material
     mesh = Mesh(n_x=given.mesh.n_x, n_y=given.mesh.n_y)
     length, width, shape = _outline(given, folder)
@@ -310,7 +312,7 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
                 raise StackError(message)
 
 
-def _contact(given: _Stack, area: float, pressing: Pressing | None, folder: Path) -> Contact:
+def _contact(given: StackFile, area: float, pressing: Pressing | None, folder: Path) -> Contact:
     """Return the contact between laminas; `area` is that of the plan, m2."""
     contact = given.contact
     if contact.G_f is None or contact.d_f_s_per_Pa is None:
@@ -331,7 +333,7 @@ def _contact(given: _Stack, area: float, pressing: Pressing | None, folder: Path
 
 
 def _outline(
-    given: _Stack, folder: Path
+    given: StackFile, folder: Path
 ) -> tuple[float, float, outline.Outline | outline.Triangulation | None]:
     """Return length, width and shape of the laminas, the shape around the centre of its bounding box."""
     table = given.outline

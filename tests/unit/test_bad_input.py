@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import re
 import shutil
 import sys
@@ -207,6 +208,20 @@ def published(name, old, new):
     return damage
 
 
+MESH = '[outline]\nkind = "mesh"\nfile = "mesh.pkl"\n'
+
+
+class Planted:
+    """Ends the process where its pickle is read."""
+
+    def __reduce__(self):
+        return os._exit, (77,)
+
+
+def planted(name):
+    return holds(name, pickle.dumps(Planted()))
+
+
 UPDATE = 'name = "one"\n'
 UPDATED = '[[campaign]]\nfile = "campaign.toml"\n'
 ONE_POINT = all_of(
@@ -378,6 +393,9 @@ TABLE = {
     "pipe for points": ("ema campaign.toml", pipe("points.csv"), ["'points.csv' is a pipe or a device"]),
     "pipe for a stack": ("model stack.toml", pipe("stack.toml"), ["stack.toml", "is a pipe or a device"]),
     "pipe for a campaign": ("fit campaign.toml", pipe("campaign.toml"), ["campaign.toml", "is a pipe or a device"]),
+    "pickle for a mesh": ("model stack.toml", all_of(changed("stack.toml", ("length_mm = 300\nwidth_mm = 80\n", "")),
+                          lambda f: holds("stack.toml", (f / "stack.toml").read_text() + MESH)(f), planted("mesh.pkl")),
+                          ["mesh.pkl: a pickle runs code"]),
     "pipe for poles": ("ema campaign.toml --poles .", all_of(lambda f: (f / "M1").mkdir(), holds("M1/poles.txt", ""),
                        pipe("M1/poles.txt")), ["poles.txt", "is a pipe or a device"]),
     "device for a run": ("ema campaign.toml", endless("run_2.csv"), ["'run_2.csv' is a pipe or a device"]),

@@ -103,3 +103,16 @@ def test_double_hit():
     pulse = np.exp(-(((np.arange(200) - 20) / 3) ** 2))
     assert double_hit(pulse) == 0
     assert double_hit(pulse + 0.3 * np.roll(pulse, 60)) == pytest.approx(0.3, abs=1e-3)
+
+
+def test_a_force_gated_to_nothing_is_not_clipped():
+    force = np.zeros(2000)
+    force[100:103] = 0.3, 1.0, 0.4
+    assert clipped_share(force) == 0.0
+    force[100:108] = 0.3, 0.7, 1.0, 1.0, 1.0, 1.0, 0.8, 0.2
+    assert clipped_share(force) == pytest.approx(4 / 2000)
+
+
+def test_a_force_that_ends_amidst_blocks_is_refused():
+    with pytest.raises(ValidationError, match="force_s is of records that are one block each"):
+        Averaging(window="boxcar", block_s=1.0, force_s=0.5)

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
 from ema.io.form import Section, read_form
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.errors import FitError
+
+_KEYS: dict[str, Any] = {
+    field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(DiagnosisScatter)
+}
+ScatterFile = create_model("ScatterFile", __base__=Section, **_KEYS)
+"""The form of the whole file."""
 
 
 def read_scatter(path: Path) -> DiagnosisScatter:
@@ -21,8 +27,4 @@ def read_scatter(path: Path) -> DiagnosisScatter:
     FitError
         The file is missing, is not TOML, or has a key that is unknown or no number between 0 and 1.
     """
-    keys = {
-        field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(DiagnosisScatter)
-    }
-    form = create_model("_ScatterFile", __base__=Section, **keys)  # type: ignore[call-overload]  # named only here
-    return DiagnosisScatter(**read_form(path, form, FitError).model_dump())
+    return DiagnosisScatter(**read_form(path, ScatterFile, FitError).model_dump())

@@ -128,7 +128,7 @@ def read_modal_table(path: Path) -> ModalTable:
     FitError
         A key is missing or unknown, or a table lacks a column or holds something that is not a number.
     """
-    described = read_form(path, _Campaign, FitError)
+    described = read_form(path, ModalTableFile, FitError)
     table = described.modal_table
     n_mode = len(table.shape_class)
     for key in ("frequency_Hz", "published_frequency_Hz"):
@@ -287,7 +287,9 @@ class _Table(Section):
     published_contact: _PublishedContact
 
 
-class _Campaign(Section):
+class ModalTableFile(Section):
+    """The form of the whole file."""
+
     campaign: _Name
     structure: _Structure
     modal_table: _Table

@@ -35,7 +35,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
     ModelError
         The stack file or an effect cannot be read, or there is no effect of a name.
     """
-    given = read_form(path, _File, FitError)
+    given = read_form(path, VirtualTestFile, FitError)
     stack = replace(
         model.read_stack(path.parent / given.structure.stack),
         mesh=Mesh(n_x=given.structure.mesh[0], n_y=given.structure.mesh[1]),
@@ -185,7 +185,9 @@ class _Effect(Section):
     values: dict[str, float] = Field(default_factory=dict)
 
 
-class _File(Section):
+class VirtualTestFile(Section):
+    """The form of the whole file."""
+
     campaign: _Name
     structure: _Structure
     points: _Points
