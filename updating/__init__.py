@@ -1,5 +1,10 @@
 """Measurement and model side by side: pairing, correlation, fitting, diagnosis, reports."""
 
+# ruff: noqa: E402  # the check comes before what it checks is imported
+from updating.packages import require_own_packages
+
+require_own_packages()
+
 from updating.correlation.correlation import Correlation, correlate
 from updating.correlation.energy import Regions, modal_energy, regions
 from updating.correlation.expansion import Expansion, expand, expanded_modes

@@ -10,6 +10,7 @@ from updating.commands.diagnose import diagnose_campaign
 from updating.commands.fit import Asked, campaign_ledger, fit_campaign
 from updating.commands.options import Folder
 from updating.commands.report import make_report
+from updating.commands.shipped import shipped_data
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError
@@ -17,30 +18,30 @@ from updating.results.identified import Failed
 from updating.results.text import percent
 
 EXAMPLE = "lamella demo"
-CAMPAIGN = Path("data/demo_diagnosis/campaign.toml")
 _LEAST_MAC = 0.8
 
 
 def demo(output: Folder = Path("out/demo")) -> None:
     """Identify the shipped campaign, fit the model, say what it lacks, add it and see the error fall.
 
-    Run it in the folder of the source checkout, where data/ is.
+    The campaign travels with the program; nothing is fetched.
     """
+    campaign = shipped_data("demo_diagnosis") / "campaign.toml"
     _say(
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "
         "44 points. It was simulated with noise and tolerances by a model that shares nothing with this one."
     )
-    done = [one for one in fit_campaign(CAMPAIGN, output, _LEAST_MAC, OUT) if not isinstance(one, Failed)]
+    done = [one for one in fit_campaign(campaign, output, _LEAST_MAC, OUT) if not isinstance(one, Failed)]
     modes = " and ".join(f"{own.modal_model.frequency.size} at {own.modal_model.name}" for own, _ in done)
     errors = " and ".join(f"{percent(fitted.error)} at {fitted.name}" for _, fitted in done)
     _say(f"1. Identify: {modes} are the modes that the functions show.")
     _say(f"2. Fit G_f and d_f: the model's frequencies are then off by {errors} in the mean.")
-    answer = diagnose_campaign(CAMPAIGN, output, (), OUT)
+    answer = diagnose_campaign(campaign, output, (), OUT)
     _say(f"3. Diagnose: {answer.sentences[0]}")
     if not answer.set:
-        message = f"{CAMPAIGN}: nothing was named, where lost contact was planted"
+        message = f"{campaign}: nothing was named, where lost contact was planted"
         raise FitError(message)
-    entries = campaign_ledger(done, Asked(effects=answer.set[0]), CAMPAIGN, output)
+    entries = campaign_ledger(done, Asked(effects=answer.set[0]), campaign, output)
     before, after = entries[0], entries[-1]
     _say(
         f"4. Add it: of modes that were fitted the error falls from {percent(before.error)} to {percent(after.error)}, "
@@ -49,7 +50,7 @@ def demo(output: Folder = Path("out/demo")) -> None:
     OUT.print(_mode_by_mode(answer))
     _say(f"Report: {make_report(output)}")
     _say(
-        f"Step by step: lamella fit {CAMPAIGN} -o {output}, then lamella diagnose with the same words; it ends with "
+        f"Step by step: lamella fit {campaign} -o {output}, then lamella diagnose with the same words; it ends with "
         "the command that adds what it found."
     )
 

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from model import catalogue, find_effects
 from updating.commands.options import Cluster, Folder, SharedEffects
+from updating.commands.shipped import shipped_data
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
 from updating.published.campaign import CALIBRATIONS, Calibrated, Published, read_published, reproduce
@@ -55,9 +56,14 @@ def published(
             show_default=False,
         ),
     ] = None,
-    data: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the published tables.")] = Path(
-        "data/pirnat2013"
-    ),
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the published tables; those that travel by default.",
+            show_default=False,
+        ),
+    ] = None,
     cluster: Cluster = None,
 ) -> None:
     """Reproduce the published campaign of 18 stacks from its tables, then add effects that all stacks share.
@@ -68,15 +74,16 @@ def published(
     """
     find_effects(effect or [], catalogue())
     calibrations = calibration or list(CALIBRATIONS)
+    tables = shipped_data("pirnat2013") if data is None else data
     OUT.print(
         summary_table(
-            reproduce_campaign(data, calibrations, effect or ["clamp_inertia"], output, OUT, cluster)
+            reproduce_campaign(tables, calibrations, effect or ["clamp_inertia"], output, OUT, cluster)
         )
     )
     if screen is not None:
-        found = screen_published(data, calibrations, screen, output, OUT, cluster)
+        found = screen_published(tables, calibrations, screen, output, OUT, cluster)
         OUT.print(screening_table(found))
-        OUT.print(published_verdict(found, read_published(data).table), highlight=False)
+        OUT.print(published_verdict(found, read_published(tables).table), highlight=False)
     OUT.print(f"Results in {output}")
 
 
