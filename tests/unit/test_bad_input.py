@@ -425,7 +425,12 @@ def whole(output):
     }  # fmt: skip
     for file in left:
         if file.suffix == ".json":
-            assert set(json.loads(file.read_text(encoding="utf-8"))) == {"kind", "provenance", "result"}
+            assert set(json.loads(file.read_text(encoding="utf-8"))) == {
+                "kind",
+                "provenance",
+                "result",
+                "digest",
+            }
 
 
 @pytest.mark.parametrize(

@@ -220,6 +220,14 @@ def test_a_result_is_current_only_if_the_same_made_it_from_the_same(tmp_path, ou
     source.write_bytes(b"abd")
     assert read_current(path, Outer, **made_by) is None
     source.write_bytes(b"abc")
+    whole = path.read_text(encoding="utf-8")
+    path.write_text(whole.replace("0.1", "0.2", 1), encoding="utf-8")
+    assert read_current(path, Outer, **made_by) is None
+    assert read_current(path, Outer, **made_by, keep=True) is not None
+    with pytest.raises(StoreError, match="was changed after it was written"):
+        read_result(path, Outer)
+    path.write_text(whole, encoding="utf-8")
+    assert read_current(path, Outer, **made_by) is not None
     path.write_bytes(path.read_bytes()[:-20])
     assert read_current(path, Outer, **made_by) is None
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from ema import read_campaign
 from model import catalogue, read_stack
 from model.stack.stack_file import stack_inputs
-from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
+from updating.commands.options import CampaignFile, EffectFiles, Folder, Keep, ScatterFile
 from updating.commands.specimens import diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
@@ -38,6 +38,7 @@ def diagnose(
     output: Folder,
     effect_file: EffectFiles = None,
     scatter: ScatterFile = None,
+    keep: Keep = False,
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
@@ -49,11 +50,11 @@ def diagnose(
         pooled = diagnose_pooled(campaign, output, effect_file or [], OUT, scatter_file=scatter)
         print_pooled(pooled, output, OUT)
         return
-    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
+    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter, keep=keep)
     for sentence in found.sentences:
         OUT.print(sentence, highlight=False, markup=False)
     OUT.print(diagnosis_table(found))
-    print_measurement_findings(campaign, output)
+    print_measurement_findings(campaign, output, keep=keep)
     options = [("--effect-file", str(path)) for path in effect_file or ()]
     options += [] if scatter is None else [("--scatter", str(scatter))]
     added = next_command(found, str(campaign), str(output), options)
@@ -72,10 +73,12 @@ def diagnose_campaign(
     *,
     scatter_file: Path | None = None,
     asked: Sequence[Sequence[str]] = (),
+    keep: bool = False,
 ) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json.
 
-    What an earlier run left is read back, unless it lacks explanations that are asked for.
+    What an earlier run left is read back, unless it lacks explanations that are asked for; with `keep`, whatever it
+    came from.
     """
     scatter = None if scatter_file is None else read_scatter(scatter_file)
     campaign = read_campaign(campaign_file)
@@ -89,7 +92,7 @@ def diagnose_campaign(
             f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
         )
         raise FitError(message)
-    assigned = assignments(campaign, output)
+    assigned = assignments(campaign, output, keep=keep)
     tests = every_identified(assigned, "identify", console)
     tested = [
         (found.configuration.name, state.contact.pressure, found.modal_model)
@@ -107,7 +110,7 @@ def diagnose_campaign(
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
     path, options = output / "diagnosis.json", dict[str, object]()
-    found = kept(path, Diagnosis, make, inputs=inputs, options=options)
+    found = kept(path, Diagnosis, make, inputs=inputs, options=options, keep=keep)
     if all(found.has(effects) for effects in asked):
         return found
     found = make()
@@ -115,9 +118,9 @@ def diagnose_campaign(
     return found
 
 
-def print_measurement_findings(campaign_file: Path, output: Path) -> None:
+def print_measurement_findings(campaign_file: Path, output: Path, *, keep: bool = False) -> None:
     """Print what was found of the measurement that an answer rests on."""
-    results = every_identified(assignments(read_campaign(campaign_file), output), "identify", OUT)
+    results = every_identified(assignments(read_campaign(campaign_file), output, keep=keep), "identify", OUT)
     for sentence in measurement_findings(results):
         OUT.print(sentence, highlight=False, markup=False)
 

@@ -26,7 +26,7 @@ from ema import (
 from ema.identification.poles_file import write_poles
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
-from updating.commands.options import CampaignFile, Cluster, Folder
+from updating.commands.options import CampaignFile, Cluster, Folder, Keep
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
 from updating.results.campaign_findings import campaign_findings
@@ -55,6 +55,7 @@ def ema(
         typer.Option(metavar="DIR", help="Folder of earlier results whose edited poles.txt files are used."),
     ] = None,
     cluster: Cluster = None,
+    keep: Keep = False,
 ) -> None:
     """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
 
@@ -62,7 +63,7 @@ def ema(
     modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, and a
     comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
     """
-    results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster)
+    results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
     for found in results:
         OUT.print(modes_table(found.modal_model, found.quality.explained))
         print_findings(found)
@@ -78,16 +79,23 @@ def ema(
 
 
 def identify_campaign(
-    campaign_file: Path, output: Path, poles: Path | None, console: Console, cluster: str | None = None
+    campaign_file: Path,
+    output: Path,
+    poles: Path | None,
+    console: Console,
+    cluster: str | None = None,
+    *,
+    keep: bool = False,
 ) -> tuple[tuple[Identified, ...], Comparison | None, tuple[Failed, ...]]:
     """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
 
     Configurations that an earlier run left are read back; one that cannot be identified does not end the others.
 
-    With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice.
+    With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice. With
+    `keep`, results that are there are used whatever they came from.
     """
     campaign = read_campaign(campaign_file)
-    assigned = assignments(campaign, output, poles)
+    assigned = assignments(campaign, output, poles, keep=keep)
     task = partial(attempted, partial(_identify, keep_poles=poles == output))
     every = tuple(in_parallel(task, assigned, "identify", console, cluster))
     results = tuple(found for found in every if not isinstance(found, Failed))

@@ -14,11 +14,19 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel, read_campaign
-from model import Effect, Stack, catalogue, find_effects, read_stack
+from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
-from updating.commands.options import CampaignFile, Cluster, EffectFiles, Folder, ScatterFile, SharedEffects
+from updating.commands.options import (
+    CampaignFile,
+    Cluster,
+    EffectFiles,
+    Folder,
+    Keep,
+    ScatterFile,
+    SharedEffects,
+)
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
@@ -67,6 +75,7 @@ def fit(
     effect_file: EffectFiles = None,
     scatter: ScatterFile = None,
     cluster: Cluster = None,
+    keep: Keep = False,
 ) -> None:
     """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
 
@@ -87,7 +96,7 @@ def fit(
         OUT.print(f"Report: {make_report(output)}")
         return
     fits, done, failed = [], list[Identified](), []
-    for one in fit_campaign(campaign, output, threshold, OUT, cluster):
+    for one in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
         if isinstance(one, Failed):
             failed.append(one)
             continue
@@ -104,20 +113,27 @@ def fit(
         asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file or ()), scatter_file=scatter)
         OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
     if done:
-        OUT.print(f"Report: {make_report(output)}")
+        OUT.print(f"Report: {make_report(output, keep=keep)}")
     require_none(failed, len(done) + len(failed))
 
 
 def fit_campaign(
-    campaign_file: Path, output: Path, threshold: float, console: Console, cluster: str | None = None
+    campaign_file: Path,
+    output: Path,
+    threshold: float,
+    console: Console,
+    cluster: str | None = None,
+    *,
+    keep: bool = False,
 ) -> Iterator[tuple[Identified, Fit] | Failed]:
     """Identify and fit every configuration of a campaign, write each result as soon as it is there, and hand it on.
 
     Configurations that an earlier run left are read back; one of which nothing comes does not end the others.
+    With `keep`, results that are there are used whatever they came from.
     """
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a fit")
-    assigned = assignments(campaign, output)
+    assigned = assignments(campaign, output, keep=keep)
     task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
     yield from in_parallel(partial(attempted, task), assigned, "identify and fit", console, cluster)
 
@@ -131,11 +147,11 @@ def _identify_and_fit(
 
     def make() -> Fit:
         state = stack_in_state(stack, found.configuration)
-        fitted = fit_configuration(state, found.modal_model, threshold=threshold)
-        write_result(found.folder / "modes.json", fitted.modes, inputs=inputs, options=options)
-        return fitted
+        return fit_configuration(state, found.modal_model, threshold=threshold)
 
-    return found, kept(found.folder / "fit.json", Fit, make, inputs=inputs, options=options)
+    fitted = kept(found.folder / "fit.json", Fit, make, inputs=inputs, options=options, keep=assigned.keep)
+    kept(found.folder / "modes.json", Modes, lambda: fitted.modes, inputs=inputs, options=options)
+    return found, fitted
 
 
 def fit_modal_table(
@@ -188,7 +204,8 @@ def campaign_ledger(
     else:
         added = find_effects(effects, catalogue(asked.effect_files))
         entries = _shared(fits, added, heights, cluster)
-    write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files), output)
+    modal = (found.folder / "modal_model.json" for found, _ in fits)
+    write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files, *modal), output)
     return entries
 
 

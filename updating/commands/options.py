@@ -43,6 +43,13 @@ ScatterFile = Annotated[
         show_default=False,
     ),
 ]
+Keep = Annotated[
+    bool,
+    typer.Option(
+        "--keep",
+        help="Use results that are there although they were changed or come from other files; the report says which.",
+    ),
+]
 Cluster = Annotated[
     str | None,
     typer.Option(

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from updating.commands.options import ResultsFolder
+from updating.commands.options import Keep, ResultsFolder
 from updating.commands.terminal import OUT
 from updating.report.page import write_report
 from updating.report.pdf import print_pdf
+from updating.report.results import read_results
 from updating.workers.workers import workers
 
 EXAMPLE = "lamella report out/demo --pdf"
@@ -21,19 +22,22 @@ def report(
     pdf: Annotated[
         bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
     ] = False,
+    keep: Keep = False,
 ) -> None:
     """Make one self-contained HTML page from the results in a folder.
 
     Every figure is also written to the folder figures there, with its numbers as CSV.
     """
     with OUT.status("drawing"):
-        page = make_report(folder)
+        page = make_report(folder, keep=keep)
+    for sentence in read_results(folder, keep=keep).remarks:
+        OUT.print(sentence, highlight=False)
     OUT.print(f"Report: {page}")
     if pdf:
         OUT.print(f"PDF: {print_pdf(page)}")
 
 
-def make_report(folder: Path) -> Path:
-    """Make the page of a results folder, its configurations in parallel."""
+def make_report(folder: Path, *, keep: bool = False) -> Path:
+    """Make the page of a results folder, its configurations in parallel; `keep` as in `write_report`."""
     with workers(len(list(folder.glob("*/modal_model.json")))) as executor:
-        return write_report(folder, executor)
+        return write_report(folder, executor, keep=keep)

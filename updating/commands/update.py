@@ -192,7 +192,8 @@ def _targets(
         )
         for state, one in zip(states, tests, strict=True)
     ]
-    return found, [file, *stack_inputs(stack_file)]
+    modal = [one.folder / "modal_model.json" for one in tests]
+    return found, [file, *stack_inputs(stack_file), *modal]
 
 
 def _chosen(path: Path, section: CampaignSection, known: Sequence[str]) -> Sequence[str]:

@@ -252,7 +252,7 @@ def _tabled(
     folder = campaign.path.resolve().parent
     if c.modal_model is not None:
         try:
-            return read_result(folder / c.modal_model, ModalModel)
+            return read_result(folder / c.modal_model, ModalModel, edited=True)
         except StoreError as error:
             message = f"{campaign.path}: {name}: modal_model: {error}"
             raise FitError(message) from error

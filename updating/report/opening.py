@@ -42,7 +42,7 @@ def opening_section(results: Results, own: Sequence[Section] = ()) -> Section:
         *([place] if place is not None else []),
         *([mode_picture(modes)] if modes else []),
     ]
-    return Section(title="Answer", blocks=(opening(results), *pictures))
+    return Section(title="Answer", text=results.remarks, blocks=(opening(results), *pictures))
 
 
 def opening(results: Results) -> Opening:

@@ -32,7 +32,7 @@ MOST_TOGETHER = 8
 """Configurations that share one page; it then stays below 15 MB. More have a page each, beside their results."""
 
 
-def write_report(folder: Path, executor: Executor | None = None) -> Path:
+def write_report(folder: Path, executor: Executor | None = None, *, keep: bool = False) -> Path:
     """Write `report.html` from the results in a folder, and its figures with their data to `figures`.
 
     Parameters
@@ -42,12 +42,15 @@ def write_report(folder: Path, executor: Executor | None = None) -> Path:
     executor : Executor, optional
         Where the sections of the configurations are made, such as `updating.workers.workers.workers`; by default here.
 
+    keep : bool
+        Whether results that were changed, or that come from other files than those beside them, are shown, too.
+
     Raises
     ------
     StoreError
         The folder holds no result, one that cannot be read, or cannot be written to.
     """
-    results = read_results(folder)
+    results = read_results(folder, keep=keep)
     apart = len(results.tested) > MOST_TOGETHER
     make = partial(_configuration, folder, results.name, apart, kind_of_answer(results.diagnosis))
     made = (map if executor is None else executor.map)(make, results.tested)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 from ema.campaign.campaign import Campaign, Configuration
@@ -16,10 +17,12 @@ from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
-from updating.results.store import folder_name, read_document, read_frf, read_result
+from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
 from updating.results.updated import Updated
 
 T = TypeVar("T")
+_MADE = ("modal_model.json", "measurement.npz")
+"""Files that results come from and that are results themselves: another run may have put others in their place."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,6 +90,8 @@ class Results:
         What many specimens tell together, where the campaign lists them.
     origin : mapping of str to dict
         Provenance of every result file, by its path within the folder.
+    remarks : tuple of str
+        Which results were changed, or come from other files than those beside them.
     """
 
     name: str
@@ -101,22 +106,34 @@ class Results:
     campaign: Path | None
     pooled: PooledDiagnosis | None
     origin: dict[str, dict[str, Any]]
+    remarks: tuple[str, ...] = ()
 
 
-def read_results(folder: Path) -> Results:
+def read_results(folder: Path, *, keep: bool = False) -> Results:
     """Read everything in a results folder that a report shows.
+
+    A fit, a ledger, a diagnosis or an updating that was changed after it was written, or that comes from other modes
+    than those beside it, is left out, and the remarks say so.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+    keep : bool
+        Whether such results are read, too; the remarks then say which they are.
 
     Raises
     ------
     StoreError
-        The folder holds no result, or one that cannot be read.
+        The folder holds no result, one that cannot be read, or measured modes that were changed.
     """
+    reader = _Reader(folder, keep=keep)
     if (folder / "pooled_diagnosis.json").exists():
-        return _read_pooled(folder)
+        return _read_pooled(folder, reader)
     if (folder / "modal_table.json").exists():
-        found = _read_table(folder)
+        found = _read_table(folder, reader)
     elif (folder / "campaign.json").exists():
-        found = _read_campaign(folder)
+        found = _read_campaign(folder, reader)
     else:
         message = (
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
@@ -130,61 +147,128 @@ def read_results(folder: Path) -> Results:
     return found
 
 
-def _read_campaign(folder: Path) -> Results:
-    campaign = read_result(folder / "campaign.json", Campaign)
+class _Reader:
+    """Reads results of a folder, and notes which of them are not what they were or belong to something else."""
+
+    def __init__(self, folder: Path, *, keep: bool) -> None:
+        self._folder, self._keep = folder, keep
+        self._digests: dict[str, dict[Path, str]] = {}
+        self.remarks: list[str] = []
+        self.origin: dict[str, dict[str, Any]] = {}
+
+    def needed(self, path: Path, kind: type[T]) -> T:
+        """Return a result without which there is nothing to show; a fault is an error, or a remark if kept."""
+        fault = self._fault(path)
+        if fault and not self._keep:
+            message = f"{path}: {fault}; make it anew with the command that made it, or use it with --keep"
+            raise StoreError(message)
+        return self._read(path, kind, fault)
+
+    def optional(self, path: Path, kind: type[T]) -> T | None:
+        """Return a result; None where there is none or it has a fault and is not kept."""
+        if not path.exists():
+            return None
+        fault = self._fault(path)
+        if fault and not self._keep:
+            self._remark(
+                path, f"{fault}, and is left out; make it anew with the command that made it, or use --keep"
+            )
+            return None
+        return self._read(path, kind, fault)
+
+    def _read(self, path: Path, kind: type[T], fault: str) -> T:
+        found = read_result(path, kind, edited=True)
+        if fault:
+            self._remark(path, f"{fault}, and is used all the same (--keep)")
+        self.origin[path.relative_to(self._folder).as_posix()] = read_document(path)["provenance"]
+        return found
+
+    def _remark(self, path: Path, text: str) -> None:
+        self.remarks.append(f"{path.relative_to(self._folder).as_posix()} {text}.")
+
+    def _fault(self, path: Path) -> str:
+        """Return what is wrong with the origin of a result; empty where all is well."""
+        document = read_document(path)
+        if not is_intact(document):
+            return "was changed after it was written"
+        for name, digest in document["provenance"]["inputs"].items():
+            last = PurePosixPath(name).name
+            there = self._beside(path, last) if last in _MADE else ()
+            if there and digest not in there:
+                return f"comes from another {name} than is here"
+        return ""
+
+    def _beside(self, path: Path, name: str) -> Collection[str]:
+        """Return the digests of the files of a name that a result can come from: beside it, else anywhere below."""
+        if name not in self._digests:
+            self._digests[name] = {file: file_digest(file) for file in self._folder.rglob(name)}
+        there = self._digests[name]
+        own = path.parent / name
+        return (there[own],) if own in there else there.values()
+
+
+def _read_campaign(folder: Path, reader: _Reader) -> Results:
+    campaign = reader.needed(folder / "campaign.json", Campaign)
     own = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
     done = [c for c in campaign.configurations if (own[c.name] / "modal_model.json").exists()]
+    del reader.origin["campaign.json"]
+    tested = tuple(_read_tested(own[c.name], c, reader) for c in done)
     return Results(
         name=campaign.name,
-        tested=tuple(_read_tested(own[c.name], c) for c in done),
+        tested=tested,
         table=(),
         shape_class=(),
         missing=tuple(name for name in own if name not in {c.name for c in done}),
-        ledger=_read_ledger(folder),
-        diagnosis=_read_if_there(folder / "diagnosis.json", Diagnosis),
-        updated=_read_if_there(folder / "update.json", Updated),
-        folder=folder,
+        **_read_common(folder, reader),
         campaign=campaign.path,
         pooled=None,
-        origin=_origin(folder, [own[c.name] for c in done], ("modal_model.json", "fit.json")),
     )
 
 
-def _read_tested(folder: Path, configuration: Configuration) -> Tested:
+def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) -> Tested:
     return Tested(
         name=configuration.name,
         torque=configuration.torque,
         pressure=configuration.pressure,
         folder=folder,
-        measured=read_result(folder / "modal_model.json", ModalModel),
-        quality=read_result(folder / "quality.json", Quality),
-        fit=_read_if_there(folder / "fit.json", Fit),
+        measured=reader.needed(folder / "modal_model.json", ModalModel),
+        quality=reader.needed(folder / "quality.json", Quality),
+        fit=reader.optional(folder / "fit.json", Fit),
     )
 
 
-def _read_table(folder: Path) -> Results:
-    table = read_result(folder / "modal_table.json", ModalTable)
+def _read_table(folder: Path, reader: _Reader) -> Results:
+    table = reader.needed(folder / "modal_table.json", ModalTable)
     own = {row.name: folder / f"stack_{folder_name(row.name)}" for row in table.rows}
     done = {name: path for name, path in own.items() if (path / "fit.json").exists()}
+    del reader.origin["modal_table.json"]
     return Results(
         name=table.name,
         tested=(),
-        table=tuple(read_result(path / "fit.json", TableFit) for path in done.values()),
+        table=tuple(reader.needed(path / "fit.json", TableFit) for path in done.values()),
         shape_class=table.shape_class,
         missing=tuple(name for name in own if name not in done),
-        ledger=_read_ledger(folder),
-        diagnosis=_read_if_there(folder / "diagnosis.json", Diagnosis),
-        updated=_read_if_there(folder / "update.json", Updated),
-        folder=folder,
+        **_read_common(folder, reader),
         campaign=None,
         pooled=None,
-        origin=_origin(folder, list(done.values()), ("fit.json",)),
     )
 
 
-def _read_pooled(folder: Path) -> Results:
-    path = folder / "pooled_diagnosis.json"
-    pooled = read_result(path, PooledDiagnosis)
+def _read_common(folder: Path, reader: _Reader) -> dict[str, Any]:
+    """Read what a campaign of either kind may have."""
+    own = reader.optional(folder / "ledger.json", Ledger)
+    return {
+        "folder": folder,
+        "ledger": () if own is None else own.entry,
+        "diagnosis": reader.optional(folder / "diagnosis.json", Diagnosis),
+        "updated": reader.optional(folder / "update.json", Updated),
+        "origin": reader.origin,
+        "remarks": tuple(reader.remarks),
+    }
+
+
+def _read_pooled(folder: Path, reader: _Reader) -> Results:
+    pooled = reader.needed(folder / "pooled_diagnosis.json", PooledDiagnosis)
     return Results(
         name=pooled.name,
         tested=(),
@@ -197,20 +281,6 @@ def _read_pooled(folder: Path) -> Results:
         pooled=pooled,
         folder=folder,
         campaign=None,
-        origin={path.name: read_document(path)["provenance"]},
+        origin=reader.origin,
+        remarks=tuple(reader.remarks),
     )
-
-
-def _read_ledger(folder: Path) -> tuple[Entry, ...]:
-    found = _read_if_there(folder / "ledger.json", Ledger)
-    return () if found is None else found.entry
-
-
-def _read_if_there(path: Path, kind: type[T]) -> T | None:
-    return read_result(path, kind) if path.exists() else None
-
-
-def _origin(folder: Path, done: list[Path], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    files = [path / name for path in done for name in names]
-    files += [folder / name for name in ("ledger.json", "diagnosis.json", "update.json")]
-    return {f.relative_to(folder).as_posix(): read_document(f)["provenance"] for f in files if f.exists()}

@@ -58,11 +58,14 @@ class Assignment:
         Folder of its results.
     poles : Path or None
         Its poles.txt, which takes the place of the automatic choice.
+    keep : bool
+        Whether results that are there are used whatever they came from.
     """
 
     campaign: Campaign
     folder: Path
     poles: Path | None
+    keep: bool = False
 
     @property
     def configuration(self) -> Configuration:
@@ -86,7 +89,9 @@ class Failed:
     error: Exception
 
 
-def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> tuple[Assignment, ...]:
+def assignments(
+    campaign: Campaign, output: Path, poles: Path | None = None, *, keep: bool = False
+) -> tuple[Assignment, ...]:
     """Divide a campaign into its configurations and write campaign.json.
 
     Parameters
@@ -96,6 +101,8 @@ def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> 
         Folder of the results; each configuration has a folder in it.
     poles : Path, optional
         Folder of earlier results, whose poles.txt files take the place of the automatic choice.
+    keep : bool
+        Whether results that are there are used whatever they came from.
 
     Raises
     ------
@@ -110,6 +117,7 @@ def assignments(campaign: Campaign, output: Path, poles: Path | None = None) -> 
             campaign=replace(campaign, path=campaign.path.absolute(), configurations=(configuration,)),
             folder=output.absolute() / folder_name(configuration.name),
             poles=chosen.get(configuration.name),
+            keep=keep,
         )
         for configuration in campaign.configurations
     )
@@ -215,7 +223,9 @@ def read_back(assigned: Assignment) -> Identified | None:
     """
     folder = assigned.folder
     inputs, options = _made_from(assigned)
-    checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options)
+    checks = read_current(
+        folder / "quality.json", Quality, inputs=inputs, options=options, keep=assigned.keep
+    )
     measurement = folder / MEASUREMENT
     if checks is None or not measurement.exists():
         return None
@@ -223,7 +233,9 @@ def read_back(assigned: Assignment) -> Identified | None:
         *inputs,
         measurement,
     )  # what was truncated, edited or put there from elsewhere has another digest
-    modes = read_current(folder / "modal_model.json", ModalModel, inputs=inputs, options=options)
+    modes = read_current(
+        folder / "modal_model.json", ModalModel, inputs=inputs, options=options, keep=assigned.keep
+    )
     if modes is None:
         return None
     return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)

@@ -67,33 +67,52 @@ def write_result(
         "provenance": _provenance(inputs, options),
         "result": _CONVERTER.unstructure(result),
     }
+    document["digest"] = _seal(document)
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
 
 
-def read_result(path: Path, kind: type[T]) -> T:
+def read_result(path: Path, kind: type[T], *, edited: bool = False) -> T:
     """Read a result written by `write_result`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : type
+        Type of the result.
+    edited : bool
+        Whether one that was changed after it was written will do.
 
     Raises
     ------
     StoreError
-        The file is missing, is not JSON, or holds another kind of result.
+        The file is missing, is not JSON, holds another kind of result, or was changed.
     """
     document = read_document(path)
     if document.get("kind") != kind.__name__:
         message = f"{path}: expected a {kind.__name__}, found {document.get('kind')!r}"
         raise StoreError(message)
     try:
-        return _CONVERTER.structure(document["result"], kind)
+        found = _CONVERTER.structure(document["result"], kind)
     except Exception as error:  # cattrs, pydantic and the types themselves raise what they like
         message = f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
         raise StoreError(message) from error
+    if not edited and not is_intact(document):
+        message = (
+            f"{path}: was changed after it was written; write it anew with the command that made it, or use it as it "
+            "is with --keep"
+        )
+        raise StoreError(message)
+    return found
 
 
 def read_current(
-    path: Path, kind: type[T], *, inputs: tuple[Path, ...], options: Mapping[str, object]
+    path: Path, kind: type[T], *, inputs: tuple[Path, ...], options: Mapping[str, object], keep: bool = False
 ) -> T | None:
     """Read a result if this version made it from these inputs with these options; None where it must be made anew.
+
+    It must be as it was written, too.
 
     Parameters
     ----------
@@ -103,10 +122,14 @@ def read_current(
         Type of the result.
     inputs, options
         What `write_result` would be given.
+    keep : bool
+        Whether any complete result of this kind will do, whoever wrote it.
     """
     if not path.exists():
         return None
     try:
+        if keep:
+            return read_result(path, kind, edited=True)
         if read_document(path).get("provenance") != json.loads(json.dumps(_provenance(inputs, options))):
             return None
         return read_result(path, kind)
@@ -121,12 +144,13 @@ def kept(
     *,
     inputs: tuple[Path, ...],
     options: Mapping[str, object],
+    keep: bool = False,
 ) -> T:
     """Return the result that an earlier run left, or make it and write it.
 
     Parameters
     ----------
-    path, kind, inputs, options
+    path, kind, inputs, options, keep
         As in `read_current`.
     make : callable
         Makes the result.
@@ -136,7 +160,7 @@ def kept(
     StoreError
         As in `write_result`.
     """
-    found = read_current(path, kind, inputs=inputs, options=options)
+    found = read_current(path, kind, inputs=inputs, options=options, keep=keep)
     if found is None:
         found = make()
         write_result(path, found, inputs=inputs, options=options)
@@ -165,6 +189,12 @@ def read_document(path: Path) -> dict[str, Any]:
         )
         raise StoreError(message)
     return document
+
+
+def is_intact(document: Mapping[str, Any]) -> bool:
+    """Tell whether a document is as it was written: its digest is that of the rest. Older ones have none."""
+    rest = {key: value for key, value in document.items() if key != "digest"}
+    return document.get("digest") == _seal(rest)
 
 
 def folder_name(configuration: str) -> str:
@@ -228,13 +258,18 @@ def digest(result: object) -> str:
     return hashlib.sha256(json.dumps(_CONVERTER.unstructure(result)).encode()).hexdigest()
 
 
+def _seal(document: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a document's values, however its lines are broken."""
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
 def _provenance(inputs: tuple[Path, ...], options: Mapping[str, object]) -> dict[str, Any]:
     files = dict.fromkeys(inputs)
     # as much of each path as tells them apart
     depth = next(n for n in count(1) if len({file.parts[-n:] for file in files}) == len(files))
     return {
         "versions": versions(),
-        "inputs": {"/".join(file.parts[-depth:]): _sha256(file) for file in files},
+        "inputs": {"/".join(file.parts[-depth:]): file_digest(file) for file in files},
         "options": dict(options),
     }
 
@@ -249,7 +284,14 @@ def _code_digest() -> str:
     return digest.hexdigest()[:12]
 
 
-def _sha256(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file.
+
+    Raises
+    ------
+    StoreError
+        It cannot be read.
+    """
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -111,39 +111,49 @@ def distribute(
     listed = list(items)
     n = min(messages, len(listed))
     parts = [listed[i::n] for i in range(n)]  # neighbours, often alike in cost, go to different processes
-    left = executor.leave(task) if isinstance(executor, _Processes) else None
-    sent = executor.map(_Sent(cloudpickle.dumps(task) if left is None else left), parts)  # begins at once
-    return _in_order(sent, len(listed), left)
+    sent = executor.leave(task) if isinstance(executor, _Processes) else _Sent(cloudpickle.dumps(task))
+    return _in_order(executor.map(sent, parts), len(listed), sent.arrays)  # begins at once
 
 
-def _in_order(parts: Iterable[bytes], n_item: int, left: Path | None) -> Iterator[Any]:
+def _in_order(parts: Iterable[bytes], n_item: int, left: _Left | None) -> Iterator[Any]:
     """Yield the results in the order of the items, of which each part has every n-th, once they are asked for."""
     found = [cloudpickle.loads(part) for part in parts]
     if left is not None:
-        left.unlink()
+        left.path.unlink()
     yield from (found[i % len(found)][i // len(found)] for i in range(n_item))
 
 
 @dataclass(frozen=True)
-class _Sent:
-    """A task as bytes, or the file that holds them, which a process reads once; it returns results as bytes."""
+class _Left:
+    """A file of numbers alone, and how many bytes of it each array has."""
 
-    content: bytes | Path
+    path: Path
+    sizes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """A task as bytes, its arrays in a file or among them, which a process reads once; it returns results as bytes.
+
+    What runs comes from the process that asks, by its pipe, and never from a file.
+    """
+
+    content: bytes
+    arrays: _Left | None = None
 
     def __call__(self, items: list[Any]) -> bytes:
-        return cloudpickle.dumps(list(map(_read(self.content), items)))
+        return cloudpickle.dumps(list(map(_read(self.content, self.arrays), items)))
 
 
 @lru_cache(maxsize=1)
-def _read(content: bytes | Path) -> Callable[[Any], Any]:
-    if not isinstance(content, Path):
+def _read(content: bytes, left: _Left | None) -> Callable[[Any], Any]:
+    if left is None:
         return cloudpickle.loads(content)
-    with content.open("rb") as file:
-        task, sizes = pickle.load(file)
-        arrays = [bytearray(size) for size in sizes]
+    arrays = [bytearray(size) for size in left.sizes]
+    with left.path.open("rb") as file:
         for array in arrays:
             file.readinto(array)
-    return pickle.loads(task, buffers=arrays)
+    return pickle.loads(content, buffers=arrays)
 
 
 class _ThisProcess(Executor):
@@ -162,20 +172,19 @@ class _ThisProcess(Executor):
 
 
 class _Processes(ProcessPoolExecutor):
-    """Processes of this machine, with a folder in which tasks are left for them: a pipe is slow for large ones."""
+    """Processes of this machine, with a folder in which arrays are left for them: a pipe is slow for large ones."""
 
     def __init__(self, n_process: int, context: BaseContext, ended: Connection) -> None:
         super().__init__(n_process, context, initializer=_begin, initargs=(ended,))
         self.folder = TemporaryDirectory(prefix="lamella-", ignore_cleanup_errors=True)
 
-    def leave(self, task: Callable[..., Any]) -> Path:
-        """Write a task to a file for the processes, its arrays behind it as they are, and return its path."""
+    def leave(self, task: Callable[..., Any]) -> _Sent:
+        """Return a task for the processes, its arrays as they are in a file."""
         path, arrays = Path(self.folder.name) / uuid4().hex, list[pickle.PickleBuffer]()
         content = cloudpickle.dumps(task, protocol=5, buffer_callback=arrays.append)
         with path.open("wb") as file:
-            pickle.dump((content, [array.raw().nbytes for array in arrays]), file)
             file.writelines(array.raw() for array in arrays)
-        return path
+        return _Sent(content, _Left(path, tuple(array.raw().nbytes for array in arrays)))
 
     def close_results(self) -> None:
         """Close this process's own end for writing results.
