@@ -1,7 +1,10 @@
 """Laminated stack to natural frequencies, damping, shapes and FRFs."""
 
+from model.contact.slip_law import SlipLaw
 from model.effects.catalogue import catalogue, find_effects, printed_effects, read_effect
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
+from model.modes.backbone import Backbone, backbone
+from model.modes.contact_strain import ContactStrain, contact_strain
 from model.modes.enrichment import enriched, with_attachment_modes
 from model.modes.modes import Modes, complex_modes, solve_modes
 from model.modes.observation import Observation, Observed, observe, sample_points
@@ -21,8 +24,10 @@ from model.stack.stack_file import read_stack
 
 __all__ = [
     "Assembly",
+    "Backbone",
     "Clamp",
     "Contact",
+    "ContactStrain",
     "Effect",
     "EffectError",
     "Formula",
@@ -40,14 +45,17 @@ __all__ = [
     "ReducedEquations",
     "ReducedSystem",
     "Refined",
+    "SlipLaw",
     "SolveError",
     "Stack",
     "StackError",
     "Surface",
     "Term",
     "assemble",
+    "backbone",
     "catalogue",
     "complex_modes",
+    "contact_strain",
     "enriched",
     "find_effects",
     "frf",

@@ -67,6 +67,11 @@ class Plan:
         """Return the number of planar degrees of freedom of a field."""
         return int(self.basis(field).N)
 
+    def sampled(self, order: int) -> Plan:
+        """Return the same spaces with quadrature points that are exact for polynomials of another order."""
+        bases = [skfem.Basis(b.mesh, b.elem, intorder=order) for b in (self.membrane, self.plate)]
+        return Plan(membrane=bases[0], plate=bases[1])
+
     def elements(self, field: Field) -> sp.csr_matrix:
         """Return 1 where an element holds a degree of freedom of a field, (size(field), n_element)."""
         dofs = self.basis(field).element_dofs

@@ -1,0 +1,243 @@
+"""Frequency and damping of a mode over its amplitude, for a stack whose interfaces slip.
+
+This is quasi-static modal analysis (R. M. Lacayo, M. S. Allen, Updating structural models containing nonlinear Iwan
+joints using quasi-static modal analysis, Mech. Syst. Signal Process. 118, 2019): a structure with joints is loaded by
+a mode's inertia, and Masing's rules make a cycle of the curve of first loading. Three things are other than there, for
+they matter at a drop of 5 %. The load is the inertia of the deflection that it causes, not that of the linear mode, as
+in the nonlinear eigenproblem of N. N. Balaji, M. R. W. Brake, The surrogate system hypothesis for joint mechanics,
+Mech. Syst. Signal Process. 126, 2019. The stiffness of an interface is that of the first harmonic of its loop, which a
+structure in resonance feels, not the secant to its tip. And what slip loses couples modes: the deflection is complex,
+that of a resonance where every force is in quadrature (M. Krack, Nonlinear modal analysis of nonconservative systems:
+Extension of the periodic motion concept, Comput. Struct. 154, 2015).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.contact.slip_law import SlipLaw
+from model.elements.equations import OMEGA
+from model.modes.contact_strain import ContactStrain
+from model.modes.modes import full_parameters, reduced_eigenpairs
+from model.reduction.reduced_equations import ReducedEquations
+from model.stack.arrays import readonly
+from model.stack.errors import SolveError
+
+Vector = NDArray[np.float64]
+
+N_BESIDE = 60
+"""Modes above the one that is followed, of which its deflection is made."""
+_SETTLED = 1e-4  # change of a shape of unit length and of an eigenvalue: of the next of Newton's steps it is the square
+_MOST_STEPS = 8
+_SETTLED_LOSS = 1e-5  # relative change of the eigenvalue in the last step with loss
+_MOST_LOSS_STEPS = 60
+_NEAR = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
+_FIRST_STEP = 1e-3  # of an amplitude: where to begin below it
+_MOST_HALVES = 7
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Backbone:
+    """A mode over its amplitude.
+
+    Attributes
+    ----------
+    amplitude : (n,) float
+        Modal amplitude, m sqrt(kg): displacement is amplitude times the mass-normalised shape.
+    frequency : (n,) float
+        Natural frequency, Hz; at amplitude 0 the undamped one of the linear model.
+    damping : (n,) float
+        Damping ratio; at amplitude 0 the modal one of the linear model.
+    slip : (n,) float
+        Largest displacement of two faces against each other, m, elastic part included.
+    coordinate : (n_basis, n) float
+        Mass-normalised deflection in reduced coordinates, 1/sqrt(kg), without what is out of phase.
+    """
+
+    amplitude: Vector
+    frequency: Vector
+    damping: Vector
+    slip: Vector
+    coordinate: Vector
+
+    def __post_init__(self) -> None:
+        n = np.size(self.amplitude)
+        for name in ("amplitude", "frequency", "damping", "slip"):
+            object.__setattr__(self, name, readonly("Backbone", name, getattr(self, name), (n,)))
+        object.__setattr__(self, "coordinate", readonly("Backbone", "coordinate", self.coordinate, (None, n)))
+
+
+def backbone(
+    system: ReducedEquations,
+    strain: ContactStrain,
+    law: SlipLaw,
+    *,
+    mode: int,
+    amplitude: Vector,
+    G_f: float,
+    d_f: float,
+    parameters: Mapping[str, float] | None = None,
+) -> Backbone:
+    """Follow a mode from small to large amplitude.
+
+    Parameters
+    ----------
+    system : ReducedEquations
+        The reduced stack.
+    strain : ContactStrain
+        Its contact, in the same coordinates.
+    law : SlipLaw
+        How interfaces slip.
+    mode : int
+        Elastic mode, from 0.
+    amplitude : (n,)
+        Modal amplitudes, m sqrt(kg), 0 or above and ascending.
+    G_f, d_f : float
+        Contact parameters of small amplitude, Pa/Pa and s/Pa.
+    parameters : mapping of str to float, optional
+        Values of further parameters that differ from `system.theta`.
+
+    Raises
+    ------
+    SolveError
+        There is no such mode, amplitudes are not 0 or above and ascending, or a deflection does not settle.
+    """
+    wanted, theta = _ascending(amplitude), full_parameters(system, G_f, d_f, parameters)
+    if OMEGA in theta:
+        message = (
+            "a mode over amplitude is not solved beside effects that depend on frequency; leave them out"
+        )
+        raise SolveError(message)
+    eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, system.size)
+    if not 0 <= mode < system.size - n_rigid:
+        message = f"mode = {mode}: elastic modes are numbered from 0 to {system.size - n_rigid - 1}"
+        raise SolveError(message)
+    taken = slice(n_rigid, n_rigid + mode + 1 + N_BESIDE)
+    own, vectors = eigenvalues[taken], vectors[:, taken]
+    viscous = vectors.T @ system.matrix("C", theta) @ vectors
+    contact = _Contact.of(strain, vectors, law, theta)
+    along = [(0.0, float(own[mode]), np.eye(own.size)[mode])]
+    for a in wanted.tolist():
+        along.append(_followed(own, contact, a, along[-1]) if a else along[-1])
+    values = [_resonance(np.diag(own) + 1j * np.sqrt(at[1]) * viscous, contact, at) for at in along]
+    resonance = np.array(values, dtype=complex)
+    stiffness, loss = resonance.real, resonance.imag / (2.0 * resonance.real)
+    omega = float(np.sqrt(own[mode]))
+    coordinate = vectors @ np.column_stack([shape for _, _, shape in along[1:]])
+    moved = np.stack([strain.spacing * strain.amplitude(x) for x in coordinate.T])
+    return Backbone(
+        amplitude=wanted,
+        frequency=omega / (2.0 * np.pi) * np.sqrt(stiffness[1:] / stiffness[0]),
+        damping=viscous[mode, mode] / (2.0 * omega) + loss[1:] - loss[0],
+        slip=wanted * moved.max(axis=1),
+        coordinate=coordinate,
+    )
+
+
+def _ascending(amplitude: Vector) -> Vector:
+    wanted = np.asarray(amplitude, dtype=float)
+    if wanted.ndim != 1 or not np.all(wanted >= 0.0) or np.any(np.diff(wanted) < 0.0):
+        message = f"amplitudes must be 0 or above and ascend, got {amplitude}"
+        raise SolveError(message)
+    return wanted
+
+
+@dataclass(frozen=True, eq=False)
+class _Contact:
+    """Contact in coordinates of elastic modes: strains per `slide`, and stiffness of points per strain so measured."""
+
+    rows: Vector
+    stiffness: Vector
+    law: SlipLaw
+
+    @classmethod
+    def of(cls, strain: ContactStrain, modes: Vector, law: SlipLaw, theta: Mapping[str, float]) -> _Contact:
+        slide = law.sliding_strain(theta["G_f"])
+        modulus = theta["G_f"] * theta["pressure"] * slide**2
+        touching = strain.weight != 0.0
+        return cls(strain.rows[:, touching] @ modes / slide, modulus * strain.weight[touching], law)
+
+    def softened(self, coordinate: Vector) -> tuple[Vector, Vector]:
+        """Return what a deflection lowers the stress by, as a force (n_mode,), and its derivative, (n_mode, n_mode)."""
+        strain = self.rows @ coordinate
+        size = np.hypot(*strain)
+        lost, growth = self.stiffness * self.law.softening(size), self.stiffness * self.law.growth(size)
+        force = sum((lost * own) @ rows for own, rows in zip(strain, self.rows, strict=True))
+        safe = np.where(size > 0.0, size, 1.0)
+        # a tangent only leads the way, so half of the digits do, in half of the time
+        rows, (x, y) = self.rows.astype(np.float32), (strain / safe).astype(np.float32)
+        weights = [np.sqrt(w).astype(np.float32)[:, None] for w in (lost, lost, growth)]
+        parts = [*rows, x[:, None] * rows[0] + y[:, None] * rows[1]]
+        weighted = np.concatenate([w * part for w, part in zip(weights, parts, strict=True)])
+        return force, (weighted.T @ weighted).astype(float)
+
+    def cycle(self, coordinate: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return what a harmonic deflection lowers the stress by, as the first harmonic of a force, (n_mode,)."""
+        strain = self.rows @ coordinate
+        size = np.sqrt(np.sum(np.abs(strain) ** 2, axis=0))
+        lost = self.stiffness * (self.law.softening(size) - 1j * self.law.loss(size))
+        return np.asarray(sum((lost * own) @ rows for own, rows in zip(strain, self.rows, strict=True)))
+
+
+def _followed(
+    eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector], depth: int = 0
+) -> tuple[float, float, Vector]:
+    """Return an amplitude a with eigenvalue and shape, of unit length, of the mode there, from those at a smaller one.
+
+    Where Newton's method does not settle nearby, the mode is sought halfway first.
+    """
+    found = _settled(eigenvalues, contact, a, before)
+    if found is not None:
+        return found
+    if depth == _MOST_HALVES:
+        message = f"at a modal amplitude of {a:g} m sqrt(kg) so much slips that the mode cannot be followed"
+        raise SolveError(message)
+    halfway = np.sqrt(max(before[0], _FIRST_STEP * a) * a)
+    middle = _followed(eigenvalues, contact, float(halfway), before, depth + 1)
+    return _followed(eigenvalues, contact, a, middle, depth + 1)
+
+
+def _settled(
+    eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector]
+) -> tuple[float, float, Vector] | None:
+    """Return the solution of the nonlinear eigenproblem next to another one; None where there is none next to it."""
+    _, value, shape = before
+    for _ in range(_MOST_STEPS):
+        force, tangent = contact.softened(a * shape)
+        rest = (eigenvalues - value) * shape - force / a
+        bordered = np.block([[np.diag(eigenvalues - value) - tangent, -shape[:, None]], [shape, np.zeros(1)]])
+        step = np.linalg.solve(bordered, -np.append(rest, 0.5 * (shape @ shape - 1.0)))
+        value, shape = value + step[-1], shape + step[:-1]
+        if shape @ before[2] < _NEAR or value <= 0.0:
+            return None
+        if np.linalg.norm(step[:-1]) <= _SETTLED and abs(step[-1]) <= _SETTLED * value:
+            return a, float(value), shape
+    return None
+
+
+def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[float, float, Vector]) -> complex:
+    """Return the complex eigenvalue of a mode, omega**2 (1 + 2 i damping), with the loss that couples it to others.
+
+    `at` holds its amplitude, and eigenvalue and shape without loss, from which the steps are taken with one matrix. The
+    component along that shape stays what it is.
+    """
+    a, start, shape = at
+    value = complex(start)
+    u: NDArray[np.complex128] = shape.astype(complex)
+    tangent = contact.softened(a * shape)[1] if a else 0.0
+    bordered = np.block(
+        [[linear.real - start * np.eye(u.size) - tangent, -shape[:, None]], [shape, np.zeros(1)]]
+    )
+    inverse = np.linalg.inv(bordered)
+    for _ in range(_MOST_LOSS_STEPS):
+        rest = linear @ u - value * u - (contact.cycle(a * u) / a if a else 0.0)
+        step = inverse @ -np.append(rest, 0.0)
+        value, u = value + step[-1], u + step[:-1]
+        if abs(step[-1]) <= _SETTLED_LOSS * abs(value):
+            return value
+    message = f"at a modal amplitude of {a:g} m sqrt(kg) so much is lost that the mode does not settle"
+    raise SolveError(message)
