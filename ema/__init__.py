@@ -3,8 +3,11 @@
 from ema.campaign.campaign import Campaign, Configuration, read_campaign
 from ema.campaign.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
+from ema.identification.amplitude import AmplitudeDependence, Level, amplitude_dependence
+from ema.identification.force_levels import identify_force_levels
 from ema.identification.identify import Failure, Identification, identify, identify_frf, try_identify
 from ema.identification.poles_file import read_poles, write_poles
+from ema.identification.resonance import Resonances, resonances
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.uff import write_uff
 from ema.modal.comparison import Comparison, compare
@@ -25,6 +28,7 @@ from ema.types.modal_model import ModalModel, synthesize
 
 __all__ = [
     "FRF",
+    "AmplitudeDependence",
     "Averaging",
     "Campaign",
     "CampaignError",
@@ -39,12 +43,15 @@ __all__ = [
     "Geometry",
     "Identification",
     "IdentificationError",
+    "Level",
     "Measurement",
     "MeasurementError",
     "ModalModel",
     "Repeats",
+    "Resonances",
     "StabilizationDiagram",
     "Verdict",
+    "amplitude_dependence",
     "check",
     "check_force_levels",
     "check_linearity",
@@ -56,6 +63,7 @@ __all__ = [
     "estimate_frf",
     "frac",
     "identify",
+    "identify_force_levels",
     "identify_frf",
     "mac",
     "mcf",
@@ -69,6 +77,7 @@ __all__ = [
     "read_poles",
     "real_shape",
     "repeats",
+    "resonances",
     "shared_functions",
     "stabilization",
     "synthesize",

@@ -120,9 +120,7 @@ def backbone(
     own, vectors = eigenvalues[taken], vectors[:, taken]
     viscous = vectors.T @ system.matrix("C", theta) @ vectors
     contact = _Contact.of(strain, vectors, law, theta)
-    along = [(0.0, float(own[mode]), np.eye(own.size)[mode])]
-    for a in wanted.tolist():
-        along.append(_followed(own, contact, a, along[-1]) if a else along[-1])
+    along = _along(own, contact, wanted, mode)
     values = [_resonance(np.diag(own) + 1j * np.sqrt(at[1]) * viscous, contact, at) for at in along]
     resonance = np.array(values, dtype=complex)
     stiffness, loss = resonance.real, resonance.imag / (2.0 * resonance.real)
@@ -181,6 +179,16 @@ class _Contact:
         size = np.sqrt(np.sum(np.abs(strain) ** 2, axis=0))
         lost = self.stiffness * (self.law.softening(size) - 1j * self.law.loss(size))
         return np.asarray(sum((lost * own) @ rows for own, rows in zip(strain, self.rows, strict=True)))
+
+
+def _along(
+    eigenvalues: Vector, contact: _Contact, amplitude: Vector, mode: int
+) -> list[tuple[float, float, Vector]]:
+    """Return amplitude, eigenvalue and shape of a mode at rest and at each amplitude."""
+    along = [(0.0, float(eigenvalues[mode]), np.eye(eigenvalues.size)[mode])]
+    for a in amplitude.tolist():
+        along.append(_followed(eigenvalues, contact, a, along[-1]) if a else along[-1])
+    return along
 
 
 def _followed(

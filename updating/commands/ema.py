@@ -23,12 +23,15 @@ from ema import (
     repeats,
     stabilization,
 )
+from ema.identification.amplitude import AmplitudeDependence
 from ema.identification.poles_file import write_poles
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
+from ema.plot.amplitude import amplitude_figure
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
 from updating.commands.options import CampaignFile, Cluster, Folder, Keep
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
+from updating.results.amplitude import over_amplitude, stored_amplitude
 from updating.results.campaign_findings import campaign_findings
 from updating.results.identified import (
     Assignment,
@@ -60,13 +63,15 @@ def ema(
     """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
 
     Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
-    modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, and a
-    comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
+    modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, of several force
+    levels amplitude.json and amplitude.png, and a comparison of all configurations. To choose by hand, edit poles.txt
+    there and run again with --poles DIR.
     """
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
     for found in results:
         OUT.print(modes_table(found.modal_model, found.quality.explained))
         print_findings(found)
+        print_amplitude(found)
     if comparison is not None and len(results) > 1:
         for table in comparison_tables(comparison, OUT.width):
             OUT.print(table)
@@ -115,6 +120,9 @@ def identify_campaign(
 def _identify(assigned: Assignment, *, keep_poles: bool) -> Identified:
     found = identified(assigned)
     _write_tables_and_pictures(found, keep_poles=keep_poles)
+    levels = over_amplitude(assigned, found)
+    if levels is not None:
+        write_bytes(found.folder / "amplitude.png", as_png(amplitude_figure(levels.dependence)))
     return found
 
 
@@ -206,6 +214,35 @@ def print_findings(found: Identified) -> None:
     """Print what the checks of a measurement found."""
     for line in found.quality.findings:
         OUT.print(f"  {line}", markup=False, highlight=False)
+
+
+def print_amplitude(found: Identified) -> None:
+    """Print a configuration's modes over amplitude, where it has several force levels."""
+    over = stored_amplitude(found)
+    if over is not None:
+        OUT.print(amplitude_table(over.dependence))
+        for line in over.findings:
+            OUT.print(f"  {line}", markup=False, highlight=False)
+    elif found.configuration.force_levels:
+        text = f"  {found.configuration.name}: with its own force_N, its modes over amplitude would be shown"
+        OUT.print(text, markup=False, highlight=False)
+
+
+def amplitude_table(found: AmplitudeDependence) -> Table:
+    """List every mode that two levels have over the force: motion, frequency and damping."""
+    table = Table(
+        title=f"{found.name} over amplitude: motion at {found.point} [µm], frequency [Hz], damping [%]",
+        title_justify="left",
+    )
+    table.add_column("force [N]", justify="right")
+    shown = np.flatnonzero(np.isfinite(found.softening))
+    for r in shown:
+        table.add_column(f"{np.nanmean(found.frequency[:, r]):.0f} Hz", justify="right")
+    for k, force in enumerate(found.force):
+        values = zip(found.motion[k], found.frequency[k], found.damping[k], strict=True)
+        cells = [f"{1e6 * x:.3g}  {f:.2f}  {100 * d:.3g}" if np.isfinite(f) else "-" for x, f, d in values]
+        table.add_row(f"{force:g}", *(cells[r] for r in shown))
+    return table
 
 
 def print_campaign_findings(results: Sequence[Identified]) -> None:

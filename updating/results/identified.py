@@ -140,7 +140,7 @@ def identified(assigned: Assignment) -> Identified:
     by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
     (found,) = identify(assigned.campaign, by_hand)
     modes, checks = found.modal_model, quality(found)
-    inputs, options = _made_from(assigned)
+    inputs, options = made_from(assigned)
     write_frf(folder / MEASUREMENT, found.measurement.frf)
     write_result(folder / "quality.json", checks, inputs=inputs, options=options)
     # last, for it tells that the others are there, and by its digest which measurement is
@@ -222,7 +222,7 @@ def read_back(assigned: Assignment) -> Identified | None:
     None if anything is missing, or another version made it, or from other files or with other options.
     """
     folder = assigned.folder
-    inputs, options = _made_from(assigned)
+    inputs, options = made_from(assigned)
     checks = read_current(
         folder / "quality.json", Quality, inputs=inputs, options=options, keep=assigned.keep
     )
@@ -241,7 +241,7 @@ def read_back(assigned: Assignment) -> Identified | None:
     return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)
 
 
-def _made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]]:
+def made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]]:
     """Return the files and the options that the results of a configuration depend on."""
     campaign, configuration = assigned.campaign, assigned.configuration
     states = (configuration, *configuration.force_levels)
