@@ -15,6 +15,7 @@ from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, 
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
 from ema.modal.repeats import Repeats, repeats
 from ema.modal.stated import contradicted
+from ema.plot.modal_model import turnable
 from ema.plot.picking import pick_poles
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower
@@ -83,6 +84,7 @@ __all__ = [
     "synthesize",
     "synthesized_frf",
     "try_identify",
+    "turnable",
     "usable",
     "write_modes_csv",
     "write_modes_uff",

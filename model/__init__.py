@@ -1,5 +1,6 @@
 """Laminated stack to natural frequencies, damping, shapes and FRFs."""
 
+import model.plot.stack  # noqa: F401  # registers how a stack shows itself
 from model.contact.slip_law import SlipLaw
 from model.effects.catalogue import catalogue, find_effects, printed_effects, read_effect
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
@@ -11,6 +12,7 @@ from model.modes.observation import Observation, Observed, observe, sample_point
 from model.modes.refinement import Refined, refine
 from model.modes.response import frf, frf_direct
 from model.modes.surface import Surface, mode_surface
+from model.plot.shapes import mode_plotter
 from model.reduction.assemble import assemble
 from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem, reduce, reduced_terms
@@ -60,6 +62,7 @@ __all__ = [
     "find_effects",
     "frf",
     "frf_direct",
+    "mode_plotter",
     "mode_surface",
     "observe",
     "printed_effects",

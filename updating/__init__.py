@@ -5,6 +5,7 @@ from updating.packages import require_own_packages
 
 require_own_packages()
 
+import updating.report.notebook  # noqa: F401  # registers how a fit and a diagnosis show themselves
 from updating.correlation.correlation import Correlation, correlate
 from updating.correlation.energy import Regions, modal_energy, regions
 from updating.correlation.expansion import Expansion, expand, expanded_modes

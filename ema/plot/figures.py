@@ -13,6 +13,7 @@ from ema.identification.stabilization import StabilizationDiagram
 from ema.modal.comparison import Comparison
 from ema.modal.mac import real_shape
 from ema.types.frf import FRF
+from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel, synthesize
 
 if TYPE_CHECKING:
@@ -151,13 +152,19 @@ def shape_figure(modal_model: ModalModel, mode: int) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    geometry = modal_model.geometry
-    at_rest = geometry.coordinate
-    displaced = at_rest + _displacement(modal_model, mode)
-    index = {int(n): k for k, n in enumerate(geometry.node)}
-    lines = np.array([[index[int(a)], index[int(b)]] for a, b in geometry.line], dtype=int).reshape(-1, 2)
     figure = Figure(figsize=(5.0, 4.0), layout="constrained")
     axes = figure.add_subplot(projection="3d")
+    draw_shape(axes, modal_model, mode)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    return figure
+
+
+def draw_shape(axes: Any, modal_model: ModalModel, mode: int) -> None:
+    """Draw a mode shape into three-dimensional axes, over its points at rest."""
+    at_rest = modal_model.geometry.coordinate
+    displaced = at_rest + shape_displacement(modal_model, mode)
+    lines = trace_rows(modal_model.geometry)
     for points, color in ((at_rest, "0.75"), (displaced, FITTED)):
         axes.scatter(*points.T, color=color, s=8)
         ends = np.full((len(lines), 3, 3), np.nan)  # one path with gaps: lines may be many
@@ -167,13 +174,16 @@ def shape_figure(modal_model: ModalModel, mode: int) -> Figure:
     axes.set_title(
         f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small"
     )
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    return figure
 
 
-def _displacement(modal_model: ModalModel, mode: int) -> NDArray[np.float64]:
-    """Displacement ``(n_node, 3)`` of the points, largest component a sixth of the structure's size.
+def trace_rows(geometry: Geometry) -> NDArray[np.int64]:
+    """Return the rows of points, (n_line, 2), that trace lines join."""
+    index = {int(n): k for k, n in enumerate(geometry.node)}
+    return np.array([[index[int(a)], index[int(b)]] for a, b in geometry.line], dtype=np.int64).reshape(-1, 2)
+
+
+def shape_displacement(modal_model: ModalModel, mode: int) -> NDArray[np.float64]:
+    """Displacement ``(n_node, 3)`` of the points, m, largest component a sixth of the structure's size.
 
     A point measured in skew directions moves so as to meet them in the least-squares sense.
     """

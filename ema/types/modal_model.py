@@ -11,6 +11,7 @@ from ema.types.arrays import readonly
 from ema.types.errors import IdentificationError
 from ema.types.frf import DERIVATIVE, Quantity
 from ema.types.geometry import Dofs, Geometry
+from ema.types.shown import Shown
 
 RESOLVED = 0.01
 """Half bandwidths by which a pole of one run may be off for other reasons than noise: the flanks of modes beyond the
@@ -40,7 +41,7 @@ class UnexplainedPeak:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModalModel:
+class ModalModel(Shown):
     """Poles, residues and shapes of one configuration, ascending in frequency.
 
     The receptance it stands for is, with ``s = i omega``,

@@ -31,12 +31,13 @@ from model.stack.parts import (
     PressureDistribution,
     require_positive,
 )
+from model.stack.shown import Shown
 
 _THINNEST = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Stack:
+class Stack(Shown):
     """A laminated stack.
 
     Attributes

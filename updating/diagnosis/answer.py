@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ema.types.shown import Shown
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
@@ -111,7 +112,7 @@ class Strained:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """The answer.
 
     Attributes

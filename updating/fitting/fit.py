@@ -12,6 +12,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 from ema.modal.mac import mac
 from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
+from ema.types.shown import Shown
 from ema.types.threads import single_threaded
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.expansion import visible
@@ -79,7 +80,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fit:
+class Fit(Shown):
     """The laminated model fitted to one configuration.
 
     Attributes

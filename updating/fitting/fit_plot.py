@@ -20,11 +20,12 @@ def objective_figure(estimates: tuple[Estimate, ...]) -> Figure:
 
     figure = Figure(figsize=(4.6 * len(estimates), 3.2), layout="constrained")
     for axes, estimate in zip(np.atleast_1d(figure.subplots(1, len(estimates))), estimates, strict=True):
-        _draw_objective(axes, estimate)
+        draw_objective(axes, estimate)
     return figure
 
 
-def _draw_objective(axes: Axes, estimate: Estimate) -> None:
+def draw_objective(axes: Axes, estimate: Estimate) -> None:
+    """Draw one parameter of `objective_figure` into axes."""
     in_percent = estimate.name == "d_f"
     factor = 100.0 if in_percent else 1.0
     order = np.argsort(estimate.history[:, 0])

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model import printed_effects
+from updating.diagnosis.answer import Diagnosis
 from updating.report.chart_part import FITTED, MEASURED, axis, chart, legend_above
 from updating.report.part import Picture, as_csv, svg
 from updating.report.results import Results
 from updating.results.text import percent
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _WIDE = 16  # characters of a line below a bar
@@ -55,18 +57,24 @@ class ModeChange:
 def steps(results: Results) -> tuple[Step, ...]:
     """Return the way of the error, one effect at a time; none where no effect was added."""
     if results.diagnosis is not None and len(results.diagnosis.steps) > 1:
-        labels, way = results.diagnosis.labels, results.diagnosis.steps
-        added = [
-            [labels.get(e, e) for e in after.effects if e not in before.effects]
-            for before, after in itertools.pairwise(way)
-        ]
-        errors = [(own.frequency_error, own.left_out_error) for own in way]
-    elif len(results.ledger) > 1:
+        return diagnosis_steps(results.diagnosis)
+    if len(results.ledger) > 1:
         first, last = results.ledger[0], results.ledger[-1]
         added = [[name.partition(" (")[0] for name in printed_effects(last.effects)]]
-        errors = [(own.error, own.mode_error) for own in (first, last)]
-    else:
-        return ()
+        return _steps(added, [(own.error, own.mode_error) for own in (first, last)])
+    return ()
+
+
+def diagnosis_steps(found: Diagnosis) -> tuple[Step, ...]:
+    """Return the way of the error from the base model to the answer of a diagnosis."""
+    added = [
+        [found.labels.get(e, e) for e in after.effects if e not in before.effects]
+        for before, after in itertools.pairwise(found.steps)
+    ]
+    return _steps(added, [(own.frequency_error, own.left_out_error) for own in found.steps])
+
+
+def _steps(added: Sequence[Sequence[str]], errors: Sequence[tuple[float, float]]) -> tuple[Step, ...]:
     names = ["base model", *(" and ".join(own) for own in added)]
     return tuple(
         Step(name=name, error=error, left_out=left_out)
@@ -77,17 +85,22 @@ def steps(results: Results) -> tuple[Step, ...]:
 def mode_changes(results: Results) -> tuple[ModeChange, ...]:
     """Return the errors of all modes before and after; of a fit without effects, what it leaves."""
     if results.diagnosis is not None:
-        return tuple(
-            ModeChange(
-                configuration=e.configuration,
-                mode=e.mode,
-                frequency=e.frequency,
-                before=e.base,
-                after=e.explained,
-            )
-            for e in results.diagnosis.errors
-        )
+        return diagnosis_changes(results.diagnosis)
     return tuple(_updated(results) if results.updated is not None else _fitted(results))
+
+
+def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
+    """Return the errors of the modes with the base model and with the answer of a diagnosis."""
+    return tuple(
+        ModeChange(
+            configuration=e.configuration,
+            mode=e.mode,
+            frequency=e.frequency,
+            before=e.base,
+            after=e.explained,
+        )
+        for e in found.errors
+    )
 
 
 def _updated(results: Results) -> Iterator[ModeChange]:
@@ -175,7 +188,13 @@ def step_figure(way: Sequence[Step]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    axes = figure.subplots()
+    draw_steps(figure.subplots(), way)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
+def draw_steps(axes: Axes, way: Sequence[Step]) -> None:
+    """Draw the waterfall of `step_figure` into axes."""
     at = np.arange(len(way) + 1)
     for shift, (key, (label, color)) in zip((-0.2, 0.2), _ERRORS.items(), strict=True):
         value = 100.0 * np.array([getattr(own, key) for own in way])
@@ -195,8 +214,6 @@ def step_figure(way: Sequence[Step]) -> Figure:
     axes.set_ylabel("mean frequency error [%]")
     axes.margins(y=0.12)
     axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
-    return figure
 
 
 def mode_picture(modes: Sequence[ModeChange]) -> Picture:
@@ -245,7 +262,13 @@ def mode_figure(modes: Sequence[ModeChange]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 2.9), layout="constrained")
-    axes = figure.subplots()
+    draw_modes(figure.subplots(), modes)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
+def draw_modes(axes: Axes, modes: Sequence[ModeChange]) -> None:
+    """Draw the bars of `mode_figure` into axes."""
     at = np.arange(len(modes))
     series = _series(modes)
     for k, (key, name, color) in enumerate(series):
@@ -259,8 +282,6 @@ def mode_figure(modes: Sequence[ModeChange]) -> Figure:
     axes.set_ylabel("frequency error [%]")
     axes.margins(x=0.01)
     axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
-    return figure
 
 
 def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:

@@ -1,0 +1,51 @@
+"""How results of `model` show themselves in a notebook: as a table, and as a figure of their own.
+
+A type is defined before anything that draws it. So what it shows is registered by the folder that draws, which knows
+the type; the type knows only that something may be registered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import singledispatch
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@singledispatch
+def html_of(result: object) -> str:
+    """Return a result as HTML; each type registers how."""
+    return f"<pre>{escape(repr(result))}</pre>"
+
+
+@singledispatch
+def figure_of(result: object) -> Figure:
+    """Return a result as a figure; each type registers how."""
+    message = f"nothing draws a {type(result).__name__}"
+    raise TypeError(message)
+
+
+class Shown:
+    """A result that shows itself: its table where a notebook ends with it, its figure where that is asked for."""
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
+    def plot(self) -> Figure:
+        """Return the result as a matplotlib figure, tied to no window; save it with `savefig`."""
+        return figure_of(self)
+
+
+def html_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], note: str = "") -> str:
+    """Return text cells as an HTML table with a title above it and a note below."""
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    head = f"<thead>{line('th', header)}</thead>" if any(header) else ""
+    body = "".join(line("td", row) for row in rows)
+    below = f"<p>{escape(note)}</p>" if note else ""
+    return f"<p><strong>{escape(title)}</strong></p><table>{head}<tbody>{body}</tbody></table>{below}"
