@@ -40,10 +40,10 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/api/build.py
+	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/pictures/scraper.py docs/conf.py
 
 docs: $(READY)
-	$(BIN)/python -W error docs/api/build.py out/docs
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -j auto docs out/docs
 
 picture: $(READY)
 	$(BIN)/lamella fit data/hidden_effect/b/campaign.toml -o out/b
@@ -61,7 +61,7 @@ published: $(READY)
 	$(BIN)/lamella published -o out/published
 
 clean:
-	rm -rf $(VENV) build dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build dist out docs/auto_examples docs/reference *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml

@@ -1,5 +1,6 @@
 """What the documents name exists: links, files, modules and commands."""
 
+import ast
 import importlib
 import re
 from pathlib import Path
@@ -105,6 +106,26 @@ def test_constants_in_the_table_of_thresholds_exist():
         f"{m}.{c}" for m, names in rows for c in re.findall(r"`(\w+)`", names) if not exists(f"{m}.{c}")
     }
     assert not missing
+
+
+def test_every_page_is_in_the_table_of_contents():
+    listed = re.findall(r"(?m)^([\w/]+)$", text_of(ROOT / "docs/index.md"))
+    assert {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"} <= set(listed)
+
+
+@pytest.mark.parametrize(
+    "script", sorted((ROOT / "docs/gallery").glob("*.py")), ids=lambda script: script.stem
+)
+def test_an_example_reads_what_is_there_and_imports_what_exists(script):
+    text = text_of(script)
+    assert re.match(r'"""\n(.+)\n=+\n', text)
+    files = re.findall(r'DATA / "([^"]+)"', text)
+    assert files
+    assert not [name for name in files if not (ROOT / "data" / name).exists()]
+    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+    assert not [
+        f"{i.module}.{a.name}" for i in imports for a in i.names if not exists(f"{i.module}.{a.name}")
+    ]
 
 
 def test_what_does_not_exist_is_seen():

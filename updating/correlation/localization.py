@@ -17,6 +17,7 @@ at random places, with 44 points, six modes and 1 % noise, the peak along the st
 and on the right side where only half the width was softer.
 
 What it cannot say:
+
 - which effect it is. Missing or misplaced mass bends the same way as wrong stiffness, and lights up where it sits.
 - which kind of stiffness with certainty. e is a displacement, so a fault of the contact strains the laminas around it
   as well. `explained` was 0.96 to 1.00 for the right kind where one kind was wrong throughout, and 0.85 where the
