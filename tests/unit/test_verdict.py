@@ -16,12 +16,12 @@ from updating.diagnosis.verdict import decide
 EFFECTS = tuple("abcdefgh")
 PRICE = float(np.log(0.5 / len(EFFECTS)))
 """Logarithm of the prior odds of one effect."""
-POINT = "a change at one point"
 
 
 def explanation(
-    effects, odds, *, misfit=100.0, losses=0.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0
-):
+    effects, odds, *, misfit=100.0, losses=0.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0,
+    at_a_point=0.0,
+):  # fmt: skip
     """An explanation with the logarithm of its odds against the base model, and so many times the usual size left.
 
     What an effect leaves has nothing to do with what it takes away: `misfit` of frequencies, `losses` of damping.
@@ -31,10 +31,12 @@ def explanation(
     return SimpleNamespace(
         effects=tuple(effects),
         log_evidence=odds - PRICE * len(effects),
+        misfit=misfit + losses,
         mean=Sizes(frequency=left * MEDIAN["frequency"]),
         residual=SimpleNamespace(value=value, kind=np.repeat(["frequency", "damping"], 2)),
         left_out=(*left_out, score),
         strain=strain,
+        at_a_point=at_a_point,
     )
 
 
@@ -51,7 +53,9 @@ def predicted(monkeypatch):
         "left_out",
         lambda _, own: LeftOut(**dict(zip(kinds, own.left_out, strict=False)), score=own.left_out[3:]),
     )
-    monkeypatch.setattr(verdict, "point_change", lambda _, at: (POINT, at.effects))
+    monkeypatch.setattr(
+        verdict, "point_change", lambda _, at: SimpleNamespace(beside=at.effects, log_odds=at.at_a_point)
+    )
 
 
 def found(*fitted, base=BASE, lacking=()):
@@ -104,7 +108,7 @@ def test_what_only_adds_an_effect_to_another_says_nothing_new():
 def test_unlike_anything_where_much_is_left_and_no_effect_shows():
     decision = decide(found(explanation("a", SHOWS - 0.1)))
     assert (decision.verdict, decision.left) == ("unlike anything", ())
-    assert decision.point == (POINT, ())
+    assert decision.point.beside == ()
     assert names(decision.steps) == [""]
 
 
@@ -127,11 +131,20 @@ def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(
     assert names(decision.left) == (["a"] if helps else [])
 
 
+def test_unlike_anything_where_a_change_at_one_point_explains_more_than_the_best_effect():
+    fitted = explanation("a", 20.0)
+    for of_point, expected in ((20.0, "identified"), (20.0 + SEPARATE + 1.0, "unlike anything")):
+        base = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0, 1.0), left=20.0, at_a_point=of_point)
+        decision = decide(found(fitted, base=base))
+        assert decision.verdict == expected
+        assert (decision.point is None) == (expected == "identified")
+
+
 def test_partly_explained_where_what_remains_is_more_than_a_right_model_leaves():
     decision = decide(found(explanation("a", 50.0, left=6.0), explanation("b", 49.0)))
     assert decision.verdict == "partly explained"
     assert names(decision.left) == ["a", "b"]
-    assert decision.point == (POINT, ("a",))
+    assert decision.point.beside == ("a",)
 
 
 @pytest.mark.parametrize(
@@ -143,9 +156,9 @@ def test_a_model_that_lacks_a_measured_mode_is_not_complete(fitted, base, expect
 
 
 def test_a_weak_effect_beside_a_strong_one_may_be_no_more_than_the_error_of_its_form():
-    """The strong one changes 11,000 of the misfit; 9 % of that may be left by its form."""
+    """The strong one brings 9000 of the misfit; 9 % of that may be left by its form."""
     for beside, left, verdict_of, first in (
-        (300.0, 1.0, "identified", "a"), (300.0, 6.0, "partly explained", "a"), (1.0, 1.0, "identified", "ab")
+        (300.0, 1.0, "identified", "a"), (300.0, 6.0, "partly explained", "a"), (100.0, 1.0, "identified", "ab")
     ):  # fmt: skip
         strong = explanation("a", 500.0, misfit=1000.0, left=left)
         decision = decide(found(strong, explanation("ab", 530.0, misfit=beside)))
@@ -154,8 +167,8 @@ def test_a_weak_effect_beside_a_strong_one_may_be_no_more_than_the_error_of_its_
         assert names(decision.steps) == ["", "a", "ab"]
 
 
-def test_the_error_of_form_is_a_share_of_what_is_changed_and_the_base_model_has_none():
-    least = MODEL_FORM**2 * 11_000.0
+def test_the_error_of_form_is_a_share_of_what_is_explained_and_the_base_model_has_none():
+    least = MODEL_FORM**2 * 9000.0
     strong = explanation("a", 500.0, misfit=1000.0)
     assert is_form(BASE, strong, explanation("ab", 0.0, misfit=1000.0 - 0.99 * least))
     assert not is_form(BASE, strong, explanation("ab", 0.0, misfit=1000.0 - 1.01 * least))

@@ -19,7 +19,7 @@ from updating.diagnosis.assembly import Assembled, scattered
 from updating.diagnosis.calibration import MIXED_UP, MODEL_FORM, STEP, STRAINED, VISIBLE
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import Explanation, explain, likeliest
+from updating.diagnosis.explanation import Explanation, explain, explained, likeliest
 from updating.diagnosis.mixed_up import MOST, MixedUp, put_right
 from updating.diagnosis.residual import covariance_of
 from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
@@ -137,6 +137,9 @@ def is_form(base: Explanation, before: Explanation, after: Explanation) -> bool:
     torques alike: what relieves the differences between them, which assembly and torque do not explain, is none.
     """
     if not before.effects or before.strain - after.strain > STRAINED**2:
+        return False
+    share = explained(base, before)
+    if explained(base, after) - share >= MODEL_FORM**2 * share:
         return False
     first, last, further = base.residual, before.residual, after.residual
     for kinds in _STIFF, _LOSSY:

@@ -51,6 +51,10 @@ def decide(found: Search) -> Decision:
     ways = [_steps(found, x) for x in shown]
     steps = max(ways, key=lambda way: found.odds(_beyond_its_form(found, way)))
     own = _beyond_its_form(found, steps)
+    anywhere = point_change(evidence, base)
+    if anywhere is not None and anywhere.log_odds + np.log(0.5) > found.odds(own) + SEPARATE:
+        # what is known of no effect explains more than the best that is known
+        return Decision(verdict="unlike anything", left=(), steps=(base,), point=anywhere)
     left = _ambiguous(found, own)
     if too_large(evidence, own) or evidence.lacking:
         point = point_change(evidence, steps[-1])
