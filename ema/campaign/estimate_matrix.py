@@ -86,20 +86,9 @@ def estimate_frf_matrix(
         is zero or, at most lines, a sum of the others.
     """
     force, response = np.asarray(force, float), np.asarray(response, float)
+    _, _, decay_rate = block_of(force.shape[-1], rate, averaging)
+    n_average = _averages(force, response, rate, averaging)
     n_force = force.shape[0]
-    n_block, n_overlap, decay_rate = block_of(force.shape[-1], rate, averaging)
-    n_average = force.shape[1] * (1 + (force.shape[-1] - n_block) // (n_block - n_overlap))
-    if averaging.estimator == "H2":
-        message = (
-            f"H2 is not defined for {n_force} forces and {response.shape[0]} responses; take 'H1' or 'Hv'"
-        )
-        raise MeasurementError(message)
-    if n_average <= n_force:
-        message = (
-            f"{n_average} averages do not tell the parts of {n_force} forces in a response; give more records, or "
-            "shorter blocks by 'block_s'"
-        )
-        raise MeasurementError(message)
     if averaging.force_s is not None:
         force = np.where(np.arange(force.shape[-1]) / rate <= averaging.force_s, force, 0.0)
     frequency, g_ff, g_xf, g_xx = _spectra(force, response, rate, averaging)
@@ -124,6 +113,27 @@ def estimate_frf_matrix(
         n_average=n_average,
         decay_rate=decay_rate,
     )
+
+
+def _averages(
+    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
+) -> int:
+    """Return the number of blocks; refuse what does not tell the parts of the forces."""
+    n_force = force.shape[0]
+    n_block, n_overlap, _ = block_of(force.shape[-1], rate, averaging)
+    n_average = force.shape[1] * (1 + (force.shape[-1] - n_block) // (n_block - n_overlap))
+    if averaging.estimator == "H2":
+        message = (
+            f"H2 is not defined for {n_force} forces and {response.shape[0]} responses; take 'H1' or 'Hv'"
+        )
+        raise MeasurementError(message)
+    if n_average <= n_force:
+        message = (
+            f"{n_average} averages do not tell the parts of {n_force} forces in a response; give more records, or "
+            "shorter blocks by 'block_s'"
+        )
+        raise MeasurementError(message)
+    return n_average
 
 
 def _spectra(
