@@ -79,12 +79,7 @@ def ring_down(
         The record is too short or too noisy for the mode, or channels and shapes do not fit.
     """
     record, shapes = np.atleast_2d(response), np.atleast_2d(shape)
-    if record.shape[0] != shapes.shape[0] or shapes.shape[1] != np.size(frequency):
-        message = (
-            f"ring-down: {record.shape[0]} channels, shapes of {shapes.shape[0]} channels and {shapes.shape[1]} modes, "
-            f"and {np.size(frequency)} frequencies do not belong together"
-        )
-        raise MeasurementError(message)
+    _require_fitting(record, shapes, np.size(frequency))
     # with fewer channels than modes, the one that is sought alone
     used = shapes if shapes.shape[0] >= shapes.shape[1] else shapes[:, [mode]]
     filtered = np.linalg.pinv(used)[mode if used is shapes else 0] @ record
@@ -117,6 +112,15 @@ def ring_down(
         damping=table[:, 1] / omega,
         damping_std=table[:, 3] / omega,
     )
+
+
+def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
+    if record.shape[0] != shape.shape[0] or shape.shape[1] != n_frequency:
+        message = (
+            f"ring-down: {record.shape[0]} channels, shapes of {shape.shape[0]} channels and {shape.shape[1]} modes, "
+            f"and {n_frequency} frequencies do not belong together"
+        )
+        raise MeasurementError(message)
 
 
 def _analytic(signal: Vector, rate: float, frequency: Vector, mode: int) -> NDArray[np.complex128]:

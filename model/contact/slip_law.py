@@ -79,18 +79,25 @@ class SlipLaw:
         rules). Below sliding the integral over it is a ratio of gamma functions; beyond, a sum over sliders, each with
         the describing function of a Jenkins element.
         """
-        n = self.exponent + 2.0
-        density, spike = self._power
-        first = (
-            4.0 / np.sqrt(np.pi) * np.exp(special.gammaln(n + 0.5) - special.gammaln(n + 1.0)) * n / (n + 1.0)
-        )
-        share = first * density / ((n - 1.0) * n) * np.minimum(x, 1.0) ** (n - 1.0)
+        spike = self._power[1]
+        share = self._at_sliding * np.minimum(x, 1.0) ** (self.exponent + 1.0)
         beyond = x > 1.0
         if np.any(beyond):
             limit, weight = self._limits
             stuck = _jenkins(limit / x[beyond, None])
             share[beyond] = (1.0 - stuck) @ weight + spike * (1.0 - _jenkins(1.0 / x[beyond]))
         return share
+
+    def reach(self, softening: float) -> float:
+        """Return the strain x at which a cycle would lower the stiffness by a share, were none above 1."""
+        return float((softening / self._at_sliding) ** (1.0 / (self.exponent + 1.0)))
+
+    @property
+    def _at_sliding(self) -> float:
+        """Softening where everything is about to slide."""
+        n = self.exponent + 2.0
+        gamma = np.exp(special.gammaln(n + 0.5) - special.gammaln(n + 1.0))
+        return float(4.0 / np.sqrt(np.pi) * gamma / (n + 1.0) * self._power[0] / (n - 1.0))
 
     def growth(self, x: Vector) -> Vector:
         """Return the derivative of `softening` by the logarithm of the strain amplitude x, (n,)."""

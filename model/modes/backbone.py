@@ -86,32 +86,23 @@ def backbone(
 
     Parameters
     ----------
-    system : ReducedEquations
-        The reduced stack.
-    strain : ContactStrain
-        Its contact, in the same coordinates.
+    system, strain : ReducedEquations, ContactStrain
+        The reduced stack, and its contact in the same coordinates.
     law : SlipLaw
         How interfaces slip.
     mode : int
         Elastic mode, from 0.
     amplitude : (n,)
         Modal amplitudes, m sqrt(kg), 0 or above and ascending.
-    G_f, d_f : float
-        Contact parameters of small amplitude, Pa/Pa and s/Pa.
-    parameters : mapping of str to float, optional
-        Values of further parameters that differ from `system.theta`.
+    G_f, d_f, parameters
+        As in `solve_modes`; those of contact at small amplitude.
 
     Raises
     ------
     SolveError
         There is no such mode, amplitudes are not 0 or above and ascending, or a deflection does not settle.
     """
-    wanted, theta = _ascending(amplitude), full_parameters(system, G_f, d_f, parameters)
-    if OMEGA in theta:
-        message = (
-            "a mode over amplitude is not solved beside effects that depend on frequency; leave them out"
-        )
-        raise SolveError(message)
+    wanted, theta = _ascending(amplitude), _steady(full_parameters(system, G_f, d_f, parameters))
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, system.size)
     if not 0 <= mode < system.size - n_rigid:
         message = f"mode = {mode}: elastic modes are numbered from 0 to {system.size - n_rigid - 1}"
@@ -134,6 +125,15 @@ def backbone(
         slip=wanted * moved.max(axis=1),
         coordinate=coordinate,
     )
+
+
+def _steady(theta: dict[str, float]) -> dict[str, float]:
+    if OMEGA in theta:
+        message = (
+            "a mode over amplitude is not solved beside effects that depend on frequency; leave them out"
+        )
+        raise SolveError(message)
+    return theta
 
 
 def _ascending(amplitude: Vector) -> Vector:

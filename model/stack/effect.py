@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -120,6 +120,10 @@ class Effect:
         Whether it ties the stack to the ground, so that rigid-body motion meets a force.
     frequency_dependent : bool
         Whether factors of its terms use the parameter `omega`, the angular frequency.
+    over_strain : callable, optional
+        Of an effect that follows amplitude: from its parameters and shear strain amplitudes of the contact to the share
+        by which the tangential contact is softer there and its loss factor. Where amplitudes are known it takes the
+        place of the terms.
     """
 
     name: str
@@ -131,6 +135,7 @@ class Effect:
     terms: Callable[[Any], tuple[Any, ...]]  # a stack holds effects, and the equations come from a stack
     grounded: bool = False
     frequency_dependent: bool = False
+    over_strain: Callable[[Mapping[str, float], Any], tuple[Any, Any]] | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():

@@ -228,8 +228,8 @@ def simulate(plan: Plan, second_model: SecondModel) -> Simulated:
     rng = np.random.default_rng([plan.seed, KINDS.index(plan.kind), 1])
     stated = read_bench(plan.stack)
     nominal = nominal_points(stated)
-    stack, point = _deviating(plan, stated, nominal, rng)
-    benches = [_tightened(plan, stack, i, rng) for i in range(len(plan.configurations))]
+    stack, point = deviating(plan, stated, nominal, rng)
+    benches = [tightened(plan, stack, i, rng) for i in range(len(plan.configurations))]
     modes = [_damped(second_model.modes(bench, plan.n_mode)) for bench in benches]
     frequency = np.arange(plan.band[0], plan.band[1] + plan.step / 2.0, plan.step)
     gain = 1.0 + plan.tolerances.gain * rng.standard_normal(SENSORS)
@@ -259,7 +259,7 @@ def simulate(plan: Plan, second_model: SecondModel) -> Simulated:
     )
 
 
-def _deviating(plan: Plan, stated: Bench, nominal: Array, rng: np.random.Generator) -> tuple[Bench, Array]:
+def deviating(plan: Plan, stated: Bench, nominal: Array, rng: np.random.Generator) -> tuple[Bench, Array]:
     """Return the true stack and the true places of the points."""
     spread, faults = plan.tolerances, plan.disturbances
     sizes = {
@@ -290,7 +290,7 @@ def _moved(clamp: Clamp, spread: float, off: float, rng: np.random.Generator) ->
     return dataclasses.replace(clamp, x=clamp.x + x + off, y=clamp.y + y)
 
 
-def _tightened(plan: Plan, bench: Bench, index: int, rng: np.random.Generator) -> Bench:
+def tightened(plan: Plan, bench: Bench, index: int, rng: np.random.Generator) -> Bench:
     """Return the true stack as assembled at a torque."""
     spread, stated = plan.tolerances, plan.configurations[index].pressure
     wrong = "pressure_wrong" in plan.disturbances and index == len(plan.configurations) - 1

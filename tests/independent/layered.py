@@ -69,7 +69,7 @@ class Layered:
 
     def modes(self, bench: Bench, n_mode: int) -> BenchModes:
         """Return the lowest modes of the bench with what is planted on it."""
-        stack = _Stack.of(self, bench)
+        stack = LayeredStack.of(self, bench)
         value, fields, lost = stack.solve(n_mode)
         omega = np.sqrt(np.maximum(value, 0.0))
         omega[omega < 2.0 * np.pi * RIGID] = 0.0
@@ -84,7 +84,7 @@ class Layered:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Stack:
+class LayeredStack:
     """A bench in layers, ready to be solved."""
 
     bench: Bench
@@ -95,7 +95,7 @@ class _Stack:
     ties: tuple[Tie, ...]
 
     @classmethod
-    def of(cls, model: Layered, bench: Bench) -> _Stack:
+    def of(cls, model: Layered, bench: Bench) -> LayeredStack:
         sizes = zip((bench.length, bench.width), model.n_element, strict=True)
         along, across = (Line(length=size, n_element=n) for size, n in sizes)
         plan = Plan(along, across, breaks(bench))
@@ -240,7 +240,7 @@ def _seen(usual: Usual, laminas_per_layer: int) -> tuple[Array, Array, Array]:
     n_layer = _n_layer(usual.n_lamina, laminas_per_layer)
     gram = np.zeros((3, n_layer, n_layer))
     for bench in usual.benches(usual.kinds[0]):
-        for i, field in enumerate(_Stack.of(coarse, bench).solve(SNAPSHOT_MODES)[1]):
+        for i, field in enumerate(LayeredStack.of(coarse, bench).solve(SNAPSHOT_MODES)[1]):
             across = field.transpose(2, 0, 1, 3).reshape(n_layer, -1)
             gram[i] += across @ across.T
     KEPT.mkdir(parents=True, exist_ok=True)

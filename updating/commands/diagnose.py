@@ -10,22 +10,25 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import read_campaign
-from model import catalogue, read_stack
+from model import Stack, catalogue, read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.options import CampaignFile, EffectFiles, Folder, Keep, ScatterFile
 from updating.commands.specimens import diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
 from updating.diagnosis.scan import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
+from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.target import model_file, stack_in_state
 from updating.pooled.campaign_file import has_specimens
+from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude
 from updating.results.campaign_findings import measurement_findings
-from updating.results.identified import assignments, every_identified
+from updating.results.identified import Identified, assignments, every_identified
 from updating.results.store import kept, write_result
 from updating.workers.workers import workers
 
@@ -94,19 +97,25 @@ def diagnose_campaign(
         raise FitError(message)
     assigned = assignments(campaign, output, keep=keep)
     tests = every_identified(assigned, "identify", console)
-    tested = [
-        (found.configuration.name, state.contact.pressure, found.modal_model)
-        for state, found in zip(states, tests, strict=True)
-    ]
+    over = [over_amplitude(own, found) for own, found in zip(assigned, tests, strict=True)]
+    tested, levels = by_level(states, tests, over)
 
     def make() -> Diagnosis:
         with workers(MESSAGES) as executor, progress("diagnose", console):
             own = replace(stack, height=states[0].height)
             return diagnose_stack(
-                own, tested, known, scatter=scatter, executor=executor, reduced=cached_model, asked=asked
+                own,
+                tested,
+                known,
+                scatter=scatter,
+                executor=executor,
+                reduced=cached_model,
+                asked=asked,
+                levels=levels,
             )
 
-    modal = (found.folder / "modal_model.json" for found in tests)
+    modal = [found.folder / "modal_model.json" for found in tests]
+    modal += [found.folder / AMPLITUDE for found, own in zip(tests, over, strict=True) if own is not None]
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
     path, options = output / "diagnosis.json", dict[str, object]()
@@ -116,6 +125,23 @@ def diagnose_campaign(
     found = make()
     write_result(path, found, inputs=inputs, options=options)
     return found
+
+
+def by_level(
+    states: Sequence[Stack], tests: Sequence[Identified], over: Sequence[OverAmplitude | None]
+) -> tuple[list[Campaigned], dict[str, AtLevel]]:
+    """Return configurations for a diagnosis, each force level as one of its own, and which level each is."""
+    tested: list[Campaigned] = []
+    levels = {}
+    for state, found, own in zip(states, tests, over, strict=True):
+        pressure = state.contact.pressure
+        if own is None:
+            tested.append((found.configuration.name, pressure, found.modal_model))
+            continue
+        for name, modes, rms in zip(own.dependence.level, own.level, own.rms_motion, strict=True):
+            tested.append((name, pressure, modes))
+            levels[name] = AtLevel(state=found.configuration.name, rms_motion=rms)
+    return tested, levels
 
 
 def print_measurement_findings(campaign_file: Path, output: Path, *, keep: bool = False) -> None:

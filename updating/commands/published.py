@@ -145,5 +145,8 @@ def screen_published(
 def _screened(data: Published, minutes: float, output: Path, calibration: str) -> Screening:
     path, options = output / f"screening_{calibration}.json", {"minutes": minutes}
     inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
-    make = partial(screen, data, calibration, list(catalogue()), seconds=60.0 * minutes)
+    tried = [
+        name for name, effect in catalogue().items() if effect.over_strain is None
+    ]  # amplitudes are not stated
+    make = partial(screen, data, calibration, tried, seconds=60.0 * minutes)
     return kept(path, Screening, make, inputs=inputs, options=options)

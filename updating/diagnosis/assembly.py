@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
-from model import Observation, ReducedEquations, ReducedSystem, observe, solve_modes
+from model import Observation, ReducedEquations, ReducedSystem, contact_strain, observe, solve_modes
 from updating.correlation.registration import register
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
 from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
@@ -20,6 +20,7 @@ from updating.diagnosis.hypotheses import measurement_hypotheses
 from updating.diagnosis.mode_space import ModeSpace
 from updating.diagnosis.residual import covariance_of, unit_shapes
 from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, place_slopes
+from updating.diagnosis.slipping import AtLevel, silent_effects, strain_shares
 from updating.errors import FitError
 
 Vector = NDArray[np.float64]
@@ -77,7 +78,11 @@ class Assembled(Evidence):
 
 
 def assemble_evidence(
-    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: DiagnosisScatter | None = None
+    candidates: CandidateModel,
+    tested: Sequence[Campaigned],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    levels: Mapping[str, AtLevel] | None = None,
 ) -> Assembled:
     """Put measured configurations beside a model and find the measured modes that it has.
 
@@ -89,6 +94,8 @@ def assemble_evidence(
         Name, pressure in Pa and identified modes of each configuration.
     scatter : DiagnosisScatter, optional
         What separates a right model from a right measurement.
+    levels : mapping of str to AtLevel, optional
+        Which force level each configuration is, by its name, where some are levels of one state.
 
     Raises
     ------
@@ -100,21 +107,21 @@ def assemble_evidence(
     if not tested:
         message = "nothing to compare: no configuration was identified"
         raise FitError(message)
-    base = candidates.stack
+    base, silent = candidates.stack, silent_effects(candidates.effects, several_levels=bool(levels))
     observation = tuple(
         register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
     )
     assembled = Assembled(
         stack=base,
-        tested=tuple(Tested(name=name, pressure=p, modes=modes) for name, p, modes in tested),
+        tested=_as_tested(tested, levels or {}),
         used=tuple(np.arange(modes.frequency.size) for _, _, modes in tested),
         equations=candidates.system.equations,
         system=candidates.system,
         observation=observation,
         observed=tuple(observe(candidates.system, o) for o in observation),
         place_slope=tuple(place_slopes(candidates.system, o) for o in observation),
-        effects=candidates.effects,
-        impossible=candidates.impossible,
+        effects={name: effect for name, effect in candidates.effects.items() if name not in silent},
+        impossible={**candidates.impossible, **silent},
         scatter=scatter or DiagnosisScatter(),
         start=np.zeros(0),
         dimensions=tuple(candidates.resized),
@@ -127,14 +134,44 @@ def assemble_evidence(
     )
     started = _started(assembled)
     G_f = started.theta(started.start, 0)["G_f"]
+    return _completed(replace(started, tested=_strained(started, G_f, levels or {})), G_f)
+
+
+def _completed(started: Assembled, G_f: float) -> Assembled:
+    """Return evidence whose fits have a start with all else that is taken from the base model there."""
     started = replace(
         scattered(started),
         sizes=started.scatter.sizes,
         identity=identities(started.tested),
-        shift=tuple(base_shift(started, c, G_f) for c in range(len(tested))),
+        shift=tuple(base_shift(started, c, G_f) for c in range(len(started.tested))),
         hypotheses=measurement_hypotheses(started),
     )
     return replace(started, covariance=covariance_of(started, started.start))
+
+
+def _as_tested(given: Sequence[Campaigned], levels: Mapping[str, AtLevel]) -> tuple[Tested, ...]:
+    states = {name: level.state for name, level in levels.items()}
+    return tuple(
+        Tested(name=name, pressure=p, modes=modes, state=states.get(name, "")) for name, p, modes in given
+    )
+
+
+def _strained(evidence: Assembled, G_f: float, levels: Mapping[str, AtLevel]) -> tuple[Tested, ...]:
+    """Return the configurations with the strains that the contact has, by the base model's shapes, at their levels."""
+    if not levels or not evidence.touching:
+        return evidence.tested
+    contact, found = contact_strain(evidence.system), []
+    for c, own in enumerate(evidence.tested):
+        if own.name not in levels:
+            found.append(own)
+            continue
+        base = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
+        column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
+        amplitude = levels[own.name].rms_motion / np.sqrt(np.mean(base.shape[:, column] ** 2, axis=0))
+        shares = [strain_shares(contact, x) for x in base.coordinate[:, column].T]
+        strain = amplitude[:, None] * np.array(shares)
+        found.append(replace(own, strain=strain))
+    return tuple(found)
 
 
 def _n_gain(sensors: Sequence[NDArray[np.int64]]) -> int:

@@ -31,6 +31,7 @@ from updating.diagnosis.hypotheses import LABELS
 from updating.diagnosis.ranking import rank
 from updating.diagnosis.search import Search, search
 from updating.diagnosis.sensor_gain import sensor_gains
+from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import sentences
 from updating.diagnosis.verdict import decide
 from updating.errors import FitError
@@ -51,6 +52,7 @@ def diagnose(
     executor: Executor | None = None,
     reduced: Callable[..., CandidateModel] = candidate_model,
     asked: Sequence[Sequence[str]] = (),
+    levels: Mapping[str, AtLevel] | None = None,
 ) -> Diagnosis:
     """Say which effect of a catalogue the model of a stack lacks.
 
@@ -70,6 +72,8 @@ def diagnose(
         `candidate_model`, or `cached_model`, which caches the model for the next diagnosis of the same stack.
     asked : sequence of sequence of str
         Effects, or effects together, that are fitted and ranked in any case.
+    levels : mapping of str to AtLevel, optional
+        Which force level each configuration is, by its name, where some are levels of one state.
 
     Raises
     ------
@@ -87,7 +91,8 @@ def diagnose(
     rig = tuple(
         upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested
     )
-    return conclude(assemble_evidence(candidates, tested, scatter=scatter), executor, asked, rig)
+    evidence = assemble_evidence(candidates, tested, scatter=scatter, levels=levels)
+    return conclude(evidence, executor, asked, rig)
 
 
 def conclude(

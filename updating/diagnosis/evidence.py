@@ -133,12 +133,23 @@ class Tested:
         The identified modes, or those that a test is expected to give.
     known : mapping of str to float
         Values of effect parameters that the test sets, such as a known mass.
+    state : str
+        What it has in common with other force levels of the same state; empty where it is a state of its own.
+    strain : (n_mode, n_share) float, optional
+        Strains of equal parts of the contact's energy in resonance of each mode, where amplitudes are known.
     """
 
     name: str
     pressure: float
     modes: Identified
     known: Mapping[str, float] = field(default_factory=dict)
+    state: str = ""
+    strain: Vector | None = None
+
+    @property
+    def assembled(self) -> str:
+        """What was put together once: all its force levels share this name."""
+        return self.state or self.name
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -293,6 +304,15 @@ class Evidence:
     hypotheses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     released: tuple[str, ...] = ()
 
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of what was assembled anew: configurations, force levels of one counted once."""
+        return tuple(dict.fromkeys(t.assembled for t in self.tested))
+
+    def state_of(self, configuration: int) -> int:
+        """Return the place of a configuration's state among `states`."""
+        return self.states.index(self.tested[configuration].assembled)
+
     @property
     def touching(self) -> bool:
         """Whether laminas touch: one alone has no contact, so nothing tells its parameters, nor its damping."""
@@ -344,15 +364,15 @@ class Evidence:
     @property
     def nuisances(self) -> tuple[str, ...]:
         """Names of the nuisance coordinates: logarithms of a ratio, and of places in m."""
-        n = len(self.tested)
+        states = self.states if len(self.states) > 1 else ()
         return (
             *self.shared,
             *self.dimensions,
             *(f"gain[sensor {i + 2}]" for i in range(self.n_gain)),
             POINTS_SHIFT,
             DECAY,
-            *(f"G_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
-            *(f"d_f[{t.name}]" for t in self.tested[: n if n > 1 else 0]),
+            *(f"G_f[{name}]" for name in states),
+            *(f"d_f[{name}]" for name in states),
         )
 
     def unit(self, nuisance: str) -> str:
@@ -362,7 +382,7 @@ class Evidence:
     @property
     def prior_std(self) -> Vector:
         """Prior standard deviation of each nuisance coordinate; infinite for G_f and d_f of laminas that touch."""
-        s, n = self.scatter, len(self.tested)
+        s, n = self.scatter, len(self.states)
         each = [s.stiffness] * n + [s.loss] * n if n > 1 else []
         contact = [np.inf, np.inf, s.young, s.density, s.normal_modulus]
         if not self.touching:
@@ -402,8 +422,8 @@ class Evidence:
         """Return the values of `shared` in a configuration, in their order, at nuisance coordinates."""
         ratio = np.exp(nuisance[: len(SHARED)])
         places = nuisance[len(SHARED) : len(self.shared)].tolist()
-        n = len(self.tested)
-        own = np.exp(nuisance[self.n_common :].reshape(2, n)[:, configuration]) if n > 1 else np.ones(2)
+        n, state = len(self.states), self.state_of(configuration)
+        own = np.exp(nuisance[self.n_common :].reshape(2, n)[:, state]) if n > 1 else np.ones(2)
         contact = self.stack.contact
         at = (contact.G_f * own[0], (contact.d_f or D_F_START) * own[1], 1.0, 1.0, 1.0)
         return dict(zip(self.shared, [*(ratio * at).tolist(), *places], strict=True))

@@ -34,8 +34,8 @@ _WINDOW = 3.0  # 1/s, of a window that falls to a hundredth in 1.5 s
 def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
     """Return the hypotheses that these data allow: of each, the standard deviations that nuisances then have."""
     found: dict[str, Mapping[str, float]] = {}
-    if len(evidence.tested) > 1 and evidence.touching:
-        found[STATED_PRESSURE] = {f"G_f[{own.name}]": _PRESSURE for own in evidence.tested}
+    if len(evidence.states) > 1 and evidence.touching:
+        found[STATED_PRESSURE] = {f"G_f[{name}]": _PRESSURE for name in evidence.states}
     if evidence.dimensions:
         found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, _SIZE)
     if evidence.places:

@@ -23,6 +23,7 @@ from updating.diagnosis.discrepancy import (
 )
 from updating.diagnosis.evidence import SHARED, Evidence, pair, solved, unit_shape
 from updating.diagnosis.mode_space import ModeSpace
+from updating.diagnosis.slipping import Slipped, slip_effect, slipped
 
 Vector = NDArray[np.float64]
 
@@ -270,7 +271,7 @@ def _compared(
         return pair(measured.shape[:, used], measured.frequency[used], gain[:, None] * shape, frequency)[1]
 
     values = {**theta, **{name: v for name, (v, _) in effect.items()}}
-    modes = solved(evidence, c, values, by, differentiated=partners)
+    modes = solved(evidence, c, _linear_part(evidence, c, values), by, differentiated=partners)
     place = [modes.parameter.index(name) for name in by]
     shape, column = gain[:, None] * modes.shape, partners(modes.frequency, modes.shape)
     gradient = gain[:, None, None] * modes.shape_gradient[:, column]
@@ -284,12 +285,16 @@ def _compared(
         return np.log(value / safe), -spread(slope[column]) / safe[:, None]
 
     frequency, frequency_rows = logarithms("frequency", modes.pole_frequency, modes.frequency_gradient)
+    slip = _slip(evidence, c, effect, theta["G_f"], modes, column)
+    frequency_rows[:, len(evidence.nuisances) :] -= slip.root_slope / slip.root[:, None]
     frequency_rows[:, n_shared:n_sized] = -shift.slope[used]
-    frequency = frequency - shift.mesh[used] - shift.slope[used] @ nuisance[n_shared:n_sized]
+    frequency -= np.log(slip.root) + shift.mesh[used] + shift.slope[used] @ nuisance[n_shared:n_sized]
     by_decay = 0.5 / (np.pi * modes.frequency)
     damped = modes.damping + decay * by_decay
+    damped[column] = damped[column] / slip.root + slip.added
     damping, damping_rows = logarithms("damping", damped, modes.damping_gradient)
     least = np.maximum(damped[column], _LEAST * measured.damping[used])
+    damping_rows[:, len(evidence.nuisances) :] -= slip.added_slope / least[:, None]
     damping_rows[:, n_common - 1] = -by_decay[column] / least
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
     along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length
@@ -312,6 +317,38 @@ def _compared(
     )
 
 
+def _linear_part(evidence: Evidence, c: int, values: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters without those of slip, where each mode has its own: the linear model's are left."""
+    effect = None if evidence.tested[c].strain is None else slip_effect(evidence.effects)
+    own = {p.name for p in effect.parameters} if effect else set()
+    return {name: value for name, value in values.items() if name not in own}
+
+
+def _slip(
+    evidence: Evidence,
+    c: int,
+    values: Mapping[str, tuple[float, float]],
+    G_f: float,
+    modes: Modes,
+    column: NDArray[np.int64],
+) -> Slipped:
+    """Return what slip does to the modes that are used, by the coordinates of all effects; nothing at one level."""
+    strain, effect = evidence.tested[c].strain, slip_effect(evidence.effects)
+    own = () if effect is None else tuple(p.name for p in effect.parameters)
+    slopes = np.zeros((2, column.size, len(values)))
+    if strain is None or effect is None or not set(own) <= values.keys():
+        nothing = np.zeros(column.size)
+        return Slipped(root=nothing + 1.0, added=nothing, root_slope=slopes[0], added_slope=slopes[1])
+    by_stiffness = modes.frequency_gradient[column, modes.parameter.index("G_f")]
+    held = 2.0 * G_f * by_stiffness / modes.frequency[column]
+    found = slipped(effect, {n: values[n][0] for n in own}, strain[evidence.used[c]], held)
+    for i, name in enumerate(own):
+        at = list(values).index(name)
+        slopes[0, :, at] = values[name][1] * found.root_slope[:, i]
+        slopes[1, :, at] = values[name][1] * found.added_slope[:, i]
+    return replace(found, root_slope=slopes[0], added_slope=slopes[1])
+
+
 def _by_coordinates(
     evidence: Evidence,
     c: int,
@@ -329,9 +366,10 @@ def _by_coordinates(
     own = derivative * np.array(per)
     full = np.zeros((*own.shape[:-1], n_nuisance + len(effect)))
     full[..., :n_shared], full[..., n_nuisance:] = own[..., :n_shared], own[..., n_shared:]
-    if len(evidence.tested) > 1:
-        full[..., n_common + c] = own[..., 0]
-        full[..., n_common + len(evidence.tested) + c] = own[..., 1]
+    if len(evidence.states) > 1:
+        state = n_common + evidence.state_of(c)
+        full[..., state] = own[..., 0]
+        full[..., state + len(evidence.states)] = own[..., 1]
     return full
 
 

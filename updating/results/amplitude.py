@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ema.identification.amplitude import AmplitudeDependence, Level, amplitude_dependence, at_resonance
 from ema.identification.force_levels import identify_force_levels
 from ema.types.modal_model import ModalModel
 from updating.results.identified import MEASUREMENT, Assignment, Identified, made_from
 from updating.results.store import read_current, read_frf, read_result, write_result
 
-_FILE = "amplitude.json"
+AMPLITUDE = "amplitude.json"
+"""File of modes over amplitude, in the folder of a configuration."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,6 +34,17 @@ class OverAmplitude:
     dependence: AmplitudeDependence
     level: tuple[ModalModel, ...]
     lost: tuple[str, ...]
+
+    @property
+    def rms_motion(self) -> tuple[NDArray[np.float64], ...]:
+        """Root mean square of the displacement amplitudes of all responses of each mode of each level, m."""
+        table = self.dependence
+        found = []
+        for modes, number, motion in zip(self.level, table.mode, table.rms_motion, strict=True):
+            own = np.full(modes.frequency.size, np.nan)
+            own[number[number >= 0]] = motion[number >= 0]
+            found.append(own)
+        return tuple(found)
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -64,7 +79,7 @@ def over_amplitude(assigned: Assignment, found: Identified) -> OverAmplitude | N
         return None
     inputs, options = made_from(assigned)
     inputs = (*inputs, found.folder / MEASUREMENT)
-    path = found.folder / _FILE
+    path = found.folder / AMPLITUDE
     earlier = read_current(path, OverAmplitude, inputs=inputs, options=options)
     if earlier is not None:
         return earlier
@@ -93,4 +108,4 @@ def stored_amplitude(found: Identified) -> OverAmplitude | None:
     configuration = found.configuration
     if not configuration.force_levels or configuration.force is None:
         return None
-    return read_result(found.folder / _FILE, OverAmplitude)
+    return read_result(found.folder / AMPLITUDE, OverAmplitude)

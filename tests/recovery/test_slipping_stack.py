@@ -1,0 +1,114 @@
+"""A stack that slips, tested at three forces: modes over their amplitude from its backbone, diagnosed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.effects.contact_slip import STRAIN
+from updating.blind.case import blind_test, candidates_of, simulated
+from updating.diagnosis.assembly import assemble_evidence
+from updating.diagnosis.diagnosis import conclude
+from updating.diagnosis.slipping import AtLevel
+
+SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
+CONSIDERED = (
+    "clamp_mass",
+    "contact_direction",
+    "contact_loss",
+    "contact_slip",
+    "micro_slip",
+    "pressure_exponent",
+)
+AMPLITUDE = (2e-7, 8e-7, 3e-6)
+LAW = model.SlipLaw(friction=0.3, exponent=-0.4)
+
+
+@pytest.fixture(scope="module")
+def candidates():
+    effects = {name: effect for name, effect in model.catalogue().items() if name in CONSIDERED}
+    return candidates_of(SPECIFICATION, effects)
+
+
+@pytest.fixture(scope="module")
+def system():
+    return model.reduce(model.read_stack(SPECIFICATION.parent / "stack.toml"))
+
+
+def tested(system, seed, law):
+    """One configuration of a played test as three force levels; a law of None is a stack that does not slip."""
+    test = blind_test(SPECIFICATION, seed, (), {})
+    name, pressure, modes = simulated(test)[0]
+    own, strain = test.configurations[0], model.contact_strain(system)
+    given = {"G_f": own.G_f, "d_f": own.d_f, "parameters": {"pressure": pressure}}
+    ratio, added = np.ones((3, modes.frequency.size)), np.zeros((3, modes.frequency.size))
+    linear = [
+        model.backbone(system, strain, model.SlipLaw(friction=1.0), mode=k, amplitude=np.zeros(1), **given)
+        for k in range(10)
+    ]
+    for r, f in enumerate(modes.frequency if law is not None else ()):
+        k = int(np.argmin([abs(np.log(one.frequency[0] / f)) for one in linear]))
+        along = model.backbone(system, strain, law, mode=k, amplitude=np.array(AMPLITUDE), **given)
+        ratio[:, r] = along.frequency / linear[k].frequency[0]
+        added[:, r] = along.damping - linear[k].damping[0]
+    rng, levels, found = np.random.default_rng([seed, 1]), {}, []
+    for i, amplitude in enumerate(AMPLITUDE):
+        scatter = rng.standard_normal((2, modes.frequency.size))
+        frequency = modes.frequency * ratio[i] * (1 + 1e-4 * scatter[0])
+        damping = (modes.damping + added[i]) * (1 + 0.01 * scatter[1])
+        level = f"{name} at {i}"
+        found.append((level, pressure, replace(modes, name=level, frequency=frequency, damping=damping)))
+        rms = amplitude * np.sqrt(np.mean(np.abs(modes.shape) ** 2, axis=0))
+        levels[level] = AtLevel(state=name, rms_motion=rms)
+    return found, levels
+
+
+def test_slip_is_named_with_its_parameters(candidates, system):
+    found, levels = tested(system, 31, LAW)
+    evidence = assemble_evidence(candidates, found, levels=levels)
+    assert evidence.states == (levels[found[0][0]].state,)
+    assert evidence.impossible["micro_slip"].endswith("there are several here")
+    answer = conclude(evidence)
+    assert answer.verdict in ("identified", "partly explained")
+    assert answer.set[0] == ("contact_slip",)
+    best = answer.ranked(("contact_slip",))
+    truth = {
+        "slip_softening": float(LAW.softening(np.array([STRAIN / LAW.sliding_strain(1480.0)]))[0]),
+        "slip_exponent": LAW.exponent,
+    }
+    for parameter in best.parameter:
+        assert parameter.lower < truth[parameter.name] < parameter.upper
+
+
+def test_a_linear_stack_at_three_forces_is_not_called_slipping(candidates, system):
+    found, levels = tested(system, 32, None)
+    answer = conclude(assemble_evidence(candidates, found, levels=levels))
+    assert not any("contact_slip" in effects for effects in answer.set)
+
+
+def test_one_force_level_asks_for_another(candidates, system):
+    found, _ = tested(system, 31, LAW)
+    evidence = assemble_evidence(candidates, found[:1])
+    assert "contact_slip" not in evidence.effects
+    assert "test again at a third or three times the force" in evidence.impossible["contact_slip"]
+
+
+def test_the_residual_of_levels_has_right_derivatives(candidates, system):
+    from updating.diagnosis.residual import residual
+
+    found, levels = tested(system, 31, LAW)
+    evidence = assemble_evidence(candidates, found, levels=levels)
+    parameters = evidence.parameters(["contact_slip"])
+    at, step = np.array([0.3, 0.1]), 1e-4
+    own = residual(evidence, evidence.start, parameters, at)
+    for i in range(2):
+        ahead, behind = (
+            residual(evidence, evidence.start, parameters, at + s * np.eye(2)[i]) for s in (step, -step)
+        )
+        slope = (ahead.rotated - behind.rotated) / (2 * step)
+        column = own.rotated_jacobian[:, len(evidence.nuisances) + i]
+        np.testing.assert_allclose(slope, column, atol=1e-3 * np.abs(column).max())
+    neutral = residual(evidence, evidence.start, parameters, np.zeros(2))
+    np.testing.assert_array_equal(neutral.rotated, residual(evidence, evidence.start).rotated)
