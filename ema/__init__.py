@@ -8,6 +8,7 @@ from ema.identification.force_levels import identify_force_levels
 from ema.identification.identify import Failure, Identification, identify, identify_frf, try_identify
 from ema.identification.poles_file import read_poles, write_poles
 from ema.identification.resonance import Resonances, resonances
+from ema.identification.ring_down import RingDown, ring_down
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.uff import write_uff
 from ema.modal.comparison import Comparison, compare
@@ -50,6 +51,7 @@ __all__ = [
     "ModalModel",
     "Repeats",
     "Resonances",
+    "RingDown",
     "StabilizationDiagram",
     "Verdict",
     "amplitude_dependence",
@@ -79,6 +81,7 @@ __all__ = [
     "real_shape",
     "repeats",
     "resonances",
+    "ring_down",
     "shared_functions",
     "stabilization",
     "synthesize",
