@@ -36,6 +36,9 @@ def test_derivatives_are_those_of_the_values():
         near = slipped(EFFECT, {**at, name: at[name] + 1e-5}, SHARES, HELD)
         np.testing.assert_allclose((near.root - found.root) / 1e-5, found.root_slope[:, i], rtol=2e-3)
         np.testing.assert_allclose((near.added - found.added) / 1e-5, found.added_slope[:, i], rtol=2e-3)
+        before, slope = found.damping(np.array([0.01, 0.02]))
+        after = near.damping(np.array([0.01, 0.02]))[0]
+        np.testing.assert_allclose((after - before) / 1e-5, slope[:, i], rtol=2e-3)
 
 
 def test_the_stated_softening_is_that_at_the_stated_strain():

@@ -291,10 +291,10 @@ def _compared(
     frequency -= np.log(slip.root) + shift.mesh[used] + shift.slope[used] @ nuisance[n_shared:n_sized]
     by_decay = 0.5 / (np.pi * modes.frequency)
     damped = modes.damping + decay * by_decay
-    damped[column] = damped[column] / slip.root + slip.added
+    damped[column], by_slip = slip.damping(damped[column])
     damping, damping_rows = logarithms("damping", damped, modes.damping_gradient)
     least = np.maximum(damped[column], _LEAST * measured.damping[used])
-    damping_rows[:, len(evidence.nuisances) :] -= slip.added_slope / least[:, None]
+    damping_rows[:, len(evidence.nuisances) :] -= by_slip / least[:, None]
     damping_rows[:, n_common - 1] = -by_decay[column] / least
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
     along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length

@@ -59,6 +59,12 @@ class Slipped:
     root_slope: Vector
     added_slope: Vector
 
+    def damping(self, linear: Vector) -> tuple[Vector, Vector]:
+        """Return damping ratios (n,) from those without slip, and their derivatives (n, n_parameter)."""
+        return linear / self.root + self.added, self.added_slope - (linear / self.root**2)[
+            :, None
+        ] * self.root_slope
+
 
 def slip_effect(effects: Mapping[str, Effect]) -> Effect | None:
     """Return the effect that follows amplitude, if there is one."""
