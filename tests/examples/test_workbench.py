@@ -188,11 +188,26 @@ def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder
     page.get_by_role("option", name="clamp mass").click()
     page.keyboard.press("Escape")
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
+    own = page.locator("#response .js-plotly-plot")
+    names = own.evaluate("(plot) => plot.data.map((t) => t.name)")
+    assert names == ["measured", "model before", "model now"]
+    assert own.evaluate("(plot) => plot.data[1].y.some((v, k) => v !== plot.data[2].y[k])")
+
+
+@pytest.mark.slow
+def test_what_is_ticked_is_fitted_and_shown_before_and_after(page, folder):
+    enter(page, "What if")
+    page.wait_for_selector(".slider input", state="attached")
+    page.locator(".slider", has_text="d_f").locator("input[type=checkbox]").uncheck()
     page.locator("#fit-these").click()
     says(page, "#what-if-text", "lamella update")
+    says(page, "#fitted-text", "after the fit")
     given = read_update_file(folder[1] / "what_if.toml")
-    assert given.effects == ("clamp_mass",)
-    assert given.first == {"clamp_added_mass": 0.0}
+    assert "d_f" in given.fixed
+    assert "G_f" not in given.fixed
+    names = page.locator("#fitted_modes .js-plotly-plot").evaluate("(plot) => plot.data.map((t) => t.name)")
+    assert names == ["base model", "with what was found"]
+    assert "G_f" in page.locator("#fitted-text").text_content()
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import asyncio
 import json
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from updating.errors import StoreError
 from updating.workbench.identification_room import toggled
 from updating.workbench.opened import find
 from updating.workbench.run import Command
-from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, write_specification
+from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response, write_specification
 
 G_F = Knob(name="G_f", unit="Pa/Pa", lower=100.0, upper=10_000.0, start=1280.0, logarithmic=True)
 MASS = Knob(name="clamp_added_mass", unit="kg", lower=-0.5, upper=1.5, start=0.0, logarithmic=False)
@@ -41,10 +42,18 @@ def test_a_click_takes_a_pole_and_the_next_one_there_drops_it():
 def test_what_was_tried_is_written_as_an_updating_file_that_begins_there(tmp_path):
     values = {"G_f": 1500.0, "clamp_added_mass": 0.3}
     path = tmp_path / "what_if.toml"
-    write_specification(path, Path("somewhere/campaign.toml"), ["clamp_mass"], (G_F, MASS), values)
+    write_specification(
+        path, Path("somewhere/campaign.toml"), ["clamp_mass"], (G_F, MASS), values, ["G_f", MASS.name]
+    )
     given = read_update_file(path)
     assert given.effects == ("clamp_mass",)
     assert given.first == {"clamp_added_mass": 0.3}
+    assert given.fixed == {}
+    write_specification(
+        path, Path("somewhere/campaign.toml"), ["clamp_mass"], (G_F, MASS), values, [MASS.name]
+    )
+    given = read_update_file(path)
+    assert (given.first, given.fixed) == ({"clamp_added_mass": 0.3}, {"G_f": 1500.0})
     (file,) = (own["file"] for own in tomllib.loads(path.read_text(encoding="utf-8"))["campaign"])
     assert Path(file).is_absolute()
 
@@ -53,13 +62,28 @@ def test_what_the_model_does_now_is_drawn_beside_what_it_did_before():
     def made(model):
         return Outcome(
             measured=np.array([100.0, 200.0]), model=np.array(model), likeness=np.array([0.9, 0.8]),
-            mode=np.array([0, 2]), error=0.0,
+            mode=np.array([0, 2]), error=0.0, modes=None,
         )  # fmt: skip
 
     before, now, *_ = json.loads(outcome_chart(made([101.0, 198.0]), made([100.0, 200.0])))["data"]
     np.testing.assert_allclose(before["y"], [1.0, -1.0])
     np.testing.assert_allclose(now["y"], [0.0, 0.0], atol=1e-12)
     assert now["x"] == ["1: 100 Hz", "3: 200 Hz"]
+
+
+def test_the_function_of_a_mass_on_a_spring_is_that_of_the_textbook():
+    f, xi, mass = 50.0, 0.02, 4.0
+    modes = SimpleNamespace(
+        frequency=np.array([f]),
+        damping=np.array([xi]),
+        shape=np.array([[mass**-0.5]]),
+        coordinate=np.array([[2.0]]),
+    )
+    force = SimpleNamespace(reduced_rows=np.array([[0.5 * mass**-0.5]]))
+    lines = SimpleNamespace(frequency=np.array([20.0, 50.0, 90.0]), quantity="accelerance")
+    omega, natural = 2 * np.pi * lines.frequency, 2 * np.pi * f
+    expected = -(omega**2) / mass / (natural**2 - omega**2 + 2j * xi * natural * omega)
+    np.testing.assert_allclose(response(modes, 0, force, lines), expected)
 
 
 def test_a_campaign_without_results_is_made_once_and_nothing_is_refused(tmp_path):

@@ -9,9 +9,11 @@ import typer
 
 from updating.commands.options import Keep, ResultsFolder
 from updating.commands.terminal import OUT
+from updating.report.moving import write_gifs
 from updating.report.page import write_report
 from updating.report.pdf import print_pdf
 from updating.report.results import read_results
+from updating.report.slides import write_slides
 from updating.workers.workers import workers
 
 EXAMPLE = "lamella report out/demo --pdf"
@@ -22,6 +24,12 @@ def report(
     pdf: Annotated[
         bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
     ] = False,
+    pptx: Annotated[
+        bool, typer.Option("--pptx", help="Write the main pages as slides, report.pptx, too.")
+    ] = False,
+    gif: Annotated[
+        bool, typer.Option("--gif", help="Write every mode shape as a GIF that moves, too.")
+    ] = False,
     keep: Keep = False,
 ) -> None:
     """Make one self-contained HTML page from the results in a folder.
@@ -30,11 +38,16 @@ def report(
     """
     with OUT.status("drawing"):
         page = make_report(folder, keep=keep)
-    for sentence in read_results(folder, keep=keep).remarks:
+    results = read_results(folder, keep=keep)
+    for sentence in results.remarks:
         OUT.print(sentence, highlight=False)
     OUT.print(f"Report: {page}")
     if pdf:
         OUT.print(f"PDF: {print_pdf(page)}")
+    if pptx:
+        OUT.print(f"Slides: {write_slides(results)}")
+    if gif:
+        OUT.print(f"{len(write_gifs(results))} moving shapes: {folder / 'figures'}")
 
 
 def make_report(folder: Path, *, keep: bool = False) -> Path:

@@ -108,9 +108,15 @@ def solve_target(
     prepared: Prepared, values: Mapping[str, float], by: Collection[str]
 ) -> tuple[Modes, NDArray[np.int64]]:
     """Return elastic modes and the column of each measured mode; -1 where the model has none of its class."""
+    modes = solve_every(prepared, values, by).elastic()
+    return modes, partners(prepared, modes)
+
+
+def solve_every(prepared: Prepared, values: Mapping[str, float], by: Collection[str]) -> Modes:
+    """Return all modes, those of the rigid body first, for some values of the parameters."""
     target = prepared.target
     rest = {name: value for name, value in values.items() if name not in ("G_f", "d_f")}
-    modes = solve_modes(
+    return solve_modes(
         prepared.system,
         G_f=values.get("G_f", target.stack.contact.G_f),
         d_f=values.get("d_f", 0.0),
@@ -118,12 +124,17 @@ def solve_target(
         observation=prepared.observed,
         parameters={"pressure": target.stack.contact.pressure, **rest},
         by=by,
-    ).elastic()
+    )
+
+
+def partners(prepared: Prepared, modes: Modes) -> NDArray[np.int64]:
+    """Return the column among elastic modes of each measured mode; -1 where there is none of its class."""
+    target = prepared.target
     if target.shape_class:
         names = shape_classes(modes)
-        return modes, np.array([names.index(n) if n in names else -1 for n in target.shape_class], np.int64)
+        return np.array([names.index(n) if n in names else -1 for n in target.shape_class], np.int64)
     likeness = np.where(visible(modes.shape), mac(target.shape, modes.shape), 0.0)
-    return modes, np.asarray(linear_sum_assignment(likeness, maximize=True)[1], np.int64)
+    return np.asarray(linear_sum_assignment(likeness, maximize=True)[1], np.int64)
 
 
 def _pairs(prepared: Prepared, bounds: tuple[float, float], threshold: float) -> NDArray[np.bool_]:

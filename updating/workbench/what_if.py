@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,17 +12,22 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac
-from model import catalogue, find_effects, read_stack
+from ema.plot.figures import UNIT
+from ema.types.frf import DERIVATIVE, FRF
+from model import Modes, Observed, catalogue, find_effects, observe, read_stack
+from updating.correlation.registration import register
+from updating.errors import PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS
 from updating.fitting.objective import frequency_error
-from updating.fitting.prepared import Prepared, prepare, solve_target
+from updating.fitting.prepared import Prepared, partners, prepare, solve_every
 from updating.fitting.target import stack_in_state, target_of_modes
-from updating.report.chart_part import FITTED, MEASURED, axis, chart, legend_above
+from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above, single
 from updating.report.results import Tested
 from updating.results.store import write_bytes
 from updating.results.text import quantity
 
 STEPS = 1000  # of a slider
+CONTACT = ("G_f", "d_f")
 _PRESSURES = (0.25, 4.0)  # of the stated one, over which it can be tried
 
 
@@ -83,6 +88,8 @@ class Outcome:
         Number of each measured mode, from 0.
     error : float
         Mean relative frequency error, eq. (2).
+    modes : Modes
+        All modes of the model, those of the rigid body first.
     """
 
     measured: NDArray[np.float64]
@@ -90,6 +97,7 @@ class Outcome:
     likeness: NDArray[np.float64]
     mode: NDArray[np.int64]
     error: float
+    modes: Modes
 
 
 def prepared_model(
@@ -138,7 +146,9 @@ def knobs(tested: Tested, prepared: Prepared) -> tuple[Knob, ...]:
 
 def outcome(prepared: Prepared, values: Mapping[str, float]) -> Outcome:
     """Solve the reduced model for some values of its parameters."""
-    modes, column = solve_target(prepared, values, ())
+    every = solve_every(prepared, values, ())
+    modes = every.elastic()
+    column = partners(prepared, modes)
     mode = np.flatnonzero(prepared.used & (column >= 0))
     target = prepared.target
     likeness = mac(target.shape[:, mode], modes.shape[:, column[mode]])
@@ -149,6 +159,7 @@ def outcome(prepared: Prepared, values: Mapping[str, float]) -> Outcome:
         likeness=np.diag(likeness).copy(),
         mode=mode,
         error=frequency_error(measured, model),
+        modes=every,
     )
 
 
@@ -181,10 +192,76 @@ def outcome_chart(before: Outcome, now: Outcome) -> str:
     )
 
 
+def driven(tested: Tested, prepared: Prepared) -> Observed | None:
+    """Observe the model where the force acts; None where the points do not say where that is."""
+    measured = tested.measured
+    try:
+        force = register(
+            prepared.target.stack, measured.geometry, measured.input.node[:1], measured.input.direction[:1]
+        )
+    except PairingError:
+        return None
+    return observe(prepared.system, force.observation)
+
+
+def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[np.complex128]:
+    """Return the function of the model from the force to a measured output, (n_frequency,), in the lines' quantity.
+
+    The modes that are solved are added up, those of the rigid body among them (Ewins, Modal Testing, 2nd ed., sec.
+    2.8); what further modes leave between resonances is not in it.
+    """
+    s = 2j * np.pi * lines.frequency[:, None]
+    natural = 2.0 * np.pi * modes.frequency
+    strength = modes.shape[output] * (force.reduced_rows @ modes.coordinate)[0]
+    terms = strength / (s**2 + 2.0 * modes.damping * natural * s + natural**2)
+    return np.asarray(terms.sum(axis=1) * s[:, 0] ** DERIVATIVE[lines.quantity])
+
+
+def response_chart(
+    lines: FRF, output: int, before: NDArray[np.complex128], now: NDArray[np.complex128]
+) -> str:
+    """Draw a measured function, and what the model made of it before and makes of it now."""
+    traces = [
+        {
+            "type": "scatter", "x": single(lines.frequency), "y": single(np.abs(value)), "name": name, "line": style,
+            "hovertemplate": "%{y:.3~g}",
+        }
+        for value, name, style in (
+            (lines.value[output, 0], "measured", {"color": MEASURED, "width": 2.5}),
+            (before, "model before", {"color": FITTED, "width": 1, "dash": "dot"}),
+            (now, "model now", {"color": ACCENT, "width": 1.5}),
+        )
+    ]  # fmt: skip
+    size = np.abs(lines.value[output, 0])
+    reach = np.add(np.log10(np.quantile(size[size > 0.0], [0.01, 1.0])), (-0.5, 1.0))
+    return chart(
+        traces,
+        {
+            "xaxis": axis("frequency [Hz]"),
+            "yaxis": axis(
+                f"{lines.output.name(output)} over {lines.input.name(0)} [{UNIT[lines.quantity]}]",
+                type="log", exponentformat="power", range=reach.tolist(),
+            ),
+            "hovermode": "x unified",
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 30},
+            "uirevision": "kept",
+        },
+    )  # fmt: skip
+
+
 def write_specification(
-    path: Path, campaign: Path, effects: Sequence[str], own: Sequence[Knob], values: Mapping[str, float]
+    path: Path,
+    campaign: Path,
+    effects: Sequence[str],
+    own: Sequence[Knob],
+    values: Mapping[str, float],
+    freed: Collection[str],
 ) -> None:
-    """Write an updating file that fits the effects that were tried, and begins with their values."""
+    """Write an updating file that frees some parameters and keeps the others at their values.
+
+    Those of effects begin with their values, too. The pressure is that of each configuration.
+    """
     lines = [
         'name = "What was tried in the workbench"',
         f"effects = [{', '.join(json.dumps(e) for e in effects)}]",
@@ -193,6 +270,8 @@ def write_specification(
         f"file = {json.dumps(str(campaign.absolute()), ensure_ascii=False)}",
     ]
     for knob in own:
-        if knob.name not in ("G_f", "d_f", "pressure"):
-            lines += ["", f"[parameter.{knob.name}]", f"start = {values[knob.name]!r}"]
+        if knob.name == "pressure" or (knob.name in CONTACT and knob.name in freed):
+            continue
+        what = "start" if knob.name in freed else "fixed"
+        lines += ["", f"[parameter.{knob.name}]", f"{what} = {values[knob.name]!r}"]
     write_bytes(path, ("\n".join(lines) + "\n").encode())

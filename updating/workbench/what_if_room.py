@@ -7,36 +7,47 @@ import shlex
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ema import read_campaign
-from model import catalogue
+from ema.types.frf import FRF
+from model import Observed, catalogue
 from updating.errors import LAMELLA_ERRORS
 from updating.fitting.prepared import Prepared
 from updating.fitting.target import model_file
-from updating.results.text import percent
+from updating.report.change_part import mode_changes, mode_chart
+from updating.report.results import Results, read_results
+from updating.results.text import Z95, percent, uncertain
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
+from updating.workbench.run import Command
 from updating.workbench.what_if import (
     STEPS,
     Knob,
     Outcome,
+    driven,
     knobs,
     outcome,
     outcome_chart,
     prepared_model,
+    response,
+    response_chart,
     write_specification,
 )
 
 TITLE, ICON = "What if", "mdi-tune-variant"
-_FILE = "what_if.toml"
+_FILE, _FOLDER = "what_if.toml", "what_if"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Tried:
-    """What is being tried: the model, what can be moved, and what it did first."""
+    """What is being tried: the model, what can be moved, what it did first, and the functions that were measured."""
 
     prepared: Prepared
     knobs: tuple[Knob, ...]
     before: Outcome
+    lines: FRF
+    force: Observed | None
 
 
 def room(server: Any, opened: Opened) -> None:
@@ -45,12 +56,19 @@ def room(server: Any, opened: Opened) -> None:
     server.state.update(
         {
             "effect_list": labels, "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
-            "preparing": False, "what_if_text": "",
+            "preparing": False, "what_if_text": "", "response": empty(), "channel": 0, "channels": [],
+            "fitted_modes": empty(), "fitted_text": "", "fitting": False,
         }
     )  # fmt: skip
     own = _WhatIf(server.state, opened)
     server.controller.move = own.move
-    server.controller.write_what_if = own.write
+    server.controller.tick = own.tick
+    server.controller.fit_what_if = own.fit
+    server.controller.stop_what_if = own.command.stop
+
+    @server.state.change("channel")
+    def choose_channel(**_: Any) -> None:
+        own.draw_response()
 
     @server.state.change("room", "configuration", "tried_effects")
     def enter(room: str, **_: Any) -> None:
@@ -65,7 +83,9 @@ class _WhatIf:
         self.state, self.opened = state, opened
         self._tried: _Tried | None = None
         self._values: dict[str, float] = {}
+        self._now: Outcome | None = None
         self._awaited = False
+        self.command = Command(self._said)
 
     async def begin(self) -> None:
         """Reduce the model in the background and put the sliders up."""
@@ -85,9 +105,19 @@ class _WhatIf:
         with self.state as state:
             state.preparing, state.what_if_text = False, ""
             state.sliders = [
-                {"name": own.name, "step": own.step(own.start), "text": own.text(own.start)}
+                {
+                    "name": own.name, "step": own.step(own.start), "text": own.text(own.start),
+                    "free": own.name != "pressure", "can": own.name != "pressure",
+                }
                 for own in tried.knobs
+            ]  # fmt: skip
+            names = [
+                f"{tried.lines.output.name(o)} over {tried.lines.input.name(0)}"
+                for o in range(tried.lines.output.node.size)
             ]
+            at_point = np.flatnonzero(tried.lines.output.node == state.point)
+            state.channels = [{"title": name, "value": o} for o, name in enumerate(names)]
+            state.channel = int(at_point[0]) if at_point.size else 0
             self._draw(tried)
 
     def _try(self, name: str, effects: list[str]) -> _Tried:
@@ -96,7 +126,13 @@ class _WhatIf:
         file = model_file(campaign, "what if")
         made = prepared_model(tested, campaign.configuration(name), file, effects)
         own = knobs(tested, made)
-        return _Tried(prepared=made, knobs=own, before=outcome(made, {knob.name: knob.start for knob in own}))
+        return _Tried(
+            prepared=made,
+            knobs=own,
+            before=outcome(made, {knob.name: knob.start for knob in own}),
+            lines=tested.frf().band(*tested.measured.band),
+            force=driven(tested, made),
+        )
 
     def move(self, index: int, step: float) -> None:
         """Take a slider's place; what came before the picture was drawn is drawn once."""
@@ -122,22 +158,74 @@ class _WhatIf:
                 state.what_if_text = str(error)
 
     def _draw(self, tried: _Tried) -> None:
-        now = outcome(tried.prepared, self._values)
+        now = self._now = outcome(tried.prepared, self._values)
         self.state.outcome = figure(outcome_chart(tried.before, now))
+        self.draw_response()
         self.state.outcome_text = (
             f"Mean frequency error {percent(now.error)} (before: {percent(tried.before.error)}), lowest MAC "
             f"{now.likeness.min():.3f}"
         )
 
-    def write(self) -> None:
-        """Write an updating file that begins where the sliders are."""
-        if self._tried is None:
+    def draw_response(self) -> None:
+        """Draw the chosen function, measured and of the model before and now."""
+        tried, now, output = self._tried, self._now, self.state.channel
+        if (
+            tried is None
+            or now is None
+            or tried.force is None
+            or not 0 <= output < tried.lines.output.node.size
+        ):
             return
-        path = self.opened.folder / _FILE
-        effects = self.state.tried_effects
-        write_specification(path, self.opened.campaign, effects, self._tried.knobs, self._values)
-        words = ["lamella", "update", str(path), "-o", str(self.opened.folder / "what_if")]
-        self.state.what_if_text = f"Written. Fit these: {shlex.join(words)}"
+        before, after = (response(own.modes, output, tried.force, tried.lines) for own in (tried.before, now))
+        self.state.response = figure(response_chart(tried.lines, output, before, after))
+
+    def tick(self, index: int, free: bool) -> None:
+        """Free a parameter in the fit, or keep it where its slider is."""
+        sliders = [dict(own) for own in self.state.sliders]
+        if 0 <= index < len(sliders):
+            sliders[index]["free"] = free
+            self.state.sliders = sliders
+
+    def fit(self) -> None:
+        """Write an updating file that frees what is ticked, and fit it."""
+        state = self.state
+        freed = [own["name"] for own in state.sliders if own["free"]]
+        if self._tried is None or self.command.running or not freed:
+            return
+        path, folder = self.opened.folder / _FILE, self.opened.folder / _FOLDER
+        write_specification(
+            path, self.opened.campaign, state.tried_effects, self._tried.knobs, self._values, freed
+        )
+        words = ["update", str(path), "-o", str(folder)]
+        state.what_if_text, state.fitting = f"This is: {shlex.join(['lamella', *words])}", True
+        self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._fitted))
+
+    def _said(self, lines: list[str]) -> None:
+        with self.state as state:
+            state.fitted_text = lines[-1] if lines else ""
+
+    async def _fitted(self, code: int) -> None:
+        with self.state as state:
+            state.fitting = False
+            if code != 0:
+                state.fitted_text = f"The fit ended with exit code {code}: {state.fitted_text}"
+                return
+            results = read_results(self.opened.folder / _FOLDER)
+            state.fitted_modes = figure(mode_chart(mode_changes(results)))
+            state.fitted_text = fitted_sentence(results)
+
+
+def fitted_sentence(results: Results) -> str:
+    """Say what a fit changed: the error before and after, and each parameter with half of its 95 % interval."""
+    if results.updated is None:
+        return ""
+    fit = results.updated.fit
+    values = (
+        f"{p.name} {p.group}".strip() + f" = {uncertain(p.value, Z95 * p.std)} {p.unit}"
+        for p in fit.parameter
+    )
+    fall = f"{percent(fit.error(before=True))} before and {percent(fit.error())} after"
+    return f"Mean frequency error {fall} the fit. {'; '.join(values)}"
 
 
 def show(server: Any) -> None:
@@ -152,19 +240,39 @@ def show(server: Any) -> None:
                 closable_chips=True, density="compact", hide_details=True, id="effects",
             )  # fmt: skip
             vuetify3.VProgressLinear(indeterminate=True, v_if="preparing")
-            with html.Div(v_for="(own, i) in sliders", key="own.name", classes="mt-2 slider"):
-                html.Div("{{ own.name }} = <b>{{ own.text }}</b>", classes="text-body-2")
-                vuetify3.VSlider(
-                    model_value=("own.step",), min=0, max=STEPS, step=1, hide_details=True, density="compact",
-                    update_modelValue=(controller.move, "[i, $event]"), aria_label=("own.name",),
+            with html.Div(
+                v_for="(own, i) in sliders", key="own.name", classes="mt-2 slider d-flex align-center"
+            ):
+                vuetify3.VCheckboxBtn(
+                    model_value=("own.free",), disabled=("!own.can",), density="compact", style="flex: 0 0 auto",
+                    update_modelValue=(controller.tick, "[i, $event]"),
                 )  # fmt: skip
-            vuetify3.VBtn(
-                "Write these as an updating file",
-                click=controller.write_what_if,
-                classes="mt-2",
-                id="fit-these",
+                with html.Div(style="flex: 1 1 auto; min-width: 0"):
+                    html.Div("{{ own.name }} = <b>{{ own.text }}</b>", classes="text-body-2")
+                    vuetify3.VSlider(
+                        model_value=("own.step",), min=0, max=STEPS, step=1, hide_details=True, density="compact",
+                        update_modelValue=(controller.move, "[i, $event]"), aria_label=("own.name",),
+                    )  # fmt: skip
+            with html.Div(classes="d-flex ga-2 mt-2"):
+                vuetify3.VBtn(
+                    "Fit these", click=controller.fit_what_if, color="primary", id="fit-these",
+                    disabled=("fitting || !sliders.some((own) => own.free)",),
+                )  # fmt: skip
+                vuetify3.VBtn("Stop", click=controller.stop_what_if, color="error", v_if="fitting")
+            html.P(
+                "What is ticked is fitted, for all configurations together; the rest stays where its slider is.",
+                classes="text-caption",
             )
             html.P("{{ what_if_text }}", classes="text-body-2 mt-2", id="what-if-text")
         with vuetify3.VCol(cols=12, md=7, v_show="outcome_text"):
             html.P("{{ outcome_text }}", classes="text-subtitle-1", id="outcome-text")
-            plot("outcome", 520)
+            plot("outcome", 380)
+            vuetify3.VSelect(
+                v_model=("channel",), items=("channels",), label="Function", density="compact", hide_details=True,
+                id="channel", style="max-width: 320px",
+            )  # fmt: skip
+            plot("response", 320)
+    vuetify3.VProgressLinear(indeterminate=True, v_if="fitting")
+    html.P("{{ fitted_text }}", classes="text-subtitle-1 mt-2", id="fitted-text")
+    with html.Div(v_show="fitted_modes.data.length"):
+        plot("fitted_modes", 320)
