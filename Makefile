@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all test-lowest test-newest lint docs picture benchmark blind published clean
+.PHONY: demo test test-all test-lowest test-newest lint docs picture benchmark blind fuzz published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -56,6 +56,12 @@ benchmark: $(READY)
 
 blind: $(READY)
 	$(BIN)/python -m pytest -m blind -s
+
+# MINUTES of mutated inputs; what finds a fault is kept in out/fuzz and read first the next time.
+MINUTES ?= 10
+
+fuzz: $(READY)
+	$(BIN)/python -m tests.recovery.fuzz --minutes $(MINUTES) --corpus out/fuzz
 
 published: $(READY)
 	$(BIN)/lamella published -o out/published

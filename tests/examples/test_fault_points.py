@@ -99,11 +99,18 @@ def in_a_child(work, faulty):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
+N_WRITE = {"fit": 6, "ema": 14}
+"""Files that each command writes for one configuration."""
 FAULTS = ["killed before", "killed amidst", "killed after", "disk full"]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("command", ["fit", "ema"])
+QUICK = ("fit", "killed amidst")
+
+
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [pytest.param(c, f, marks=() if (c, f) == QUICK else pytest.mark.slow) for c in N_WRITE for f in FAULTS],
+)
 def test_every_write(commands, written, tmp_path, monkeypatch, command, fault):
     work, whole = commands[command], tmp_path / "whole"
     counter = Faulty(0, fault)
@@ -111,7 +118,7 @@ def test_every_write(commands, written, tmp_path, monkeypatch, command, fault):
         counting.setattr(Path, "replace", counter.method())
         work(whole)
     expected = written(whole)
-    assert counter.count == len(expected) >= 6
+    assert counter.count == len(expected) == N_WRITE[command]
     for at in range(1, counter.count + 1):
         out = tmp_path / str(at)
         code = in_a_child(partial(work, out), Faulty(at, fault))
