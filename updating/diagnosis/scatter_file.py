@@ -15,8 +15,7 @@ from updating.errors import FitError
 _KEYS: dict[str, Any] = {
     field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(DiagnosisScatter)
 }
-ScatterFile = create_model("ScatterFile", __base__=Section, **_KEYS)
-"""The form of the whole file."""
+ScatterFile = create_model("ScatterFile", __base__=Section, __doc__="The form of the whole file.", **_KEYS)
 
 
 def read_scatter(path: Path) -> DiagnosisScatter:
