@@ -13,6 +13,8 @@ from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude
 from updating.diagnosis.slipping import AtLevel
 
+pytestmark = pytest.mark.slow
+
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 CONSIDERED = (
     "clamp_mass",
