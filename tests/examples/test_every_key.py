@@ -144,6 +144,9 @@ order = 8
 CAMPAIGN_BLOCKS = CAMPAIGN_TIME.replace(
     "response_end = 0.9\nforce_s = 1.5\n", "block_s = 2\noverlap = 0.5\n"
 ).replace('["blow_1.csv", "blow_2.csv"]', '"record.csv"')
+CAMPAIGN_HITS = CAMPAIGN_BLOCKS.replace(
+    "block_s = 2\noverlap = 0.5\n", "block_s = 1.5\nbefore_hit_s = 0.05\n"
+)
 
 
 def variables(frf, frequency):
@@ -432,6 +435,7 @@ class Used:
 FILES = {
     "table": Used(CampaignFile, CAMPAIGN_TABLE, "ema"),
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
+    "hits": Used(CampaignFile, CAMPAIGN_HITS, "ema", slow=True),
     "blocks": Used(CampaignFile, CAMPAIGN_BLOCKS, "ema", slow=True),
     "variables": Used(CampaignFile, variables('frf = "H"', "axis_start = 60\naxis_step = 0.5"), "ema"),
     "parts": Used(
