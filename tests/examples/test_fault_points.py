@@ -15,6 +15,7 @@ import pytest
 from rich.console import Console
 
 from ema.campaign.campaign import read_campaign
+from ema.types.errors import EmaError
 from updating.commands import ema as ema_command
 from updating.commands import fit as fit_command
 from updating.commands.ema import identify_campaign
@@ -22,7 +23,7 @@ from updating.commands.fit import fit_campaign
 from updating.errors import StoreError, WorkerError
 from updating.fitting.fit import Fit
 from updating.results import identified
-from updating.results.identified import assignments
+from updating.results.identified import assignments, require_none
 from updating.results.store import kept, read_result
 from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers
@@ -51,7 +52,7 @@ def commands(numbers, monkeypatch):
     monkeypatch.setattr(ema_command, "as_png", lambda _: b"picture")
     return {
         "fit": lambda folder: list(fit_campaign(campaign, folder, 0.8, QUIET)),
-        "ema": lambda folder: identify_campaign(campaign, folder, None, QUIET),
+        "ema": lambda folder: require_none(identify_campaign(campaign, folder, None, QUIET)[2], 1),
     }
 
 
@@ -91,7 +92,7 @@ def in_a_child(work, faulty):
         Path.replace = faulty.method()
         try:
             work()
-        except StoreError:
+        except (StoreError, EmaError):
             os._exit(FULL)
         except BaseException:
             os._exit(1)
