@@ -39,7 +39,7 @@ def system():
     return model.reduce(model.read_stack(SPECIFICATION.parent / "stack.toml"))
 
 
-def tested(system, seed, law):
+def levels_of(system, seed, law):
     """One configuration of a played test as three force levels; a law of None is a stack that does not slip."""
     test = blind_test(SPECIFICATION, seed, (), {})
     name, pressure, modes = simulated(test)[0]
@@ -68,7 +68,7 @@ def tested(system, seed, law):
 
 
 def test_slip_is_named_with_its_parameters(candidates, system):
-    found, levels = tested(system, 31, LAW)
+    found, levels = levels_of(system, 31, LAW)
     evidence = assemble_evidence(candidates, found, levels=levels)
     assert evidence.states == (levels[found[0][0]].state,)
     assert evidence.impossible["micro_slip"].endswith("there are several here")
@@ -85,13 +85,13 @@ def test_slip_is_named_with_its_parameters(candidates, system):
 
 
 def test_a_linear_stack_at_three_forces_is_not_called_slipping(candidates, system):
-    found, levels = tested(system, 32, None)
+    found, levels = levels_of(system, 32, None)
     answer = conclude(assemble_evidence(candidates, found, levels=levels))
     assert not any("contact_slip" in effects for effects in answer.set)
 
 
 def test_one_force_level_asks_for_another(candidates, system):
-    found, _ = tested(system, 31, LAW)
+    found, _ = levels_of(system, 31, LAW)
     evidence = assemble_evidence(candidates, found[:1])
     assert "contact_slip" not in evidence.effects
     assert "test again at a third or three times the force" in evidence.impossible["contact_slip"]
@@ -100,7 +100,7 @@ def test_one_force_level_asks_for_another(candidates, system):
 def test_the_residual_of_levels_has_right_derivatives(candidates, system):
     from updating.diagnosis.residual import residual
 
-    found, levels = tested(system, 31, LAW)
+    found, levels = levels_of(system, 31, LAW)
     evidence = assemble_evidence(candidates, found, levels=levels)
     parameters = evidence.parameters(["contact_slip"])
     at, step = np.array([0.3, 0.1]), 1e-4
