@@ -7,19 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.command import lamella
+
 ROOT = Path(__file__).parents[2]
-
-
-def lamella(*arguments, cwd=ROOT):
-    """Run the command line in a process of its own."""
-    code = "from updating.commands.command_line import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_a_command_starts_without_libraries_that_few_commands_need():
@@ -32,12 +22,12 @@ def test_a_command_starts_without_libraries_that_few_commands_need():
     assert done.stdout.strip() == "[]"
 
 
-def test_ema_prints_a_table_and_writes_results(tmp_path):
-    done = lamella("ema", "data/demo_stack/campaign.toml", "-o", tmp_path)
+def test_ema_prints_a_table_and_writes_results(write_small_campaign, tmp_path):
+    done = lamella("ema", write_small_campaign(tmp_path, 2), "-o", tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "M1" in done.stdout
+    assert "C1" in done.stdout
     assert "damping [%]" in done.stdout
-    for name in ("M1", "M2"):
+    for name in ("C1", "C2"):
         written = json.loads((tmp_path / name / "modal_model.json").read_text(encoding="utf-8"))
         assert written["kind"] == "ModalModel"
         assert set(written["provenance"]) == {"versions", "inputs", "options"}
@@ -45,25 +35,17 @@ def test_ema_prints_a_table_and_writes_results(tmp_path):
         assert (tmp_path / name / "frf.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_edited_poles_are_given_back(tmp_path):
+def test_edited_poles_are_given_back(write_small_campaign, tmp_path):
     """A pole taken out of poles.txt is gone from the result of the second run, and only that one."""
-    campaign = tmp_path / "campaign.toml"
-    text = (ROOT / "data/demo_stack/campaign.toml").read_text(encoding="utf-8")
-    cut = text[: text.rindex("[[configuration]]")]
-    campaign.write_text(
-        cut.replace("stack.toml", str(ROOT / "data/demo_stack/stack.toml"))
-        .replace("points.csv", str(ROOT / "data/demo_stack/points.csv"))
-        .replace("M1/run", f"{ROOT}/data/demo_stack/M1/run"),
-        encoding="utf-8",
-    )
+    campaign = write_small_campaign(tmp_path, 1)
     assert lamella("ema", campaign, "-o", tmp_path / "first").returncode == 0
-    poles = tmp_path / "first/M1/poles.txt"
+    poles = tmp_path / "first/C1/poles.txt"
     lines = poles.read_text(encoding="utf-8").splitlines()
     poles.write_text("\n".join(lines[:-1]), encoding="utf-8")
     done = lamella("ema", campaign, "-o", tmp_path / "second", "--poles", tmp_path / "first")
     assert done.returncode == 0, done.stderr
     first, second = (
-        json.loads((tmp_path / run / "M1/modal_model.json").read_text(encoding="utf-8"))["result"][
+        json.loads((tmp_path / run / "C1/modal_model.json").read_text(encoding="utf-8"))["result"][
             "frequency"
         ]
         for run in ("first", "second")

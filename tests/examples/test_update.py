@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,10 @@ SPEC = ROOT / "data/demo_stack/update.toml"
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory):
+def done(demo, tmp_path_factory):
+    """What is made of the identified modes of the demo."""
     folder = tmp_path_factory.mktemp("update")
+    shutil.copytree(demo[0], folder, dirs_exist_ok=True)
     return folder, run_update(SPEC, folder, Console(quiet=True))
 
 

@@ -56,12 +56,10 @@ def test_nothing_is_missing_where_nothing_is_hidden(candidates):
     assert found.sentences[0].startswith("Nothing is missing that these data can show")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "values"),
-    [
-        ("contact_direction", {"G_yz_ratio": 0.8}),
-        pytest.param("pressure_exponent", {"exponent": 0.5}, marks=pytest.mark.slow),
-    ],
+    [("contact_direction", {"G_yz_ratio": 0.8}), ("pressure_exponent", {"exponent": 0.5})],
 )
 def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue, name, values):
     found = diagnosed(candidates, (catalogue[name],), values, 12)

@@ -2,14 +2,13 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import model
 from model.effects.conformance import effect_faults
+from tests.command import lamella
 from updating.commands.effect_option import with_named_effects
 
 ROOT = Path(__file__).parents[2]
@@ -33,18 +32,6 @@ normal_modulus_GPa = 1
 n_x = 6
 n_y = 2
 """
-
-
-def lamella(*arguments):
-    """Run the command line in a process of its own."""
-    code = "from updating.commands.command_line import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 @pytest.fixture

@@ -118,6 +118,7 @@ def test_values_outside_the_range_are_said_to_be_and_their_error_is_seen():
     assert refined.reduction_error.max() == pytest.approx(error.max(), rel=0.05)
 
 
+@pytest.mark.slow
 def test_one_reduction_holds_over_a_box_of_parameters():
     def terms(assembly):
         (plain,) = interfaces(np.linspace(-0.5, 0.5, N - 1))(assembly)
