@@ -62,6 +62,7 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
         command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
 
 
+@pytest.mark.slow
 def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
     write_small_campaign, tmp_path, monkeypatch
 ):

@@ -11,6 +11,7 @@ from ema import ModalModel
 from updating import read_result
 from updating.commands.command_line import app
 from updating.diagnosis.answer import Diagnosis
+from updating.fitting.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
 TRUTH = json.loads((ROOT / "data/demo_diagnosis/truth.json").read_text(encoding="utf-8"))
@@ -58,3 +59,14 @@ def test_it_is_told_in_four_steps_with_a_report(told):
     for step in ("1. Identify: 9 at M1 and 6 at M2", "2. Fit G_f", "3. Diagnose: Identified", "4. Add it"):
         assert step in text
     assert (folder / "report.html").stat().st_size > 10_000
+
+
+def test_the_fit_with_the_effect_has_the_numbers_of_the_diagnosis(told):
+    found = read_result(told[1] / "diagnosis.json", Diagnosis)
+    entries = read_result(told[1] / "ledger.json", Ledger).entry
+    for entry, effects in zip(entries, ((), ("lost_contact_middle",)), strict=True):
+        own = found.ranked(effects)
+        assert (entry.error, entry.mode_error, entry.damping_error, entry.chi_square) == (
+            own.frequency_error, own.left_out_error, own.damping_error, own.misfit,
+        )  # fmt: skip
+        assert entry.shared == own.parameter
