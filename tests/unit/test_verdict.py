@@ -20,7 +20,7 @@ PRICE = float(np.log(0.5 / len(EFFECTS)))
 
 def explanation(
     effects, odds, *, misfit=100.0, losses=0.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0,
-    at_a_point=0.0,
+    at_a_point=0.0, between=0.0,
 ):  # fmt: skip
     """An explanation with the logarithm of its odds against the base model, and so many times the usual size left.
 
@@ -37,6 +37,7 @@ def explanation(
         left_out=(*left_out, score),
         strain=strain,
         at_a_point=at_a_point,
+        nuisance=np.array([9.0, between]),
     )
 
 
@@ -60,7 +61,12 @@ def predicted(monkeypatch):
 
 def found(*fitted, base=BASE, lacking=()):
     evidence = SimpleNamespace(
-        effects=dict.fromkeys(EFFECTS), scatter=DiagnosisScatter(), lacking=lacking, hypotheses={}
+        effects=dict.fromkeys(EFFECTS),
+        scatter=DiagnosisScatter(),
+        lacking=lacking,
+        hypotheses={},
+        nuisances=("G_f", "G_f[M1]"),
+        prior_std=np.ones(2),
     )
     return Search(evidence=evidence, base=base, fitted=fitted, screened=(), mixed_up=())
 
@@ -138,6 +144,28 @@ def test_unlike_anything_where_a_change_at_one_point_explains_more_than_the_best
         decision = decide(found(fitted, base=base))
         assert decision.verdict == expected
         assert (decision.point is None) == (expected == "identified")
+
+
+@pytest.mark.parametrize(
+    ("left_out", "expected"),
+    [((1.1, 1.1, 0.5), "unlike anything"), ((0.9, 1.1, 0.5), "identified"), ((1.1, 0.9, 0.5), "identified")],
+)
+def test_several_effects_that_meet_shapes_alone_are_met_by_chance(left_out, expected):
+    together = explanation("ab", SHOWS + 60.0, left_out=left_out)
+    assert decide(found(explanation("a", SHOWS + 30.0, misfit=1000.0), together)).verdict == expected
+
+
+def test_several_effects_may_relieve_what_differs_between_torques():
+    strained = explanation(
+        "", 0.0, misfit=10_000.0, left_out=(1.0, 1.0, 1.0), left=20.0, between=STRAINED + 1.0
+    )
+    together = explanation("ab", SHOWS + 60.0, left_out=(1.1, 1.1, 0.5))
+    first = explanation("a", SHOWS + 30.0, misfit=1000.0)
+    assert decide(found(first, together, base=strained)).verdict == "identified"
+
+
+def test_one_effect_may_be_seen_in_shapes_alone():
+    assert decide(found(explanation("a", SHOWS + 30.0, left_out=(1.1, 1.1, 0.5)))).verdict == "identified"
 
 
 def test_partly_explained_where_what_remains_is_more_than_a_right_model_leaves():

@@ -55,6 +55,8 @@ def decide(found: Search) -> Decision:
     if anywhere is not None and anywhere.log_odds + np.log(0.5) > found.odds(own) + SEPARATE:
         # what is known of no effect explains more than the best that is known
         return Decision(verdict="unlike anything", left=(), steps=(base,), point=anywhere)
+    if _mimics(found, own):
+        return Decision(verdict="unlike anything", left=(), steps=(base,), point=point_change(evidence, base))
     left = _ambiguous(found, own)
     if too_large(evidence, own) or evidence.lacking:
         point = point_change(evidence, steps[-1])
@@ -86,6 +88,26 @@ def _helps(found: Search, own: Explanation) -> bool:
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
     better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
     return better or found.base.strain - own.strain > STRAINED**2
+
+
+def _mimics(found: Search, own: Explanation) -> bool:
+    """Tell whether several effects meet shapes together and predict neither frequencies nor damping ratios better.
+
+    What no effect has is often met by two that have nothing to do with it: a side of the stack that is soft, by contact
+    lost in a corner and a mass at the shaker. One effect may be seen in shapes alone, several at once hardly are; what
+    relieves the differences between torques predicts no mode better.
+    """
+    physical = set(own.effects) - set(found.evidence.hypotheses)
+    if len(physical) < 2 or _between(found, found.base) - _between(found, own) > STRAINED**2:
+        return False
+    before, after = (left_out(found.evidence, x) for x in (found.base, own))
+    return not (after.frequency < before.frequency or after.damping < before.damping)
+
+
+def _between(found: Search, own: Explanation) -> float:
+    """Return the strain of what differs from torque to torque beyond the law of pressure."""
+    differs = [name.startswith("G_f[") for name in found.evidence.nuisances]
+    return float(np.sum((own.nuisance[differs] / found.evidence.prior_std[differs]) ** 2))
 
 
 def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanation:
