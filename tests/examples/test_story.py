@@ -40,6 +40,7 @@ def test_what_was_planted_is_identified_and_the_error_falls_on_modes_left_out(to
     found = read_result(told[1] / "diagnosis.json", Diagnosis)
     assert TRUTH["plan"]["planted"].keys() == {"lost_contact_middle"}
     assert (found.verdict, found.set) == ("identified", (("lost_contact_middle",),))
+    assert not set(found.ruled_out) & set(found.not_visible)
     before, after = found.ranked(()), found.ranked(("lost_contact_middle",))
     assert before.left_out_error > 0.03
     assert after.left_out_error < 0.1 * before.left_out_error

@@ -112,7 +112,8 @@ def conclude(
     first = left[0] if left else base
     ranking = rank(found, (*decision.steps, *left))
     of = {own.effects: own for own in ranking}
-    named = {name for x in left for name in x.effects}
+    excluded = ruled_out(found, decision)
+    shown = {*excluded, *(name for x in left for name in x.effects)}  # perhaps only beside what was found
     evidence = found.evidence
     strained = _strained(evidence.supposing(first.effects), first)
     answer = Diagnosis(
@@ -141,9 +142,9 @@ def conclude(
             x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
             for x in found.singles[:_SHOWN]
         },
-        ruled_out=ruled_out(found, decision),
+        ruled_out=excluded,
         not_visible=tuple(
-            sorted(s.effect for s in found.screened if s.detectability < VISIBLE and s.effect not in named)
+            sorted(s.effect for s in found.screened if s.detectability < VISIBLE and s.effect not in shown)
         ),
         lacking=tuple(_labelled(evidence.tested[c], r) for c, r in evidence.lacking),
         impossible=evidence.impossible,
