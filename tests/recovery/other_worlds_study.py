@@ -355,6 +355,11 @@ def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
         "90 %",
         [not (c.verdict == "identified" and len(c.named[0]) == 1 and physical(c)) for c in lacking],
     )
+    yield share(
+        "the same: nor several together",
+        "reported",
+        [not (c.verdict == "identified" and physical(c)) for c in lacking],
+    )
     yield share("pairs that show: both among the steps", "75 %", [set(c.truth) <= set(c.steps) for c in both])
     yield share(
         "all pairs: one of them leads, or nothing is named", "reported", [not _wrong(c) for c in pairs]
