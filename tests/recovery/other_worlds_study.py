@@ -37,7 +37,7 @@ from updating.diagnosis.verdict import decide
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "other_worlds.jsonl"
 """The cases of the published table."""
-FIRST_SEED = 500_100
+FIRST_SEED = 720_100
 """Of the published cases; thresholds were set on seeds below 10,000 of the other model."""
 MIXTURE = ("null", "single", "single", "lacking", "pair", "disturbed")
 """Kinds of cases in their turn."""
