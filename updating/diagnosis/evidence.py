@@ -137,6 +137,8 @@ class Tested:
         What it has in common with other force levels of the same state; empty where it is a state of its own.
     strain : (n_mode, n_share) float, optional
         Strains of equal parts of the contact's energy in resonance of each mode, where amplitudes are known.
+    motion : (n_mode,) float, optional
+        Displacement amplitude at the driving point there, m.
     """
 
     name: str
@@ -145,6 +147,7 @@ class Tested:
     known: Mapping[str, float] = field(default_factory=dict)
     state: str = ""
     strain: Vector | None = None
+    motion: Vector | None = None
 
     @property
     def assembled(self) -> str:
@@ -308,6 +311,14 @@ class Evidence:
     def states(self) -> tuple[str, ...]:
         """Names of what was assembled anew: configurations, force levels of one counted once."""
         return tuple(dict.fromkeys(t.assembled for t in self.tested))
+
+    @cached_property
+    def together(self) -> tuple[tuple[int, ...], ...]:
+        """Configurations that have the model's modes in common: force levels of one state, seen at the same points."""
+        alike: dict[tuple[str, bytes], list[int]] = {}
+        for c, (own, observed) in enumerate(zip(self.tested, self.observed, strict=True)):
+            alike.setdefault((own.assembled, observed.reduced_rows.tobytes()), []).append(c)
+        return tuple(map(tuple, alike.values()))
 
     def state_of(self, configuration: int) -> int:
         """Return the place of a configuration's state among `states`."""

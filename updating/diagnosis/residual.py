@@ -111,7 +111,7 @@ def residual(
         Their coordinates in units of their ranges; neutral without.
     """
     effect = _values(parameters, coordinate)
-    compared = [_compared(evidence, c, nuisance, effect) for c in range(len(evidence.tested))]
+    compared = _every_compared(evidence, nuisance, effect)
     kind = evidence.rows.kind
     value = np.concatenate(
         [np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared]
@@ -215,8 +215,8 @@ def spread_of(
     std: dict[str, list[Vector]] = {"frequency": [], "damping": []}
     shapes, lengths = [], []
     nodes = np.unique(np.concatenate([observed.node for observed in evidence.observed]))
-    for c, tested in enumerate(evidence.tested):
-        own = _compared(evidence, c, nuisance, effect)
+    compared = _every_compared(evidence, nuisance, effect)
+    for c, (tested, own) in enumerate(zip(evidence.tested, compared, strict=True)):
         point = np.searchsorted(nodes, evidence.observed[c].node)
         used, measured, shift = evidence.used[c], tested.modes, evidence.shift[c]
         space = ModeSpace.of(own.modes, evidence.observed[c], evidence.stack)
@@ -255,25 +255,57 @@ def _values(parameters: Sequence[Parameter], coordinate: Vector | None) -> dict[
     return {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
 
 
-def _compared(
-    evidence: Evidence, c: int, nuisance: Vector, effect: Mapping[str, tuple[float, float]]
-) -> _Compared:
-    """Put one configuration beside the model."""
-    n_shared, n_sized, n_common = len(evidence.shared), evidence.n_sized, evidence.n_common
+def _every_compared(
+    evidence: Evidence, nuisance: Vector, effect: Mapping[str, tuple[float, float]]
+) -> list[_Compared]:
+    """Put every configuration beside the model, which is solved once for those that have their modes in common."""
+    found = {}
+    for group in evidence.together:
+        modes = _modes_of(evidence, group, nuisance, effect)
+        found.update({c: _compared(evidence, c, nuisance, effect, modes) for c in group})
+    return [found[c] for c in range(len(evidence.tested))]
+
+
+def _modes_of(
+    evidence: Evidence, group: Sequence[int], nuisance: Vector, effect: Mapping[str, tuple[float, float]]
+) -> Modes:
+    """Return the modes that some configurations have in common, with derivatives of those that any of them measured."""
+    c = group[0]
     theta = evidence.theta(nuisance, c)
-    by = (*theta, *effect)
-    by_gain = evidence.by_gain(c)
-    gain = np.exp(by_gain @ nuisance[n_sized : n_common - 2])
-    moved, decay = nuisance[n_common - 2 : n_common]
-    used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]
+    values = {**theta, **{name: v for name, (v, _) in effect.items()}}
 
     def partners(frequency: Vector, shape: Vector) -> NDArray[np.int64]:
-        return pair(measured.shape[:, used], measured.frequency[used], gain[:, None] * shape, frequency)[1]
+        return np.unique(np.concatenate([_partners(evidence, i, nuisance, frequency, shape) for i in group]))
 
-    values = {**theta, **{name: v for name, (v, _) in effect.items()}}
-    modes = solved(evidence, c, _linear_part(evidence, c, values), by, differentiated=partners)
-    place = [modes.parameter.index(name) for name in by]
-    shape, column = gain[:, None] * modes.shape, partners(modes.frequency, modes.shape)
+    return solved(evidence, c, _linear_part(evidence, c, values), (*theta, *effect), differentiated=partners)
+
+
+def _partners(
+    evidence: Evidence, c: int, nuisance: Vector, frequency: Vector, shape: Vector
+) -> NDArray[np.int64]:
+    """Return the model's modes that the measured ones of a configuration are, as its sensors see them."""
+    used, measured = evidence.used[c], evidence.tested[c].modes
+    seen = _gain(evidence, c, nuisance)[:, None] * shape
+    return pair(measured.shape[:, used], measured.frequency[used], seen, frequency)[1]
+
+
+def _gain(evidence: Evidence, c: int, nuisance: Vector) -> Vector:
+    """Return what each shape component of a configuration is multiplied by for its sensor, (n_dof,)."""
+    return np.exp(evidence.by_gain(c) @ nuisance[evidence.n_sized : evidence.n_common - 2])
+
+
+def _compared(
+    evidence: Evidence, c: int, nuisance: Vector, effect: Mapping[str, tuple[float, float]], modes: Modes
+) -> _Compared:
+    """Put one configuration beside the model's modes."""
+    n_shared, n_sized, n_common = len(evidence.shared), evidence.n_sized, evidence.n_common
+    theta = evidence.theta(nuisance, c)
+    by_gain, gain = evidence.by_gain(c), _gain(evidence, c, nuisance)
+    moved, decay = nuisance[n_common - 2 : n_common]
+    used, measured, shift = evidence.used[c], evidence.tested[c].modes, evidence.shift[c]
+    place = [modes.parameter.index(name) for name in (*theta, *effect)]
+    column = _partners(evidence, c, nuisance, modes.frequency, modes.shape)
+    shape = gain[:, None] * modes.shape
     gradient = gain[:, None, None] * modes.shape_gradient[:, column]
 
     def spread(derivative: Vector) -> Vector:
