@@ -16,6 +16,8 @@ from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.geometry import Dofs
 
+NOT_LINEAR = ": not linear"
+"""End of the finding on a resonance that moves with the force."""
 _TOLERANCE = 0.1
 _STRONG = 0.3
 """Channels below this share of a resonance's largest height are near its nodal lines and not judged."""
@@ -148,7 +150,7 @@ def _resonances(
             [p for p in faint if _level(other, its, p) > _LEAST_HEIGHT * _level(frf, own, peak)], peak
         )
         if partner is None:
-            text = f"{label} the resonance is gone, or moves by more than {_SAME:g} bandwidths: not linear"
+            text = f"{label} the resonance is gone, or moves by more than {_SAME:g} bandwidths; that is not linear"
             yield _verdict("warn", text, band=band)
             continue
         shift = (_centre(other, its, partner) - _centre(frf, own, peak)) / peak.bandwidth
@@ -162,7 +164,7 @@ def _resonances(
             f"by {100 * change:+.0f} %"
         )
         if moved:
-            yield _verdict("warn", f"{text}: not linear", band=band)
+            yield _verdict("warn", f"{text}{NOT_LINEAR}", band=band)
         elif odd.size:
             listed = ", ".join(
                 f"{frf.output.name(int(own[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %"

@@ -1,5 +1,6 @@
 """A stack that slips, tested at three forces: modes over their amplitude from its backbone, diagnosed."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,19 @@ import pytest
 import model
 from model.effects.contact_slip import STRAIN
 from updating.blind.case import blind_test, candidates_of, simulated
+from updating.commands.diagnose import diagnose
+from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude
+from updating.diagnosis.explanation import explain
+from updating.diagnosis.second_level import second_level
 from updating.diagnosis.slipping import AtLevel
+from updating.results.store import read_result
 
 pytestmark = pytest.mark.slow
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
+SLIPPING = Path(__file__).parents[2] / "data" / "hidden_effect" / "slip"
 CONSIDERED = (
     "clamp_mass",
     "contact_direction",
@@ -63,7 +70,7 @@ def levels_of(system, seed, law):
         level = f"{name} at {i}"
         found.append((level, pressure, replace(modes, name=level, frequency=frequency, damping=damping)))
         rms = amplitude * np.sqrt(np.mean(np.abs(modes.shape) ** 2, axis=0))
-        levels[level] = AtLevel(state=name, rms_motion=rms)
+        levels[level] = AtLevel(state=name, rms_motion=rms, motion=rms)
     return found, levels
 
 
@@ -84,6 +91,60 @@ def test_slip_is_named_with_its_parameters(candidates, system):
         assert parameter.lower < truth[parameter.name] < parameter.upper
 
 
+def test_levels_of_one_state_ask_the_model_once(candidates, system, monkeypatch):
+    from updating.diagnosis import residual as module
+
+    found, levels = levels_of(system, 31, None)
+    evidence = assemble_evidence(candidates, found, levels=levels)
+    assert evidence.together == ((0, 1, 2),)
+    at = evidence.start + 0.01
+    once, asked, real = module.residual(evidence, at), [], module.solved
+
+    def counted(*given, **named):
+        asked.append(given[1])
+        return real(*given, **named)
+
+    monkeypatch.setattr(module, "solved", counted)
+    apart = replace(evidence)
+    apart.__dict__["together"] = ((0,), (1,), (2,))
+    np.testing.assert_array_equal(module.residual(apart, at).rotated, once.rotated)
+    assert asked == [0, 1, 2]
+    asked.clear()
+    module.residual(evidence, at)
+    assert asked == [0]
+
+
+def test_the_shipped_campaign_that_another_model_made_is_called_slipping(tmp_path, capsys):
+    """From FRFs that time integration made to the sentences: name, fall of the error, truth in the intervals."""
+    truth = json.loads((SLIPPING / "truth.json").read_text(encoding="utf-8"))
+    diagnose(SLIPPING / "campaign.toml", tmp_path)
+    said = " ".join(capsys.readouterr().out.split())
+    answer = read_result(tmp_path / "diagnosis.json", Diagnosis)
+    assert answer.set[0] == ("contact_slip",)
+    assert answer.verdict in ("identified", "one of", "partly explained")
+    before, after = answer.ranked(()), answer.ranked(("contact_slip",))
+    assert before.frequency_error == pytest.approx(0.0114, abs=5e-4)
+    assert after.frequency_error < 0.004
+    assert after.left_out_error < 0.6 * before.left_out_error
+    law = model.SlipLaw(friction=truth["friction"], exponent=truth["exponent"])
+    slide = law.sliding_strain(truth["bench"]["G_f"])
+    true = {
+        "slip_softening": float(law.softening(np.array([STRAIN / slide]))[0]),
+        "slip_exponent": truth["exponent"],
+    }
+    for parameter in after.parameter:
+        assert parameter.lower < true[parameter.name] < parameter.upper
+    assert [own.configuration for own in answer.contact[::4]] == ["M1", "M1 at 1.2 N", "M1 at 4 N"]
+    for own in answer.contact:  # at its own strain, beside the law that was integrated
+        assert own.softening == pytest.approx(
+            float(law.softening(np.array([own.strain / slide]))[0]), rel=0.6
+        )
+    assert "these 3 force levels shear the contact by" in said
+    assert answer.second_level is None
+    assert not answer.next_tests or {test.name for test in answer.next_tests}.isdisjoint({"second_force"})
+    assert "not linear" not in said  # the levels are part of the answer
+
+
 def test_a_linear_stack_at_three_forces_is_not_called_slipping(candidates, system):
     found, levels = levels_of(system, 32, None)
     answer = conclude(assemble_evidence(candidates, found, levels=levels))
@@ -91,10 +152,14 @@ def test_a_linear_stack_at_three_forces_is_not_called_slipping(candidates, syste
 
 
 def test_one_force_level_asks_for_another(candidates, system):
-    found, _ = levels_of(system, 31, LAW)
+    found, levels = levels_of(system, 31, LAW)
     evidence = assemble_evidence(candidates, found[:1])
     assert "contact_slip" not in evidence.effects
     assert "test again at a third or three times the force" in evidence.impossible["contact_slip"]
+    shows = second_level(evidence, explain(evidence))
+    assert shows is not None
+    assert shows > 30.0
+    assert second_level(assemble_evidence(candidates, found[:1], levels=levels), explain(evidence)) is None
 
 
 def test_the_residual_of_levels_has_right_derivatives(candidates, system):

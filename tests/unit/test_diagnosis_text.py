@@ -1,18 +1,20 @@
 """What a diagnosis says in words, to an engineer who has not seen the program before."""
 
 import itertools
+from dataclasses import replace
 
 import pytest
 
 from updating.correlation.rig_check import ForcePlace, RigCheck
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained
+from updating.diagnosis.contact_amplitude import ContactAmplitude
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
 from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.sensor_gain import SensorGain
-from updating.diagnosis.text import next_command, sentences
+from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.estimate import ParameterEstimate
 from updating.results.text import interval_text, percent, quantity
 
@@ -492,3 +494,29 @@ def test_two_torques_that_differ_are_one_difference():
         "Beware: the contact stiffness G_f would have to be 30 % higher at M2 than at M1, beyond what their pressures "
         "do; reassembly and torque explain 4.3 %."
     ) in said
+
+
+def amplitude(configuration, mode, strain, softening):
+    return ContactAmplitude(
+        configuration=configuration, mode=mode, frequency=250.0, motion=1e-6, strain=strain,
+        largest_strain=2.0 * strain, slip=5e-4 * strain, softening=softening, loss=0.5 * softening,
+    )  # fmt: skip
+
+
+def test_amplitudes_are_told_with_what_slip_makes_of_them():
+    levels = (amplitude("M1", 4, 1.2e-6, 0.021), amplitude("M1 at 4 N", 1, 2.4e-5, 0.094))
+    text = sentences(diagnosis("identified", STINGER, contact=levels))[2]
+    assert text.startswith(
+        "By the model's shapes, these 2 force levels shear the contact by 1.2e-06 (mode 4 of M1) to 2.4e-05 (mode 1 of "
+        "M1 at 4 N), where faces move by 0.012 µm against each other. There slip makes it 2.1 % to 9.4 % softer"
+    )
+    linear = tuple(replace(own, softening=0.0) for own in levels)
+    assert sentences(diagnosis("nothing missing", contact=linear))[1].endswith(
+        "against each other; that it slips there is not said."
+    )
+
+
+def test_one_level_asks_for_a_second_where_that_would_show_slip():
+    assert "by 12 standard deviations" in second_level_text(diagnosis("nothing missing", second_level=12.3))
+    assert second_level_text(diagnosis("nothing missing", second_level=1.0)) is None
+    assert second_level_text(diagnosis("nothing missing", second_level=None)) is None

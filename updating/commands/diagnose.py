@@ -26,7 +26,7 @@ from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.target import model_file, stack_in_state
 from updating.pooled.campaign_file import has_specimens
-from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude
+from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude, stored_amplitude
 from updating.results.campaign_findings import measurement_findings
 from updating.results.identified import Identified, assignments, every_identified
 from updating.results.store import kept, write_result
@@ -138,16 +138,18 @@ def by_level(
         if own is None:
             tested.append((found.configuration.name, pressure, found.modal_model))
             continue
-        for name, modes, rms in zip(own.dependence.level, own.level, own.rms_motion, strict=True):
+        each = zip(own.dependence.level, own.level, own.rms_motion, own.motion, strict=True)
+        for name, modes, rms, motion in each:
             tested.append((name, pressure, modes))
-            levels[name] = AtLevel(state=found.configuration.name, rms_motion=rms)
+            levels[name] = AtLevel(state=found.configuration.name, rms_motion=rms, motion=motion)
     return tested, levels
 
 
 def print_measurement_findings(campaign_file: Path, output: Path, *, keep: bool = False) -> None:
     """Print what was found of the measurement that an answer rests on."""
     results = every_identified(assignments(read_campaign(campaign_file), output, keep=keep), "identify", OUT)
-    for sentence in measurement_findings(results):
+    followed = [found.configuration.name for found in results if stored_amplitude(found) is not None]
+    for sentence in measurement_findings(results, followed):
         OUT.print(sentence, highlight=False, markup=False)
 
 

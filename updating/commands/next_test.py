@@ -8,6 +8,7 @@ from updating.commands.diagnose import diagnose_campaign, print_measurement_find
 from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.text import second_level_text
 
 EXAMPLE = "lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
 
@@ -27,6 +28,9 @@ def next_test(
         OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
     else:
         OUT.print(next_test_table(found))
+    further = second_level_text(found)
+    if further is not None:
+        OUT.print(further, highlight=False, markup=False)
     print_measurement_findings(campaign, output)
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 from ema.types.shown import Shown
 from updating.correlation.rig_check import RigCheck
+from updating.diagnosis.contact_amplitude import ContactAmplitude
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
 from updating.diagnosis.mixed_up import MixedUp
@@ -161,6 +162,11 @@ class Diagnosis(Shown):
         Of roving accelerometers beside the first, with the first explanation that is left, or the base model.
     next_tests : tuple of NextTest
         Further tests by how well they would tell the candidates apart.
+    second_level : float, optional
+        By how many standard deviations slip of the usual strength would move frequencies at three times the force;
+        None where several levels were tested, or no contact is there.
+    contact : tuple of ContactAmplitude
+        How far each mode shears the contact at each force level; none where no amplitude was measured.
     rig : tuple of RigCheck
         What contradicts each configuration's measurement about force, scale and sensors.
     sentences : tuple of str
@@ -190,6 +196,8 @@ class Diagnosis(Shown):
     impossible: Mapping[str, str]
     sensor_gains: tuple[SensorGain, ...]
     next_tests: tuple[NextTest, ...]
+    second_level: float | None
+    contact: tuple[ContactAmplitude, ...]
     rig: tuple[RigCheck, ...]
     sentences: tuple[str, ...]
 

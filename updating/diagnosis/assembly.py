@@ -170,7 +170,7 @@ def _strained(evidence: Assembled, G_f: float, levels: Mapping[str, AtLevel]) ->
         amplitude = levels[own.name].rms_motion / np.sqrt(np.mean(base.shape[:, column] ** 2, axis=0))
         shares = [strain_shares(contact, x) for x in base.coordinate[:, column].T]
         strain = amplitude[:, None] * np.array(shares)
-        found.append(replace(own, strain=strain))
+        found.append(replace(own, strain=strain, motion=levels[own.name].motion))
     return tuple(found)
 
 

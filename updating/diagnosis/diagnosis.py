@@ -23,6 +23,7 @@ from updating.diagnosis.answer import Diagnosis, ModeError, Strained
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.calibration import STRAINED, VISIBLE
 from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
+from updating.diagnosis.contact_amplitude import contact_amplitudes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
 from updating.diagnosis.exclusion import ruled_out
 from updating.diagnosis.experiment import aids, rank_tests
@@ -30,6 +31,7 @@ from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.hypotheses import LABELS
 from updating.diagnosis.ranking import rank
 from updating.diagnosis.search import Search, search
+from updating.diagnosis.second_level import second_level
 from updating.diagnosis.sensor_gain import sensor_gains
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import sentences
@@ -150,6 +152,8 @@ def conclude(
         impossible=evidence.impossible,
         sensor_gains=sensor_gains(evidence, first),
         next_tests=rank_tests(evidence, left[:_COMPARED]),
+        second_level=second_level(evidence.supposing(first.effects), first),
+        contact=contact_amplitudes(evidence, first),
         rig=rig,
         sentences=(),
     )

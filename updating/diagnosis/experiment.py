@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +18,7 @@ from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence, Shift, Tested, solved
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.residual import Residual, covariance_of, residual
+from updating.diagnosis.second_level import second_level
 
 Vector = NDArray[np.float64]
 
@@ -211,7 +213,31 @@ def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tupl
                 name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=float(now)
             )
         )
+    again = _second_level(evidence, explanations)
+    if again is not None:
+        instruction = "test again at three times the force"
+        found.append(NextTest(name="second_force", instruction=instruction, distance=again, now=float(now)))
     return tuple(sorted(found, key=lambda test: -test.distance))
+
+
+def _second_level(evidence: Evidence, explanations: Sequence[Explanation]) -> float | None:
+    """Return the smallest distance that a second force level leaves; None where several levels were tested.
+
+    It tells what follows the amplitude from all that does not, by as much as slip of the usual strength does, and
+    nothing else.
+    """
+    shows = second_level(evidence.supposing(explanations[0].effects), explanations[0])
+    if shows is None:
+        return None
+    moves = [
+        any(name in evidence.effects and evidence.effects[name].family == "amplitude" for name in own.effects)
+        for own in explanations
+    ]
+    apart = [
+        float(np.hypot(np.sqrt(abs(a.misfit - b.misfit)), shows if moves[i] != moves[j] else 0.0))
+        for (i, a), (j, b) in itertools.combinations(enumerate(explanations), 2)
+    ]
+    return min(apart)
 
 
 def _pressure(evidence: Evidence, experiment: Experiment) -> float:

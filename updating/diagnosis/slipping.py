@@ -34,10 +34,13 @@ class AtLevel:
         What all levels of one state have in common.
     rms_motion : (n_mode,) float
         Root mean square of the displacement amplitudes of all responses in resonance of each mode, m.
+    motion : (n_mode,) float
+        Displacement amplitude at the driving point there, m; where none is measured, at the point that moves most.
     """
 
     state: str
     rms_motion: Vector
+    motion: Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

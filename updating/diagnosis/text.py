@@ -45,6 +45,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(f"With {which} the model is right to {_sizes(found)}, beyond the noise.")
     if found.verdict in ("partly explained", "unlike anything"):
         text += _remains(found)
+    text += _over_amplitude(found)
     text += _further(found)
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
@@ -225,6 +226,38 @@ def _further(found: Diagnosis) -> list[str]:
         f"What is left looks like {named(found, further)}, but is so little beside {named(found, found.set[0])} that "
         "it may come from that acting in another form than the catalogue has it; so it is not said to be there."
     ]
+
+
+def _over_amplitude(found: Diagnosis) -> list[str]:
+    """Say how far the contact was sheared, and what slip of the first explanation makes of that."""
+    if not found.contact:
+        return []
+    low, high = (end(found.contact, key=lambda own: own.strain) for end in (min, max))
+    levels = len({own.configuration for own in found.contact})
+    sheared = (
+        f"By the model's shapes, these {levels} force levels shear the contact by {low.strain:.2g} (mode {low.mode} of "
+        f"{low.configuration}) to {high.strain:.2g} (mode {high.mode} of {high.configuration}), where faces move by "
+        f"{quantity(1e6 * high.slip, 'µm')} against each other"
+    )
+    if not any(own.softening for own in found.contact):
+        return [f"{sheared}; that it slips there is not said."]
+    soft = sorted(own.softening for own in found.contact)
+    return [
+        f"{sheared}. There slip makes it {percent(soft[0])} to {percent(soft[-1])} softer than it is at rest; what it "
+        "does beyond is extrapolated. slip_softening is by which share it is softer at a strain of 1e-5, and that "
+        "grows with the strain to the power 1 + slip_exponent."
+    ]
+
+
+def second_level_text(found: Diagnosis) -> str | None:
+    """Say what a second force level would show, where it would show slip that one level does not."""
+    if not found.second_level or found.second_level < STRAINED:
+        return None
+    return (
+        "Whether the contact slips was not asked, for one force level does not show it. Test again at three times the "
+        "force and list that as [[configuration.force_level]]: slip of the usual strength would move the frequencies "
+        f"by {found.second_level:.0f} standard deviations."
+    )
 
 
 def _where(found: Diagnosis) -> str:

@@ -38,11 +38,19 @@ class OverAmplitude:
     @property
     def rms_motion(self) -> tuple[NDArray[np.float64], ...]:
         """Root mean square of the displacement amplitudes of all responses of each mode of each level, m."""
-        table = self.dependence
+        return self._of_each_level(self.dependence.rms_motion)
+
+    @property
+    def motion(self) -> tuple[NDArray[np.float64], ...]:
+        """Displacement amplitude at `dependence.point` of each mode of each level, m."""
+        return self._of_each_level(self.dependence.motion)
+
+    def _of_each_level(self, table: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Return a table of the dependence in the order of the modes of each level."""
         found = []
-        for modes, number, motion in zip(self.level, table.mode, table.rms_motion, strict=True):
+        for modes, number, values in zip(self.level, self.dependence.mode, table, strict=True):
             own = np.full(modes.frequency.size, np.nan)
-            own[number[number >= 0]] = motion[number >= 0]
+            own[number[number >= 0]] = values[number >= 0]
             found.append(own)
         return tuple(found)
 

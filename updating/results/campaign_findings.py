@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from ema import compare, content_digests, contradicted, shared_functions
+from ema.quality.linearity import NOT_LINEAR
 from updating.results.identified import MEASUREMENT, Identified
 from updating.results.store import read_frf
 
@@ -34,18 +35,22 @@ def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:
     return (*shared_functions(digests), *stated)
 
 
-def measurement_findings(results: Sequence[Identified]) -> Iterator[str]:
+def measurement_findings(results: Sequence[Identified], followed: Collection[str] = ()) -> Iterator[str]:
     """Say what was found of the measurements that an answer rests on, for it is no better than they are.
 
     Parameters
     ----------
     results : sequence of Identified
         The configurations that the answer rests on.
+    followed : collection of str
+        Names of those whose force levels the answer rests on, too: that they differ is then no fault.
     """
     for finding in campaign_findings(results):
         yield f"In the campaign: {finding}"
     for found in results:
         findings = found.quality.findings
+        if found.configuration.name in followed:
+            findings = tuple(finding for finding in findings if not finding.endswith(NOT_LINEAR))
         for finding in findings[:_MOST]:
             yield f"In the measurement of {found.configuration.name}: {finding}"
         if len(findings) > _MOST:
