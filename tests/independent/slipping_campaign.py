@@ -45,6 +45,8 @@ N_MODE = 16
 POINTS = (8, 2, 3)
 """Along x and y, and interfaces."""
 N_SLIDER = 7
+SMALLEST = 0.004
+"""Of the largest slip limit, up to which the first slider goes."""
 STEPS, PERIODS = 40, 120
 LEAST_DAMPING = 4e-3
 """Of modes beside what slip loses: cords, air and instruments; motion is steady sooner with it."""
@@ -58,13 +60,15 @@ class Contact:
     stiffness: Array
 
 
-def contact_points(stack: LayeredStack, fields: list[Array], bench: Bench) -> Contact:
-    """Return Gauss points over the plan at some interfaces, with the modulus G_f p."""
-    along, across = (np.polynomial.legendre.leggauss(n) for n in POINTS[:2])
+def contact_points(
+    stack: LayeredStack, fields: list[Array], bench: Bench, points: tuple[int, int, int] = POINTS
+) -> Contact:
+    """Return so many Gauss points along x, along y and over the interfaces, with the modulus G_f p."""
+    along, across = (np.polynomial.legendre.leggauss(n) for n in points[:2])
     x, y = 0.5 * bench.length * along[0], 0.5 * bench.width * across[0]
     area = np.multiply.outer(0.5 * bench.length * along[1], 0.5 * bench.width * across[1])
     n_interface = stack.n_layer - 1
-    node, share = np.polynomial.legendre.leggauss(POINTS[2])
+    node, share = np.polynomial.legendre.leggauss(points[2])
     level = 0.5 * (n_interface - 1) * (1.0 + node)
     lower = np.minimum(level.astype(int), n_interface - 2)
     part = level - lower
@@ -83,13 +87,18 @@ def contact_points(stack: LayeredStack, fields: list[Array], bench: Bench) -> Co
     return Contact(strain=np.stack(strain), stiffness=bench.G_f * bench.pressure * volume.ravel())
 
 
-def sliders(bench: Bench) -> tuple[Array, Array]:
-    """Return slip limits, as strains, and shares of the stiffness, (n,), of Segalman's power law without a spike."""
-    largest = FRICTION / bench.G_f * (EXPONENT + 2.0) / (EXPONENT + 1.0)
+def sliders(
+    G_f: float, friction: float, exponent: float, smallest: float, number: int
+) -> tuple[Array, Array]:
+    """Return slip limits, as strains, and shares of the stiffness, (n,), of Segalman's power law without a spike.
+
+    The first takes all limits up to `smallest` of the largest one.
+    """
+    largest = friction / G_f * (exponent + 2.0) / (exponent + 1.0)
     # finer where the first ones slip: the share below a limit grows with its power 1 + chi
-    edge = np.concatenate([[0.0], np.geomspace(0.004, 1.0, N_SLIDER)])
-    share = np.diff(edge ** (EXPONENT + 1.0))
-    first = (EXPONENT + 1.0) / (EXPONENT + 2.0) * np.diff(edge ** (EXPONENT + 2.0))
+    edge = np.concatenate([[0.0], np.geomspace(smallest, 1.0, number)])
+    share = np.diff(edge ** (exponent + 1.0))
+    first = (exponent + 1.0) / (exponent + 2.0) * np.diff(edge ** (exponent + 2.0))
     return largest * first / share, share
 
 
@@ -101,7 +110,8 @@ def steady(
     `modes` are their angular frequencies, damping ratios and shapes at the shaker.
     """
     omega, damping, drive = modes
-    limit, share = (value.astype(np.float32) for value in sliders(bench))
+    law = sliders(bench.G_f, FRICTION, EXPONENT, SMALLEST, N_SLIDER)
+    limit, share = (value.astype(np.float32) for value in law)
     n_line, n_mode = line.size, omega.size
     step = 1.0 / (line * STEPS)
     decay, damped = damping * omega, omega * np.sqrt(1.0 - damping**2)

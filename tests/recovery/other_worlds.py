@@ -24,12 +24,12 @@ def simulated(test: Plan, second_model, noise: TableNoise | None = None):
     )
     tables = modal_tables(made, noise or TableNoise())
     return made, [
-        (table.configuration.name, table.configuration.pressure, _modal_model(table, geometry))
+        (table.configuration.name, table.configuration.pressure, modal_model(table, geometry))
         for table in tables
     ]
 
 
-def _modal_model(table, geometry):
+def modal_model(table, geometry):
     """Return a table of modes as an identification gives it."""
     n_dof, n = table.shape.shape
     largest = np.abs(table.shape).max(axis=0)
@@ -71,4 +71,4 @@ def _modal_model(table, geometry):
     )
 
 
-__all__ = ["BAND", "draw", "simulated"]
+__all__ = ["BAND", "draw", "modal_model", "simulated"]

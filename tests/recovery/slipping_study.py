@@ -1,0 +1,228 @@
+"""How often slip is named, and its parameters hold, on levels that harmonic balance of an independent model made."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+import model
+from ema.types.geometry import Geometry
+from model.effects.contact_slip import STRAIN
+from tests.independent.campaign import SHAKER, STACK
+from tests.independent.slipping_modes import STATE, SlippingTest, slipping_test
+from tests.recovery.other_worlds import modal_model
+from tests.recovery.other_worlds_study import Share
+from updating.diagnosis.assembly import assemble_evidence
+from updating.diagnosis.cached_model import cached_model
+from updating.diagnosis.candidates import CandidateModel, instruments_of
+from updating.diagnosis.experiment import aids
+from updating.diagnosis.explanation import Z95
+from updating.diagnosis.search import search
+from updating.diagnosis.slipping import AtLevel
+from updating.diagnosis.verdict import decide
+
+RECORD = Path(__file__).parents[2] / "data" / "blind" / "slipping.jsonl"
+"""The cases of the published table."""
+FIRST_SEED = 900_100
+MIXTURE = (True, True, False)
+"""Whether a case slips, in their turn."""
+CONSIDERED = (
+    "air_damping",
+    "clamp_mass",
+    "contact_direction",
+    "contact_loss",
+    "contact_slip",
+    "lost_contact_ends",
+    "steel_loss",
+)
+"""Effects of the catalogue that are tried: slip, and what changes stiffness or damping of many modes."""
+MOVES = 3.0
+"""Half-widths of its 95 % interval by which a frequency moves where slip is to be named."""
+_Z90 = 1.645
+_CLOSE = 0.15  # of the slip limit
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlippingCase:
+    """One case and what was said of it.
+
+    Attributes
+    ----------
+    seed, slips
+        As drawn.
+    moved : float
+        As `SlippingTest` has it.
+    truth : (float, float)
+        Softening at the effect's strain, and exponent; 0 and 0 of a stack that does not slip.
+    verdict : str
+        Of the diagnosis.
+    named : tuple of tuple of str
+        What it leaves, the first one first.
+    found : tuple of (float, float, float)
+        Value and 95 % interval of both parameters, slip alone.
+    limit : float
+        Strain at which everything slides, found over true; NaN of a stack that does not slip.
+    error : (float, float)
+        Mean frequency errors of the base model and with slip alone.
+    """
+
+    seed: int
+    slips: bool
+    moved: float
+    truth: tuple[float, float]
+    verdict: str
+    named: tuple[tuple[str, ...], ...]
+    found: tuple[tuple[float, float, float], ...]
+    limit: float
+    error: tuple[float, float]
+
+    @property
+    def slip_named(self) -> bool:
+        """Whether slip is in everything that is left."""
+        return bool(self.named) and all("contact_slip" in effects for effects in self.named)
+
+    @property
+    def slip_leads(self) -> bool:
+        """Whether slip is in the first that is named."""
+        return bool(self.named) and "contact_slip" in self.named[0]
+
+    @property
+    def covered(self) -> tuple[bool, ...]:
+        """Whether the 90 % intervals hold the truth."""
+        found = []
+        for (_, low, high), true in zip(self.found, self.truth, strict=True):
+            half = _Z90 / Z95 * 0.5 * (high - low)
+            found.append(abs(true - 0.5 * (low + high)) <= half)
+        return tuple(found)
+
+
+def _levels(test: SlippingTest) -> list:
+    geometry = Geometry(
+        node=np.arange(1, SHAKER + 1), coordinate=test.nominal, line=np.empty((0, 2), dtype=int)
+    )
+    return [
+        (table.configuration.name, table.configuration.pressure, modal_model(table, geometry))
+        for table in test.level
+    ]
+
+
+def run(seed: int, slips: bool, candidates: CandidateModel) -> SlippingCase:
+    """Draw, simulate, diagnose and score one case."""
+    test = slipping_test(seed, slips=slips)
+    tested = _levels(test)
+    levels = {
+        name: AtLevel(state=STATE.name, rms_motion=motion, motion=motion)
+        for (name, _, _), motion in zip(tested, test.motion, strict=True)
+    }
+    found = search(assemble_evidence(candidates, tested, levels=levels), asked=[("contact_slip",)])
+    alone = next(x for x in found.fitted if x.effects == ("contact_slip",))
+    values = dict(zip((p.name for p in alone.parameter), alone.value.tolist(), strict=True))
+    truth, limit = (0.0, 0.0), float("nan")
+    if slips:
+        law = model.SlipLaw(friction=test.friction, exponent=test.exponent)
+        slide = law.sliding_strain(test.G_f)
+        truth = (float(law.softening(np.array([STRAIN / slide]))[0]), test.exponent)
+        own = model.SlipLaw(friction=1.0, exponent=values["slip_exponent"])
+        limit = STRAIN / max(own.reach(values["slip_softening"]), 1e-12) / slide
+    return SlippingCase(
+        seed=seed,
+        slips=slips,
+        moved=test.moved,
+        truth=truth,
+        verdict=(decision := decide(found)).verdict,
+        named=tuple(x.effects for x in decision.left),
+        found=tuple(
+            (float(v), float(low), float(high))
+            for v, low, high in zip(alone.value, alone.lower, alone.upper, strict=True)
+        ),
+        limit=limit,
+        error=(found.base.residual.frequency_error, alone.residual.frequency_error),
+    )
+
+
+def planned(number: int) -> list[tuple[int, bool]]:
+    """Return seeds of so many cases, and whether they slip."""
+    return [(FIRST_SEED + i, MIXTURE[i % len(MIXTURE)]) for i in range(number)]
+
+
+def recorded(record: Path) -> list[SlippingCase]:
+    """Read the cases that are done; a line that was cut off is none."""
+    text = record.read_text(encoding="utf-8") if record.exists() else ""
+    return [_case(json.loads(line)) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+
+def _case(given: dict) -> SlippingCase:
+    tuples = {name: tuple(given[name]) for name in ("truth", "error")}
+    pairs = {name: tuple(map(tuple, given[name])) for name in ("named", "found")}
+    return SlippingCase(**(given | tuples | pairs))
+
+
+def study(
+    cases: Sequence[tuple[int, bool]], record: Path, say: Callable[[str], None] = print
+) -> list[SlippingCase]:
+    """Run the cases that are not recorded yet, each written as soon as it is done, and return all of them."""
+    done = {(case.seed, case.slips): case for case in recorded(record)}
+    record.parent.mkdir(parents=True, exist_ok=True)
+    with threadpool_limits(1, user_api="blas"), record.open("a", encoding="utf-8") as file:
+        for seed, slips in cases:
+            if (seed, slips) in done:
+                continue
+            case = run(seed, slips, _model())
+            done[seed, slips] = case
+            file.write(json.dumps(asdict(case)) + "\n")
+            file.flush()
+            say(
+                f"{len(done)}: {seed} {'slips' if slips else 'linear'} {case.moved:.0f} -> {case.verdict} {case.named}"
+            )
+    return [done[case] for case in cases]
+
+
+@cache
+def _model() -> CandidateModel:
+    """Return the model of the stated stack, the same for all cases."""
+    effects = {name: effect for name, effect in model.catalogue().items() if name in CONSIDERED}
+    instruments = instruments_of(_levels(slipping_test(FIRST_SEED, slips=False))[0][2])
+    return cached_model(model.read_stack(STACK), instruments, effects, aids())
+
+
+def figures(cases: Sequence[SlippingCase]) -> Iterator[Share]:
+    """Yield what the cases say."""
+    slipping = [c for c in cases if c.slips]
+    seen = [c for c in slipping if c.moved >= MOVES]
+    linear = [c for c in cases if not c.slips]
+
+    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
+        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
+
+    moves = f"slip moves a frequency by {MOVES:g} half-widths"
+    yield share(f"{moves}: it is in all that is left", "90 %", [c.slip_named for c in seen])
+    yield share("the same: it is in the first that is named", "reported", [c.slip_leads for c in seen])
+    yield share("the same: *identified*", "reported", [c.verdict == "identified" for c in seen])
+    yield share(
+        "linear stacks called slipping",
+        "at most 3 %",
+        [any("contact_slip" in x for x in c.named) for c in linear],
+    )
+    yield share(
+        "linear stacks called *nothing missing*", "reported", [c.verdict == "nothing missing" for c in linear]
+    )
+    for i, name in enumerate(("softening at a strain of 1e-5", "exponent")):
+        yield share(
+            f"90 % interval of the {name} holds the truth", "80 to 97 %", [c.covered[i] for c in seen]
+        )
+    yield share("slip limit within 15 %", "reported", [abs(c.limit - 1.0) <= _CLOSE for c in seen])
+    yield share(
+        "mean frequency error is lower with slip alone", "reported", [c.error[1] < c.error[0] for c in seen]
+    )
+
+
+def median_factor(cases: Sequence[SlippingCase]) -> float:
+    """Return the median factor by which the slip limit is off, either way, where slip shows."""
+    off = [abs(np.log(c.limit)) for c in cases if c.slips and c.moved >= MOVES]
+    return float(np.exp(np.median(off))) if off else float("nan")
