@@ -135,13 +135,12 @@ def test_the_shipped_campaign_that_another_model_made_is_called_slipping(tmp_pat
     for parameter in after.parameter:
         assert parameter.lower < true[parameter.name] < parameter.upper
     assert [own.configuration for own in answer.contact[::4]] == ["M1", "M1 at 1.2 N", "M1 at 4 N"]
-    for own in answer.contact:  # at its own strain, beside the law that was integrated
-        assert own.softening == pytest.approx(
-            float(law.softening(np.array([own.strain / slide]))[0]), rel=0.6
-        )
+    for own in answer.contact[8:]:  # at its own strain, beside the law that was integrated
+        expected = float(law.softening(np.array([own.strain / slide]))[0])
+        assert own.softening == pytest.approx(expected, rel=0.4)
     assert "these 3 force levels shear the contact by" in said
     assert answer.second_level is None
-    assert not answer.next_tests or {test.name for test in answer.next_tests}.isdisjoint({"second_force"})
+    assert "second_force" not in {test.name for test in answer.next_tests}
     assert "not linear" not in said  # the levels are part of the answer
 
 

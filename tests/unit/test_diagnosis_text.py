@@ -508,7 +508,11 @@ def test_amplitudes_are_told_with_what_slip_makes_of_them():
     text = sentences(diagnosis("identified", STINGER, contact=levels))[2]
     assert text.startswith(
         "By the model's shapes, these 2 force levels shear the contact by 1.2e-06 (mode 4 of M1) to 2.4e-05 (mode 1 of "
-        "M1 at 4 N), where faces move by 0.012 µm against each other. There slip makes it 2.1 % to 9.4 % softer"
+        "M1 at 4 N), where faces move by up to 0.012 µm against each other. slip_softening is the share by which slip "
+        "makes the contact softer at a strain of 1e-05, which lies within that;"
+    )
+    assert (
+        "1e-05, which was not tested;" in sentences(diagnosis("identified", STINGER, contact=levels[:1]))[2]
     )
     linear = tuple(replace(own, softening=0.0) for own in levels)
     assert sentences(diagnosis("nothing missing", contact=linear))[1].endswith(

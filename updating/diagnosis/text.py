@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from model.effects.contact_slip import STRAIN
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.calibration import STRAINED
 from updating.diagnosis.discrepancy import MEDIAN, SPREAD
@@ -236,16 +237,16 @@ def _over_amplitude(found: Diagnosis) -> list[str]:
     levels = len({own.configuration for own in found.contact})
     sheared = (
         f"By the model's shapes, these {levels} force levels shear the contact by {low.strain:.2g} (mode {low.mode} of "
-        f"{low.configuration}) to {high.strain:.2g} (mode {high.mode} of {high.configuration}), where faces move by "
-        f"{quantity(1e6 * high.slip, 'µm')} against each other"
+        f"{low.configuration}) to {high.strain:.2g} (mode {high.mode} of {high.configuration}), where faces move by up "
+        f"to {quantity(1e6 * high.slip, 'µm')} against each other"
     )
     if not any(own.softening for own in found.contact):
         return [f"{sheared}; that it slips there is not said."]
-    soft = sorted(own.softening for own in found.contact)
+    reached = "lies within that" if low.strain <= STRAIN <= high.strain else "was not tested"
     return [
-        f"{sheared}. There slip makes it {percent(soft[0])} to {percent(soft[-1])} softer than it is at rest; what it "
-        "does beyond is extrapolated. slip_softening is by which share it is softer at a strain of 1e-5, and that "
-        "grows with the strain to the power 1 + slip_exponent."
+        f"{sheared}. slip_softening is the share by which slip makes the contact softer at a strain of {STRAIN:g}, "
+        f"which {reached}; it grows with the strain to the power 1 + slip_exponent. Beyond what was tested that is "
+        "extrapolated."
     ]
 
 
