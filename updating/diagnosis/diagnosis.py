@@ -136,10 +136,7 @@ def conclude(
         point_change=decision.point,
         ranking=ranking,
         errors=_errors(evidence, base, left),
-        n_used={
-            t.name: (int(used.size), int(t.modes.frequency.size))
-            for t, used in zip(evidence.tested, evidence.used, strict=True)
-        },
+        n_used=_n_used(evidence),
         signatures={
             x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
             for x in found.singles[:_SHOWN]
@@ -168,6 +165,14 @@ def _strained(evidence: Evidence, own: Explanation) -> tuple[Strained, ...]:
         for i, name in enumerate(evidence.nuisances)
         if far[i] and not name.startswith("gain")
     )
+
+
+def _n_used(evidence: Evidence) -> dict[str, tuple[int, int]]:
+    """Return how many modes of each configuration are used, and how many were identified."""
+    return {
+        t.name: (int(used.size), int(t.modes.frequency.size))
+        for t, used in zip(evidence.tested, evidence.used, strict=True)
+    }
 
 
 def _labelled(own: Tested, r: int) -> str:
