@@ -312,14 +312,6 @@ class Evidence:
         """Names of what was assembled anew: configurations, force levels of one counted once."""
         return tuple(dict.fromkeys(t.assembled for t in self.tested))
 
-    @cached_property
-    def together(self) -> tuple[tuple[int, ...], ...]:
-        """Configurations that have the model's modes in common: force levels of one state, seen at the same points."""
-        alike: dict[tuple[str, bytes], list[int]] = {}
-        for c, (own, observed) in enumerate(zip(self.tested, self.observed, strict=True)):
-            alike.setdefault((own.assembled, observed.reduced_rows.tobytes()), []).append(c)
-        return tuple(map(tuple, alike.values()))
-
     def state_of(self, configuration: int) -> int:
         """Return the place of a configuration's state among `states`."""
         return self.states.index(self.tested[configuration].assembled)

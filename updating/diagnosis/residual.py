@@ -255,12 +255,20 @@ def _values(parameters: Sequence[Parameter], coordinate: Vector | None) -> dict[
     return {p.name: scaled(p, float(x)) for p, x in zip(parameters, z, strict=True)}
 
 
+def together(evidence: Evidence) -> tuple[tuple[int, ...], ...]:
+    """Return configurations that have the model's modes in common: levels of one state, seen at the same points."""
+    groups: dict[tuple[str, bytes], list[int]] = {}
+    for c, (own, observed) in enumerate(zip(evidence.tested, evidence.observed, strict=True)):
+        groups.setdefault((own.assembled, observed.reduced_rows.tobytes()), []).append(c)
+    return tuple(map(tuple, groups.values()))
+
+
 def _every_compared(
     evidence: Evidence, nuisance: Vector, effect: Mapping[str, tuple[float, float]]
 ) -> list[_Compared]:
     """Put every configuration beside the model, which is solved once for those that have their modes in common."""
     found = {}
-    for group in evidence.together:
+    for group in together(evidence):
         modes = _modes_of(evidence, group, nuisance, effect)
         found.update({c: _compared(evidence, c, nuisance, effect, modes) for c in group})
     return [found[c] for c in range(len(evidence.tested))]
