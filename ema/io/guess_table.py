@@ -17,6 +17,7 @@ from ema.io.table import number
 _FEWEST_ROWS = 10  # of numbers; less is no measured function
 _LOOKED_AT = 400  # rows of numbers
 _MOST_HEADER = 200  # rows
+_LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
 _SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
 _KINDS = (
     ("coherence", r"coh|gamma"),
@@ -71,11 +72,11 @@ def guess_table(path: Path) -> Contents | None:
     if not has_axis:
         keys |= {"axis_column": 0, "axis_step": UNKNOWN}
     columns = list(range(1 if has_axis else 0, text.value.shape[1]))
-    if has_axis and re.search(r"\btime\b|\bzeit\b|^t\b|[\[(]s[\])]", text.title(0).lower()):
+    if has_axis and _is_time(text, guesses):
         headed = [dofs_in(text.title(c)) for c in columns[1:]]
         return Contents(
-            file=path, section="table", keys={"layout": "time"} | keys, is_time=True,
-            dofs=with_names(path, headed)[0], guesses=("the first column after the time is the force",),
+            file=path, section="table", keys={"layout": "time"} | keys, is_time=True, dofs=with_names(path, headed)[0],
+            guesses=(*guesses, "the first column after the time is the force"),
         )  # fmt: skip
     found = _functions(text, columns, guesses)
     if found is None or (guesses and not has_axis):  # any table of numbers
@@ -141,6 +142,20 @@ def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
         return [number(cell.replace(decimal, ".").strip()) for cell in _cells(row, delimiter)]
     except ValueError:
         return None
+
+
+def _is_time(text: _Text, guesses: list[str]) -> bool:
+    """Whether the first column is the time: its title says so or, without one, its step is none of a frequency."""
+    title = text.title(0).lower()
+    if re.search(r"\btime\b|\bzeit\b|^t\b|[\[(]s[\])]", title):
+        return True
+    step = float(np.median(np.diff(text.value[:, 0].real)))
+    if title or step > _LONGEST_SAMPLE or len(text.value[0]) < 3:
+        return False
+    guesses.append(
+        f"the first column is taken as the time in s, since a step of {step:.4g} Hz is none of a frequency"
+    )
+    return True
 
 
 def _functions(

@@ -12,15 +12,27 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in
 from ema.io.contents import UNKNOWN, Code, Contents, with_names
+from ema.io.variables import FIRST_COLUMN
 
 _Arrays = dict[str, NDArray[Any]]
+_FRF = re.compile(
+    r"frf|^h(f|\d+)?(_|$)|^tf|transf|recep|mobil|accelerance|inertance|compliance|^fresp|freqresp",
+    re.IGNORECASE,
+)
+_SPECTRUM = re.compile(r"^[sgx]\d*(_\d+)?$|spec|psd|csd|cross|auto|fft|corr", re.IGNORECASE)
+_COHERENCE = re.compile(r"coh|gamma|^c\d+_\d+$", re.IGNORECASE)  # C1_2 of the analysers that write H1_2
+_CIRCULAR = re.compile(r"^(w|om(ega)?)$", re.IGNORECASE)  # rad/s
+_FEWEST_LINES = 10
+_LISTED = 6  # names of variables in a comment
 
 
 def guess_variables(path: Path, *, matlab: bool) -> Contents:
     """Return what a MATLAB or HDF5 file seems to hold, with `UNKNOWN` for what nothing in it looks like.
 
-    The FRFs are the largest complex array, or two real ones whose names say so; their frequency axis is the one as
-    long as an ascending vector; coherences have their shape and lie between 0 and 1.
+    The FRFs are the complex arrays that are called so, such as ``H1_2``, else the largest that is not called a
+    spectrum, or two real ones whose names say so. Their frequencies are an ascending vector as long as one of their
+    axes that is not called a circular frequency, or their first column. Coherences have their shape and are called
+    so.
 
     Raises
     ------
@@ -29,27 +41,31 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
     """
     with arrays_in(path, matlab=matlab) as held:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
-    keys, block = _frfs(arrays)
+    keys, block, guesses = _frfs(arrays)
     if block is None:
         return Contents(
-            file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),)
-        )
-    frequency = _frequency(arrays, block.shape)
+            file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
+            guesses=tuple(guesses),
+        )  # fmt: skip
+    names = keys.get("frf", [])
+    own_column = _is_axis(block)
+    frequency = FIRST_COLUMN if own_column else _frequency(arrays, block.shape)
     keys["frequency"] = frequency or UNKNOWN
-    guesses = [f"variable {keys.get('frf', keys.get('real'))!r} is taken as the FRFs"]
-    n_line = arrays[frequency].size if frequency else max(block.shape)
-    axes = _axes(block.shape, n_line)
+    shape = (block.shape[0], block.shape[1] - 1) if own_column else block.shape
+    n_line = shape[0] if own_column or not frequency else arrays[frequency].size
+    axes = ["frequency", "output"] if own_column or len(names) > 1 else _axes(shape, n_line)
     keys["axes"] = axes
-    if len(axes) > 1:
+    if own_column:
+        guesses.append("the first column of the FRFs is taken as their frequencies")
+    elif len(axes) > 1:
         guesses.append(f"axes are taken as {', '.join(axes)} by their lengths")
-    lengths = dict(zip(axes, [n for n in block.shape if n > 1], strict=False))
-    n_output, n_input = lengths.get("output", 1), lengths.get("input", 1)
-    coherence = [
-        name for name, value in arrays.items()
-        if value.shape == block.shape and not np.iscomplexobj(value) and value.min() >= 0 and value.max() <= 1
-    ]  # fmt: skip
+    coherence = _coherences(arrays, block, names)
     if coherence:
-        keys["coherence"] = coherence[0]
+        keys["coherence"] = coherence if len(coherence) > 1 else coherence[0]
+    if len(names) == 1:
+        keys["frf"] = names[0]
+    lengths = dict(zip(axes, [n for n in shape if n > 1], strict=False))
+    n_output, n_input = lengths.get("output", 1) * max(len(names), 1), lengths.get("input", 1)
     states = frozenset(
         end for end, n in (("output", n_output), ("input", n_input)) if _place(arrays, keys, end, n)
     )
@@ -60,19 +76,69 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
     )
 
 
-def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None]:
-    """Return the keys of the FRFs, and an array in their shape."""
-    whole = [name for name, value in arrays.items() if np.iscomplexobj(value) and value.size > 1]
-    if whole:
-        name = max(whole, key=lambda n: arrays[n].size)
-        return {"frf": name}, arrays[name]
+def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
+    """Return the keys of the FRFs, an array in their shape, and what was guessed."""
+    whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
+    spectra = [name for name in whole if _SPECTRUM.search(_last(name))]
+    called = [name for name in whole if name not in spectra and _FRF.search(_last(name))]
+    free = called or [name for name in whole if name not in spectra]
+    if free:
+        first = max(free, key=lambda n: whole[n].size)
+        alike = [
+            n for n in called if _numberless(n) == _numberless(first) and whole[n].shape == whole[first].shape
+        ]
+        names = alike if len(alike) > 1 and max(_counts(whole[first])) == 1 else [first]
+        others = [name for name in whole if name not in names][:_LISTED]
+        said = f"variable{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {'are' if len(names) > 1 else 'is'}"
+        beside = f"; other complex variables are {', '.join(map(repr, others))}" if others else ""
+        return {"frf": names}, whole[first], [f"{said} taken as the FRFs{beside}"]
     for name, value in arrays.items():
         if value.size > 1 and re.search(r"(?:^|[._/])re(?:al)?\b|_re(?:al)?$", name, re.IGNORECASE):
             other = re.sub(r"re(al)?$", lambda m: "imag" if m[1] else "im", name, flags=re.IGNORECASE)
             same = {n.lower(): n for n, v in arrays.items() if v.shape == value.shape}
             if other.lower() in same:
-                return {"real": name, "imaginary": same[other.lower()]}, value
-    return {"frf": UNKNOWN}, None
+                said = f"variable {name!r} is taken as the real part of the FRFs"
+                return {"real": name, "imaginary": same[other.lower()]}, value, [said]
+    said = f"complex variables {', '.join(map(repr, spectra[:_LISTED]))} look like spectra" if spectra else ""
+    return {"frf": UNKNOWN}, None, [said] if said else []
+
+
+def _last(name: str) -> str:
+    """Return the name of a field without those of the structures that it is in."""
+    return re.split(r"[./]", name)[-1]
+
+
+def _numberless(name: str) -> str:
+    return re.sub(r"\d+", "#", name)
+
+
+def _counts(value: NDArray[Any]) -> list[int]:
+    """Return how many functions an array may hold along each axis beside its longest."""
+    shape = (value.shape[0], value.shape[1] - 1) if _is_axis(value) else value.shape
+    return sorted(shape)[:-1] or [1]
+
+
+def _is_axis(value: NDArray[Any]) -> bool:
+    """Whether the first of two columns ascends and is real, as frequencies do."""
+    if value.ndim != 2 or value.shape[1] != 2 or value.shape[0] < _FEWEST_LINES:
+        return False
+    first = value[:, 0]
+    return not np.any(first.imag) and bool(first[0].real >= 0 and np.all(np.diff(first.real) > 0))
+
+
+def _coherences(arrays: _Arrays, block: NDArray[Any], frfs: list[str]) -> list[str]:
+    """Return the variables of the coherences: those that are called so, one for each of the FRFs."""
+    called = [
+        name for name, value in arrays.items()
+        if value.shape == block.shape and not np.iscomplexobj(value) and _COHERENCE.search(_last(name))
+    ]  # fmt: skip
+    if len(frfs) <= 1:
+        number = re.findall(r"\d+", frfs[0]) if frfs else []
+        same = [name for name in called if re.findall(r"\d+", name) == number]
+        return (same or called)[:1]
+    of_number = {tuple(re.findall(r"\d+", name)): name for name in called}
+    found = [of_number.get(tuple(re.findall(r"\d+", name))) for name in frfs]
+    return [name for name in found if name is not None] if None not in found else []
 
 
 def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
@@ -80,7 +146,8 @@ def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
     fits = [
         name for name, value in arrays.items()
         if value.size == max(value.shape, default=0) > 1 and value.size in shape
-        and not np.iscomplexobj(value) and np.all(np.diff(value.ravel().astype(float)) > 0)
+        and not np.iscomplexobj(value) and not _CIRCULAR.search(_last(name))
+        and np.all(np.diff(value.ravel().astype(float)) > 0)
     ]  # fmt: skip
     named = [name for name in fits if re.search(r"(?:^|[._/])f(?:req\w*)?$|freq|hz", name, re.IGNORECASE)]
     return next(iter(named), None) or max(fits, key=lambda name: arrays[name].size, default=None)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from ema.io.array_files import ArrayInFile, array, arrays_in
 from ema.io.measured_function import MeasuredFunction
@@ -17,10 +17,21 @@ from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 
 Name = Annotated[str, AfterValidator(lambda name: name.lstrip("/"))]  # HDF5 tools show names from the root
+
+
+def _several(given: Any) -> Any:
+    """Return a list; what is written without brackets is a list of one."""
+    return (given,) if isinstance(given, str) else tuple(given) if isinstance(given, list) else given
+
+
+Names = Annotated[tuple[Name, ...], Field(min_length=1), BeforeValidator(_several)]
 Axis = Literal["frequency", "output", "input"]
 DIRECTIONS = {f"{sign}{axis}": int(f"{sign}{k}") for k, axis in enumerate("xyz", start=1) for sign in "+-"}
 """Signed local directions as they are written, to 1, 2, 3 for +x, +y, +z and negative numbers against them."""
+FIRST_COLUMN = "first column"
+"""In place of a variable of the frequencies: the first column of each array of FRFs."""
 _LARGEST_POINT = 1e10  # as in universal files
+_Named = tuple[str, NDArray[Any]]  # a variable and its values (n_frequency, n_output, n_input)
 
 
 class VariableLayout(BaseModel):
@@ -30,15 +41,15 @@ class VariableLayout(BaseModel):
 
     Attributes
     ----------
-    frf : str or None
-        Variable of the complex FRFs.
+    frf : tuple of str or None
+        Variable of the complex FRFs; of several the outputs of the first come first, then those of the next.
     real, imaginary : str or None
         Variables of their parts, in place of `frf`.
     axes : tuple of {"frequency", "output", "input"}
         What each axis of these arrays is, in the order that MATLAB or the HDF5 file shows; axes of length one may
         be left out.
     frequency : str or None
-        Variable of the frequencies, Hz.
+        Variable of the frequencies, Hz, or ``"first column"`` where the first column of the FRFs holds them.
     axis_start, axis_step : float
         First frequency and step, Hz, where there is no such variable.
     output_point, input_point : str, int or None
@@ -46,13 +57,13 @@ class VariableLayout(BaseModel):
     output_direction, input_direction : str or None
         Variable of the signed directions, 1, 2, 3 for +x, +y, +z and negative numbers against them, or one such as
         ``"+z"`` for all.
-    coherence : str or None
-        Variable of the coherences, in the shape of the FRFs.
+    coherence : tuple of str or None
+        Variables of the coherences, in the shapes of the FRFs and in their order.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    frf: Name | None = None
+    frf: Names | None = None
     real: Name | None = None
     imaginary: Name | None = None
     axes: tuple[Axis, ...] = ("frequency", "output")
@@ -63,7 +74,7 @@ class VariableLayout(BaseModel):
     output_direction: Name | None = None
     input_point: Name | Annotated[int, Field(ge=1)] | None = None
     input_direction: Name | None = None
-    coherence: Name | None = None
+    coherence: Names | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> VariableLayout:
@@ -73,6 +84,9 @@ class VariableLayout(BaseModel):
             raise ValueError(message)
         if "frequency" not in self.axes or len(set(self.axes)) < len(self.axes):
             message = f"axes: each of 'frequency', 'output', 'input' once, 'frequency' always, found {list(self.axes)}"
+            raise ValueError(message)
+        if self.frequency == FIRST_COLUMN and self.axes != ("frequency", "output"):
+            message = f"frequencies in the first column need axes = ['frequency', 'output'], found {list(self.axes)}"
             raise ValueError(message)
         if self.frequency is None and self.axis_step <= 0:
             message = "without a variable of the frequencies ('frequency'), axis_step must be positive"
@@ -106,50 +120,71 @@ def read_variables(
         A variable is missing or has another shape than the others ask for; the message names file and variable.
     """
     with arrays_in(path, matlab=matlab) as arrays:
-        value, name = _frfs(path, arrays, layout)
-        frequency = _frequency(path, arrays, layout, value.shape[0], name)
+        found = _frfs(path, arrays, layout)
+        frequency = _frequency(path, arrays, layout, found)
+        value = np.concatenate([block for _, block in found], axis=1)
         outputs = _dofs(path, arrays, layout, "output", value.shape[1])
         inputs = _dofs(path, arrays, layout, "input", value.shape[2])
-        blocks = [("frf", name, value)]
-        if layout.coherence is not None:
-            coherence = _block(path, arrays, layout, "coherence", layout.coherence)
-            if coherence.shape != value.shape or np.iscomplexobj(coherence):
-                message = (
-                    f"{path}: variable {layout.coherence!r} (coherence): expected real numbers in the shape of "
-                    f"{name!r}, {arrays[layout.coherence]} do not fit"
-                )
-                raise MeasurementError(message)
-            blocks.append(("coherence", layout.coherence, coherence))
+        coherences = _coherences(path, arrays, layout, found)
+    factor = 1.0 if unit is None else unit.factor
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
-        return tuple(
+        frfs = [
             MeasuredFunction(
-                kind="frf" if kind == "frf" else "coherence",
+                kind="frf",
                 abscissa=frequency,
-                value=block[:, i, j] * (1.0 if unit is None or kind != "frf" else unit.factor),
-                quantity=unit.frf if unit is not None and kind == "frf" else None,
+                value=one * factor,
+                quantity=None if unit is None else unit.frf,
                 output=outputs[i],
                 input=inputs[j],
-                source=f"{path}: variable {variable!r}, output {i + 1}, input {j + 1}",
+                source=source,
             )
-            for kind, variable, block in blocks
-            for i in range(value.shape[1])
-            for j in range(value.shape[2])
-        )
+            for i, j, one, source in _each(path, found)
+        ]
+    return (
+        *frfs,
+        *(
+            MeasuredFunction(
+                kind="coherence", abscissa=frequency, value=one, quantity=None, output=outputs[i], input=inputs[j],
+                source=source,
+            )
+            for i, j, one, source in _each(path, coherences)
+        ),
+    )  # fmt: skip
 
 
-def _frfs(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout
-) -> tuple[NDArray[np.complex128], str]:
-    """Return the FRFs (n_frequency, n_output, n_input) and the variable that messages name."""
+def _each(path: Path, blocks: list[_Named]) -> Iterator[tuple[int, int, NDArray[Any], str]]:
+    """Give each function with the numbers of its output, over all blocks, and of its input, and where it is from."""
+    start = 0
+    for name, block in blocks:
+        for i in range(block.shape[1]):
+            for j in range(block.shape[2]):
+                yield (
+                    start + i,
+                    j,
+                    block[:, i, j],
+                    f"{path}: variable {name!r}, output {i + 1}, input {j + 1}",
+                )
+        start += block.shape[1]
+
+
+def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout) -> list[_Named]:
+    """Return the FRFs, each with the variable that messages name."""
     if layout.frf is not None:
-        value = _block(path, arrays, layout, "frf", layout.frf)
-        if not np.iscomplexobj(value):
-            message = (
-                f"{path}: variable {layout.frf!r} (frf): its numbers are real, expected complex ones; where the parts "
-                "are variables of their own, name them as 'real' and 'imaginary'"
-            )
-            raise MeasurementError(message)
-        return value, layout.frf
+        found = [(name, _block(path, arrays, layout, "frf", name)) for name in layout.frf]
+        for name, value in found:
+            if not np.iscomplexobj(value):
+                message = (
+                    f"{path}: variable {name!r} (frf): its numbers are real, expected complex ones; where the parts "
+                    "are variables of their own, name them as 'real' and 'imaginary'"
+                )
+                raise MeasurementError(message)
+            if (value.shape[0], value.shape[2]) != (found[0][1].shape[0], found[0][1].shape[2]):
+                message = (
+                    f"{path}: variable {name!r} (frf): {arrays[name]} do not fit the {arrays[found[0][0]]} of "
+                    f"{found[0][0]!r}; expected the same frequencies and inputs in all"
+                )
+                raise MeasurementError(message)
+        return found
     assert layout.real is not None
     assert layout.imaginary is not None
     real = _block(path, arrays, layout, "real", layout.real)
@@ -160,7 +195,28 @@ def _frfs(
             f"one shape, found {arrays[layout.real]} and {arrays[layout.imaginary]}"
         )
         raise MeasurementError(message)
-    return real + 1j * imaginary, layout.real
+    return [(layout.real, real + 1j * imaginary)]
+
+
+def _coherences(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, found: list[_Named]
+) -> list[_Named]:
+    names = layout.coherence or ()
+    if names and len(names) != len(found):
+        message = (
+            f"{path}: variables {', '.join(map(repr, names))} (coherence): expected one for each of the "
+            f"{len(found)} of the FRFs"
+        )
+        raise MeasurementError(message)
+    coherences = [(name, _block(path, arrays, layout, "coherence", name)) for name in names]
+    for (name, coherence), (frf, value) in zip(coherences, found, strict=False):
+        if coherence.shape != value.shape or np.iscomplexobj(coherence):
+            message = (
+                f"{path}: variable {name!r} (coherence): expected real numbers in the shape of "
+                f"{frf!r}, {arrays[name]} do not fit"
+            )
+            raise MeasurementError(message)
+    return coherences
 
 
 def _block(
@@ -169,6 +225,8 @@ def _block(
     """Return an array with the axes frequency, output, input; axes that the layout does not name have length one."""
     value = array(path, arrays, key, name)
     axes = layout.axes
+    if layout.frequency == FIRST_COLUMN:
+        value = _two_columns(path, arrays, key, name)[:, 1:]
     shape = value.shape
     if len(shape) > len(axes):  # MATLAB has no vectors, only columns and rows
         shape = tuple(n for n in shape if n > 1)
@@ -184,11 +242,33 @@ def _block(
     return value.reshape(shape).transpose(order).reshape(lengths)
 
 
+def _two_columns(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -> NDArray[Any]:
+    value = array(path, arrays, key, name)
+    if value.ndim != 2 or not 1 < value.shape[1] < value.shape[0]:
+        message = (
+            f"{path}: variable {name!r} ({key}): expected the frequencies in its first column and values beside "
+            f"them, found {arrays[name]}"
+        )
+        raise MeasurementError(message)
+    return value
+
+
 def _frequency(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, count: int, name: str
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, found: list[_Named]
 ) -> NDArray[np.float64]:
+    name, count = found[0][0], found[0][1].shape[0]
     if layout.frequency is None:
         return layout.axis_start + layout.axis_step * np.arange(count, dtype=np.float64)
+    if layout.frequency == FIRST_COLUMN:
+        columns = [_two_columns(path, arrays, "frequency", other)[:, 0] for other, _ in found]
+        for (other, _), column in zip(found, columns, strict=True):
+            if np.any(column.imag != 0) or np.any(column != columns[0]):
+                message = (
+                    f"{path}: variable {other!r} (frequency): expected the frequencies in its first column, real and "
+                    f"the same as in {name!r}"
+                )
+                raise MeasurementError(message)
+        return _ascending(f"{path}: variable {name!r} (frequency)", columns[0].real)
     value = array(path, arrays, "frequency", layout.frequency)
     where = f"{path}: variable {layout.frequency!r} (frequency)"
     if value.size != count or max(value.shape, default=1) != value.size or np.iscomplexobj(value):
@@ -198,7 +278,10 @@ def _frequency(
             f"axes = {list(layout.axes)} right?"
         )
         raise MeasurementError(message)
-    frequency = value.ravel()
+    return _ascending(where, value.ravel())
+
+
+def _ascending(where: str, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     if not np.all(np.diff(frequency) > 0):
         at = int(np.argmin(np.diff(frequency) > 0)) + 2
         message = f"{where}: value {at}: the frequency does not ascend"

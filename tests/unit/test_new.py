@@ -225,6 +225,60 @@ def test_time_histories(tmp_path):
     assert frf(tmp_path, tmp_path.name).quantity == "accelerance"
 
 
+def test_time_histories_without_a_title(tmp_path):
+    time = np.arange(100) / 51200
+    rows = "".join(f"{t:.6e}\t{np.sin(99 * t):.6e}\t{np.cos(70 * t):.6e}\n" for t in time)
+    (tmp_path / "Point1_Channel1.txt").write_text(rows)
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    assert 'layout = "time"' in text
+    assert (
+        "the first column is taken as the time in s, since a step of 1.953e-05 Hz is none of a frequency"
+        in text
+    )
+
+
+def test_frfs_beside_spectra(tmp_path):
+    """As an analyser writes them: frequencies in the first column of everything, each function a variable."""
+    (tmp_path / "M1").mkdir()
+    content = {"S1": VALUE[:, 0], "G1_2": VALUE[:, 1], "S1_2": VALUE[:, 2]}
+    content |= {f"H1_{k + 2}": VALUE[:, k] for k in range(3)} | {
+        f"C1_{k + 2}": np.abs(VALUE[:, k]) / 10 for k in range(3)
+    }
+    savemat(tmp_path / "M1/run.mat", {n: np.column_stack([FREQUENCY, v]) for n, v in content.items()})
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    assert "variables 'H1_2', 'H1_3', 'H1_4' are taken as the FRFs; other complex variables are 'S1'" in text
+    assert "the first column of the FRFs is taken as their frequencies" in text
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('input = ["?"]', 'input = ["45+z"]'),
+         ('output = ["?"]', 'output = ["1+z", "2+z", "3+z"]'))  # fmt: skip
+    measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), "M1")
+    np.testing.assert_array_equal(measured.frf.frequency, FREQUENCY)
+    np.testing.assert_array_equal(measured.frf.value[:, 0], VALUE.T)
+    np.testing.assert_array_equal(measured.frf.coherence[:, 0], np.abs(VALUE.T) / 10)
+
+
+def test_no_spectrum_is_a_coherence_or_an_frf(tmp_path):
+    spectrum = {"Cross_Spec": VALUE[:, 0], "Mag_Spec": np.abs(VALUE[:, 0]) / 10, "Freq": FREQUENCY}
+    (tmp_path / "one").mkdir()
+    savemat(tmp_path / "one/run.mat", spectrum | {"Hf_2": VALUE[:, 1], "Hf_coh_2": np.abs(VALUE[:, 1]) / 2})
+    new(tmp_path)
+    assert 'frf = "Hf_2"' in campaign_text(tmp_path)
+    assert 'coherence = "Hf_coh_2"' in campaign_text(tmp_path)
+    other = tmp_path / "two"
+    other.mkdir()
+    savemat(other / "run.mat", spectrum)
+    new(other)
+    assert 'frf = "?"' in campaign_text(other)
+    assert "'Cross_Spec' look like spectra" in campaign_text(other)
+
+
+def test_a_circular_frequency_is_not_taken_for_one_in_hertz(tmp_path):
+    savemat(tmp_path / "run.mat", {"FRF": VALUE, "w": 2 * np.pi * FREQUENCY})
+    new(tmp_path)
+    assert 'frequency = "?"' in campaign_text(tmp_path)
+
+
 def test_points_of_a_universal_file(tmp_path):
     (tmp_path / "M1").mkdir()
     shutil.copy(DATA / "demo_stack/M1/run_01.uff", tmp_path / "M1")

@@ -269,3 +269,29 @@ def test_what_a_campaign_must_say(folder, old, new, said):
     (folder / "campaign.toml").write_text(CAMPAIGN.replace(old, new))
     with pytest.raises(CampaignError, match=said):
         read_campaign(folder / "campaign.toml")
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_several_variables_with_frequencies_in_their_first_column(tmp_path, kind):
+    content = {f"H1_{k + 2}": np.column_stack([FREQUENCY, VALUE[:, k, 0]]) for k in range(2)}
+    functions = read(tmp_path, kind, content, frf=["H1_2", "H1_3"], frequency="first column")
+    np.testing.assert_allclose(block(functions), 9.80665 * VALUE[:, :2, 0].T, rtol=1e-14)
+    np.testing.assert_array_equal(functions[1].abscissa, FREQUENCY)
+    assert functions[1].source.endswith("variable 'H1_3', output 1, input 1")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"G": np.column_stack([FREQUENCY + 1, VALUE[:, 1, 0]])}, "'G' .frequency.: expected .* the same as in 'H'"),
+        ({"G": VALUE[:, 1, 0]}, "'G' .frf.: expected the frequencies in its first column"),
+        ({"G": np.column_stack([FREQUENCY, VALUE[:, 1, 0]])[1:]}, "'G' .frf.: .* do not fit"),
+        ({"G": np.column_stack([FREQUENCY, VALUE[:, 1, 0]]), "coh": np.ones((len(FREQUENCY), 2))},
+         "'coh' .coherence.: expected one for each of the 2"),
+    ],
+)  # fmt: skip
+def test_several_variables_that_do_not_fit(tmp_path, content, said):
+    content = {"H": np.column_stack([FREQUENCY, VALUE[:, 0, 0]])} | content
+    coherence = ["coh"] if "coh" in content else None
+    with pytest.raises(MeasurementError, match=said):
+        read(tmp_path, "mat", content, frf=["H", "G"], frequency="first column", coherence=coherence)
