@@ -18,7 +18,6 @@ from ema.campaign.measurement import Measurement, read_force_levels, read_measur
 from ema.identification.functions import Functions, inside
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit
-from ema.identification.noise_colour import whitest
 from ema.identification.references import check_references
 from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
@@ -32,6 +31,7 @@ from ema.modal.run_changes import run_changes
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.linearity import check_force_levels
+from ema.quality.noise_colour import whitest
 from ema.quality.verdict import Verdict
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
@@ -242,6 +242,15 @@ def _fitted(
         _require_inside(chosen, band, name)
         fit, runs, left = fit_chosen(_functions(white), chosen, band)
     if not inside(fit.pole, band).any():
+        if (
+            candidates.size == 0
+            and stabilization(replace(white, value=white.value.conj()), order=order).chosen.size
+        ):
+            message = (
+                f"{name}: the phase rises through the resonances, as of the complex conjugates of FRFs: the sign of "
+                "the imaginary part or of the phase is wrong, or response and force are exchanged; export them anew"
+            )
+            raise IdentificationError(message)
         message = (
             f"{name}: none of {candidates.size} stable poles in {band[0]:g}-{band[1]:g} Hz stands out of "
             "the noise as a mode: check the data, or give another band"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ema.identification.functions import Functions, inside
 from ema.identification.lsfd import mode_basis
-from ema.identification.maximum_likelihood import Fit, refine
+from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.significance import (
     MIN_COLLINEARITY,
     MIN_REALNESS,
@@ -27,7 +27,14 @@ from ema.identification.significance import (
     judge,
 )
 from ema.identification.stabilization import MAX_DAMPING
-from ema.identification.unexplained import LEAST_SHARE, Peak, holds_pole, powers, unexplained_peaks
+from ema.identification.unexplained import (
+    LEAST_ALONE,
+    LEAST_SHARE,
+    Peak,
+    holds_pole,
+    powers,
+    unexplained_peaks,
+)
 
 MOST_LEFT = 0.5
 """Share of what was unexplained of a peak that may be left when its mode is taken in."""
@@ -108,6 +115,10 @@ def surroundings(data: Functions, fit: Fit, peak: Peak) -> Surroundings:
     response = basis @ parts.reshape(-1, fit.residue.shape[0])
     target = fit.residual[:, lines] + (response[: frequency.size] + 1j * response[frequency.size :]).T
     without = refine(frequency, target, fit.pole[near], data.quantity)
+    if holds_pole(data, without, peak) and not holds_pole(
+        data, fit, peak
+    ):  # one that was drawn into the peak
+        without = linear_fit(frequency, target, fit.pole[near], data.quantity)
     return Surroundings(lines=lines, frequency=frequency, target=target, near=near, without=without)
 
 
@@ -127,7 +138,7 @@ def try_peak(
         or why it is not to be taken in.
     """
     around = surroundings(data, fit, peak)
-    if _share_left(data, around, around.without, peak) < LEAST_SHARE * peak.share:
+    if _share_left(data, around, around.without, peak) < LEAST_SHARE * min(peak.share, 1.0):
         return Refusal(reason="the modes explain it where the lines around it are fitted alone", listed=False)
     best: tuple[float, NDArray[np.complex128]] | None = None
     refusal = Refusal(reason="no pole of the fit comes to rest there")
@@ -298,6 +309,6 @@ def _listed(data: Functions, fit: Fit, refused: dict[int, Refusal]) -> Left:
         if holds_pole(data, fit, peak):
             if peak.visible and peak.share > LISTED:
                 left.append((peak, "a mode is there, but the resonance is not that of a linear mode"))
-        elif peak.share > (LEAST_SHARE if peak.visible else LISTED) and (refusal is None or refusal.listed):
+        elif peak.share > (LEAST_ALONE if peak.visible else LISTED) and (refusal is None or refusal.listed):
             left.append((peak, _LESS if refusal is None else refusal.reason))
     return tuple(left)

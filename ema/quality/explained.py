@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.quality.noise_colour import whitest
 from ema.quality.verdict import Verdict
 from ema.types.arrays import readonly
-from ema.types.frf import FRF
+from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel, synthesize
 
@@ -23,7 +24,9 @@ _LISTED = 6
 class ExplainedPower:
     """Share of the measured power that the modes explain.
 
-    It is one less the power of measured less synthesised functions over that of the measured ones.
+    It is one less the power of measured less synthesised functions over that of the measured ones, both as the quantity
+    whose noise is even, in which the modes are fitted: the first lines of a receptance, where integrated noise grows
+    without limit, would hold all of it.
 
     Attributes
     ----------
@@ -35,12 +38,15 @@ class ExplainedPower:
         Share in each band, the mean over the inputs; NaN where a band holds no line.
     whole : (n_channel,) float
         Share in the whole band.
+    quantity : {"receptance", "mobility", "accelerance"}
+        As which the power is counted.
     """
 
     channel: tuple[str, ...]
     edge: NDArray[np.float64]
     share: NDArray[np.float64]
     whole: NDArray[np.float64]
+    quantity: Quantity
 
     def __post_init__(self) -> None:
         n_channel, n_band = len(self.channel), np.size(self.edge) - 1
@@ -56,6 +62,7 @@ class ExplainedPower:
 def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     """Compare what was identified, at the outputs and inputs of the model, with what the model stands for."""
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
+    lines = lines.convert(whitest(lines))
     rest = np.abs(lines.value - synthesize(modal_model, lines.frequency, lines.quantity)) ** 2
     power = np.abs(lines.value) ** 2
     middle = 0.5 * (modal_model.frequency[1:] + modal_model.frequency[:-1])
@@ -70,7 +77,8 @@ def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
         channel=tuple(output.name(c) for c in range(output.node.size)),
         edge=edge,
         share=share,
-        whole=1.0 - np.mean(modal_model.error**2, axis=1),
+        whole=1.0 - np.mean(rest.sum(axis=2) / power.sum(axis=2), axis=1),
+        quantity=lines.quantity,
     )
 
 
@@ -88,12 +96,13 @@ def check_explained(explained: ExplainedPower, modal_model: ModalModel) -> tuple
         One for the set: a warning below 0.9 and a failure of the identification below 0.7 in the mean over the
         channels; then one warning for each peak that no mode was found for. They name outputs of the model.
     """
-    return (_whole(explained), *_peaks(explained.channel, modal_model))
+    return (_whole(explained, modal_model.quantity), *_peaks(explained.channel, modal_model))
 
 
-def _whole(explained: ExplainedPower) -> Verdict:
+def _whole(explained: ExplainedPower, measured: Quantity) -> Verdict:
     mean = explained.mean
-    text = f"the modes explain {mean:.3f} of the measured power in the mean over the channels"
+    counted = "" if explained.quantity == measured else f", as {explained.quantity},"
+    text = f"the modes explain {mean:.3f} of the measured power{counted} in the mean over the channels"
     poor = np.flatnonzero(explained.whole < WARN)
     if poor.size:
         text += f"; {_listed([f'{explained.channel[c]} {explained.whole[c]:.2f}' for c in poor])}"

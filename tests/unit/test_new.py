@@ -273,6 +273,16 @@ def test_no_spectrum_is_a_coherence_or_an_frf(tmp_path):
     assert "'Cross_Spec' look like spectra" in campaign_text(other)
 
 
+def test_a_first_line_beside_zero_is_that_of_zero(tmp_path):
+    """As some files write it, so that one may divide by the frequency."""
+    frequency = np.concatenate([[1e-5], np.arange(1, 30) * 1e-3])
+    savemat(tmp_path / "run.mat", {"FRF": VALUE, "freq": frequency})
+    new(tmp_path)
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('input = ["?"]', 'input = ["45+z"]'),
+         ('output = ["?"]', 'output = ["1+z", "2+z", "3+z"]'))  # fmt: skip
+    np.testing.assert_allclose(frf(tmp_path, tmp_path.name).frequency, np.arange(30) * 1e-3)
+
+
 def test_a_circular_frequency_is_not_taken_for_one_in_hertz(tmp_path):
     savemat(tmp_path / "run.mat", {"FRF": VALUE, "w": 2 * np.pi * FREQUENCY})
     new(tmp_path)

@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
-from ema.identification.noise_colour import noise_slope, whitest
+from ema.identification.residual_search import Refusal, try_peak
+from ema.identification.unexplained import unexplained_peaks
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
+from ema.quality.noise_colour import noise_slope, whitest
+from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 
@@ -126,7 +130,10 @@ def test_poles_by_hand_that_leave_a_mode_fail_the_identification_in_plain_words(
 def explained(whole):
     share = np.array(whole)[:, None]
     names = tuple(f"{k}+z" for k in range(1, len(whole) + 1))
-    return ExplainedPower(channel=names, edge=np.array([20.0, 500.0]), share=share, whole=np.array(whole))
+    edge = np.array([20.0, 500.0])
+    return ExplainedPower(
+        channel=names, edge=edge, share=share, whole=np.array(whole), quantity="accelerance"
+    )
 
 
 @pytest.mark.parametrize(
@@ -151,3 +158,58 @@ def test_a_roving_hammer_is_compared_at_its_points():
     assert found.channel == ("1+z", "2+z", "3+z", "4+z", "5+z")
     assert found.share.shape == (5, 2)
     assert found.whole.min() > 0.999
+
+
+def rows(frf):
+    value = frf.value[:, 0]
+    return Functions(
+        frequency=LINES, value=value, run=frf.run, quantity=frf.quantity, weight=np.ones_like(value.real)
+    )
+
+
+def poles(frequency, damping):
+    return 2 * np.pi * np.asarray(frequency) * (1j - np.asarray(damping))
+
+
+def peak_at(data, fit, frequency):
+    return next(p for p in unexplained_peaks(data, fit) if abs(p.frequency - frequency) < 10)
+
+
+def test_a_broad_peak_is_not_explained_by_a_weak_neighbour_that_moves_into_it():
+    shape = beam(8, 3) * [1, 0.4, 0.02]
+    data = rows(functions([80, 230, 330], [0.004, 0.06, 0.01], shape, 1e-3))
+    fit = data.linear_fit(poles([80, 330], [0.004, 0.01]))
+    start = poles([230], [0.05])
+    found = try_peak(data, fit, peak_at(data, fit, 230), start, (20, 500))
+    assert not isinstance(found, Refusal), found
+    np.testing.assert_allclose(np.sort(found.imag) / (2 * np.pi), [80, 230, 330], rtol=0.01)
+
+
+def test_a_peak_is_not_explained_because_a_larger_misfit_around_it_is():
+    data = rows(functions([200], [0.01], beam(8, 1), 1e-3))
+    fit = data.linear_fit(np.empty(0, dtype=complex))
+    smooth = 8 * np.sqrt(np.mean(np.abs(data.value) ** 2, axis=1, keepdims=True))
+    fit = replace(fit, residual=data.value + smooth)
+    peak = replace(peak_at(data, fit, 200), share=50.0)
+    found = try_peak(data, fit, peak, poles([200], [0.02]), (20, 500))
+    assert not isinstance(found, Refusal), found
+    np.testing.assert_allclose(found.imag / (2 * np.pi), [200], rtol=1e-3)
+
+
+def test_a_receptance_is_not_judged_by_the_integrated_noise_of_its_first_lines():
+    frf = functions([80, 190, 330], [0.01] * 3, beam(10, 3), 1e-2)
+    drift = np.where(LINES < 22, 20 * np.abs(frf.value).max(), 0.0) * (LINES / 22) ** 2
+    receptance = replace(frf, value=frf.value + drift).convert("receptance")
+    model = identified(frf.convert("receptance"))
+    share = explained_power(receptance, model)
+    np.testing.assert_allclose(share.whole, explained_power(receptance.convert("accelerance"), model).whole)
+    assert share.quantity == "accelerance"
+    assert "of the measured power, as accelerance, in the mean" in check_explained(share, model)[0].message
+
+
+def test_complex_conjugates_are_told():
+    frf = functions([80, 190, 330], [0.01] * 3, beam(10, 3), 1e-2)
+    with pytest.raises(
+        IdentificationError, match="the phase rises through the resonances, as of the complex"
+    ):
+        identified(replace(frf, value=frf.value.conj()))
