@@ -67,7 +67,8 @@ class BareModes:
     frequency : (n_mode,) float
         Undamped natural frequencies, Hz.
     frequency_std : (n_mode,) float
-        Standard deviations, Hz, the scatter of the runs about what the mass explains included.
+        Standard deviations, Hz, with the scatter of the runs about what the mass explains, and with what the modes
+        beyond the band may be worth.
     shape : (n_output, n_mode) float
         Shapes in the unit of those that were measured.
     load : (n_mode,) float
@@ -140,14 +141,36 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
             break
     frequency = np.sqrt(square) / (2.0 * np.pi)
     std, load_std = _stds(off / measured, felt, weight * modes.frequency**2, None if load is None else free)
+    lost = np.abs(np.average(measured, axis=0, weights=weight) / square - 1.0)
     return BareModes(
         frequency=frequency,
-        frequency_std=std * frequency,
+        frequency_std=np.hypot(std, _beyond_band(square, np.where(own_load > 0.0, lost, 0.0))) * frequency,
         shape=shape,
         load=own_load,
         load_std=load_std,
         off=0.5 * off / measured,
     )
+
+
+def _beyond_band(square: NDArray[np.float64], lost: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what the next modes beyond both ends of the band may move the frequencies by, as shares of them.
+
+    To second order a mode s moves the squared frequency of a mode r by its share m**2 phi_r**2 phi_s**2 /
+    (1 - lambda_s / lambda_r), see Fox and Kapoor, AIAA J. 6, 1968. It is taken to be as far beyond the band as the
+    modes in it are apart, and to feel the sensors as they do in the mean.
+
+    Parameters
+    ----------
+    square : (n_mode,) float
+        Squared angular frequencies without the sensors.
+    lost : (n_mode,) float
+        Shares that the squared frequencies lose by the sensors, m phi**2.
+    """
+    own = np.sort(np.sqrt(square))
+    apart = (own[-1] - own[0]) / (own.size - 1) if own.size > 1 else 0.5 * own[0]
+    ends = np.array([end for end in (own[0] - apart, own[-1] + apart) if end > 0.0])
+    near = np.abs(1.0 - ends[:, None] ** 2 / square)
+    return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
 
 
 def _differences(
