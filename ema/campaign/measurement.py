@@ -312,16 +312,14 @@ def _name(key: tuple[int, tuple[float, ...]]) -> str:
     return _dofs([Dof(key[0], key[1])]).name(0)  # type: ignore[arg-type]  # three components
 
 
-_NEARLY_ZERO = 0.05  # of a step
+_NEARLY_ZERO = 0.05  # of a step; put in place of 0 Hz, to divide by it
 
 
 def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
     if frequency.size < 3:
         return frequency
-    if (
-        0.0 < frequency[0] < _NEARLY_ZERO * (frequency[1] - frequency[0])
-    ):  # put in place of 0 Hz, to divide by it
+    if 0.0 < frequency[0] < _NEARLY_ZERO * (frequency[1] - frequency[0]):
         frequency = np.concatenate([[0.0], frequency[1:]])
     uniform = np.linspace(frequency[0], frequency[-1], frequency.size)
     tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))
