@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import (
     CampaignFile,
@@ -62,6 +63,8 @@ class Correction:
         Response DOF that it holds for; None for all.
     scale : float
         Factor on the function; -1 turns the sign.
+    conjugate : bool
+        The function is the complex conjugate of an FRF: turn the sign of its imaginary part.
     new_output, new_input : Dof or None
         DOF to use in place of the stated one.
     exclude : bool
@@ -74,10 +77,15 @@ class Correction:
     function: int | None
     output: Dof | None
     scale: float
+    conjugate: bool
     new_output: Dof | None
     new_input: Dof | None
     exclude: bool
     reason: str
+
+    def changed(self, value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the values of a function, (n_frequency,), as they are corrected."""
+        return self.scale * (value.conj() if self.conjugate else value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,6 +257,7 @@ def read_campaign(path: str | Path) -> Campaign:
         function = 2                           # position of the FRF in its file, from 1
         output = "12+z"                        # its response DOF as read
         scale = -1                             # factor, or exclude = true to leave the function out
+        conjugate = false                      # true where the imaginary part has the wrong sign
         new_output = "12-z"                    # another DOF; new_input likewise
         reason = "sensor was mounted upside down"
         [identification]                       # both may be left out
@@ -376,6 +385,7 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
         function=given.function,
         output=given.output,
         scale=given.scale,
+        conjugate=given.conjugate,
         new_output=given.new_output,
         new_input=given.new_input,
         exclude=given.exclude,

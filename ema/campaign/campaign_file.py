@@ -181,6 +181,7 @@ class CorrectionSection(Section):
     function: int | None = Field(default=None, ge=1)
     output: DofEntry | None = None
     scale: float = 1.0
+    conjugate: bool = False
     new_output: DofEntry | None = None
     new_input: DofEntry | None = None
     exclude: bool = False

@@ -241,14 +241,14 @@ def _corrected(
     """Return the function with its DOFs and corrections, or None where a correction excludes it."""
     output = output or _from_file(campaign.geometry, function.output)
     force = force or _from_file(campaign.geometry, function.input)
-    scale = 1.0
+    value = function.value.astype(complex)
     for correction in campaign.corrections:
         if not _applies(correction, function, position, output):
             continue
         notes.append(f"{function.source}: corrected as the campaign file says: {correction.reason}")
         if correction.exclude:
             return None
-        scale *= correction.scale
+        value = correction.changed(value)
         output, force = correction.new_output or output, correction.new_input or force
     for key, dof in (("output", output), ("input", force)):
         if dof is None:
@@ -268,7 +268,7 @@ def _corrected(
     _require_points(campaign, function, (output, force))
     return _Entry(
         frequency=_snapped(function.abscissa),
-        value=function.value * complex(scale),
+        value=value,
         coherence=None if coherence is None else coherence.value,
         quantity=function.quantity,
         output=output,

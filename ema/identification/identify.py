@@ -242,13 +242,11 @@ def _fitted(
         _require_inside(chosen, band, name)
         fit, runs, left = fit_chosen(_functions(white), chosen, band)
     if not inside(fit.pole, band).any():
-        if (
-            candidates.size == 0
-            and stabilization(replace(white, value=white.value.conj()), order=order).chosen.size
-        ):
+        if _modes_of_conjugates(white, order, band):
             message = (
                 f"{name}: the phase rises through the resonances, as of the complex conjugates of FRFs: the sign of "
-                "the imaginary part or of the phase is wrong, or response and force are exchanged; export them anew"
+                "the imaginary part or of the phase is wrong. If that is so, write conjugate = true with 'files' and "
+                "'reason' in a [[correction]] of the campaign file"
             )
             raise IdentificationError(message)
         message = (
@@ -257,6 +255,16 @@ def _fitted(
         )
         raise IdentificationError(message)
     return fit, runs, left
+
+
+def _modes_of_conjugates(white: FRF, order: int, band: tuple[float, float]) -> bool:
+    """Whether the complex conjugates of functions without a mode have one.
+
+    Noise may leave them no stable pole, too: what their peaks hold is asked for, as of the functions themselves.
+    """
+    turned = replace(white, value=white.value.conj())
+    fit, _, _ = select_modes(_functions(turned), stabilization(turned, order=order).chosen, band)
+    return bool(inside(fit.pole, band).any())
 
 
 def _functions(frf: FRF) -> Functions:

@@ -103,6 +103,7 @@ input = ["1+z"]
 files = "set.txt"
 function = 3
 scale = -1
+conjugate = false
 reason = "upside down"
 [[correction]]
 output = "4+z"

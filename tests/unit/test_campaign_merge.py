@@ -125,14 +125,14 @@ def test_corrections(tmp_path):
     run(tmp_path, 1, [1, 2], [45])
     run(tmp_path, 2, [3, 4], [45])
     text = HEAD + (
-        '[[correction]]\nfiles = "run1.uff"\nfunction = 2\nscale = -2\nnew_input = "45-z"\nreason = "cable"\n'
+        '[[correction]]\nfiles = "run1.uff"\nfunction = 2\nscale = -2\nconjugate = true\nnew_input = "45-z"\nreason = "cable"\n'
         '[[correction]]\noutput = "3+z"\nexclude = true\nreason = "loose"\n'
         '[[correction]]\nfiles = "run1.uff"\nfunction = 1\nnew_input = "45-z"\nreason = "cable"\n'
         '[[correction]]\nfiles = "run2.uff"\nnew_input = "45-z"\nreason = "cable"\n'
     )
     measurement = measure(tmp_path, text)
     np.testing.assert_array_equal(measurement.frf.output.node, [1, 2, 4])
-    np.testing.assert_allclose(measurement.frf.value[1, 0], -2 * value(2, 45), rtol=1e-6)
+    np.testing.assert_allclose(measurement.frf.value[1, 0], -2 * value(2, 45).conj(), rtol=1e-6)
     np.testing.assert_array_equal(measurement.frf.input.direction, [[0, 0, -1]])
     assert any("corrected as the campaign file says: loose" in note for note in measurement.notes)
 

@@ -213,3 +213,20 @@ def test_complex_conjugates_are_told():
         IdentificationError, match="the phase rises through the resonances, as of the complex"
     ):
         identified(replace(frf, value=frf.value.conj()))
+
+
+def test_complex_conjugates_of_one_noisy_function_are_told_and_what_to_write():
+    # as sharp as the lines are apart, in noise of a fifth of each value: what tells is the peak, not stable poles
+    alone = functions([192.4], [6e-4], np.ones((1, 1)), 0.0)
+    rng = np.random.default_rng(3)
+    value = alone.value[:, 0] * (1 + 0.2 * rng.standard_normal((1, LINES.size, 2)) @ np.array([1, 1j]))
+    np.testing.assert_allclose(identified(block(value)).frequency, 192.4, rtol=1e-3)
+    with pytest.raises(IdentificationError, match=r"write conjugate = true .* in a \[\[correction\]\]"):
+        identified(block(value.conj()))
+
+
+def test_noise_is_not_told_to_be_complex_conjugates():
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal((3, LINES.size, 2)) @ np.array([1, 1j])
+    with pytest.raises(IdentificationError, match="none of .* stable poles"):
+        identified(block(noise))
