@@ -125,7 +125,8 @@ def test_corrections(tmp_path):
     run(tmp_path, 1, [1, 2], [45])
     run(tmp_path, 2, [3, 4], [45])
     text = HEAD + (
-        '[[correction]]\nfiles = "run1.uff"\nfunction = 2\nscale = -2\nconjugate = true\nnew_input = "45-z"\nreason = "cable"\n'
+        '[[correction]]\nfiles = "run1.uff"\nfunction = 2\nscale = -2\nconjugate = true\n'
+        'new_input = "45-z"\nreason = "cable"\n'
         '[[correction]]\noutput = "3+z"\nexclude = true\nreason = "loose"\n'
         '[[correction]]\nfiles = "run1.uff"\nfunction = 1\nnew_input = "45-z"\nreason = "cable"\n'
         '[[correction]]\nfiles = "run2.uff"\nnew_input = "45-z"\nreason = "cable"\n'

@@ -228,5 +228,5 @@ def test_complex_conjugates_of_one_noisy_function_are_told_and_what_to_write():
 def test_noise_is_not_told_to_be_complex_conjugates():
     rng = np.random.default_rng(3)
     noise = rng.standard_normal((3, LINES.size, 2)) @ np.array([1, 1j])
-    with pytest.raises(IdentificationError, match="none of .* stable poles"):
+    with pytest.raises(IdentificationError, match=r"none of .* stable poles"):
         identified(block(noise))
