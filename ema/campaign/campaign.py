@@ -256,9 +256,8 @@ def read_campaign(path: str | Path) -> Campaign:
         files = "M1/run03.uff"
         function = 2                           # position of the FRF in its file, from 1
         output = "12+z"                        # its response DOF as read
-        scale = -1                             # factor, or exclude = true to leave the function out
-        conjugate = false                      # true where the imaginary part has the wrong sign
-        new_output = "12-z"                    # another DOF; new_input likewise
+        scale = -1                             # factor; conjugate = true turns the imaginary part, exclude = true
+        new_output = "12-z"                    # leaves the function out; another DOF; new_input likewise
         reason = "sensor was mounted upside down"
         [identification]                       # both may be left out
         band_Hz = [30, 1100]
