@@ -34,12 +34,12 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
 @pytest.fixture(scope="module")
-def numbers(small):
+def numbers(small, tmp_path_factory):
     """What identification and fit of the first configuration give, computed once."""
     text = small[0].read_text(encoding="utf-8")
     campaign = small[0].with_name("points_of_fault.toml")
     campaign.write_text(text[: text.index('[[configuration]]\nname = "C2"')], encoding="utf-8")
-    (one,) = assignments(read_campaign(campaign), small[1])
+    (one,) = assignments(read_campaign(campaign), tmp_path_factory.mktemp("assigned"))
     return campaign, tuple(identified.identify(one.campaign, {})), read_result(small[1] / "C1/fit.json", Fit)
 
 
