@@ -344,6 +344,7 @@ def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor 
     """Fit effects from where they come nearest over their whole ranges.
 
     They are weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
+    And each with the modes of its own place: those of the base model are others, and a fit so weighed runs off.
     """
     evidence = replace(evidence, sizes=evidence.scatter.sizes)
     starts: list[Start] = []
@@ -351,9 +352,13 @@ def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor 
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
-    first = sorted(_done(_begun(evidence, starts, executor)), key=lambda x: -x.log_evidence)
-    followed = [_from(own, N_AFAR_STEPS) for own in first[:N_AFAR]]
-    return [*_done(_begun(evidence, followed, executor)), *first[N_AFAR:]]
+    fit = partial(_explained_there, evidence.alone)
+    first = sorted(_done(distribute(fit, starts, executor, MESSAGES)), key=lambda x: -x.log_evidence)
+    for most in (N_AFAR_STEPS, _REFIT):
+        followed = [_from(own, most) for own in first[:N_AFAR]]
+        again = sorted(_done(distribute(fit, followed, executor, MESSAGES)), key=lambda x: -x.log_evidence)
+        first = [*again, *first[N_AFAR:]]
+    return first
 
 
 def _state(evidence: Assembled, own: Explanation) -> dict[str, float]:
@@ -381,6 +386,20 @@ def _explained(evidence: Evidence, start: Start) -> Explanation | None:
         )
     except SolveError:
         return None
+
+
+def _explained_there(evidence: Evidence, start: Start) -> Explanation | None:
+    """Fit an explanation that is weighed where it starts; its evidence is one over the noise of `evidence`."""
+    parameters = evidence.supposing(start.effects).parameters(start.effects)
+    try:
+        covariance = covariance_of(evidence, start.nuisance, parameters, start.coordinate)
+    except SolveError:
+        return None
+    own = _explained(replace(evidence, covariance=covariance), start)
+    if own is None:
+        return None
+    other = 0.5 * (covariance.log_noise - evidence.covariance.log_noise)
+    return replace(own, log_evidence=own.log_evidence - other)
 
 
 def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
