@@ -39,16 +39,18 @@ N_FIRST = 2
 """Explanations beside which a further effect is sought: steps from the base model mislead where one is strong."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
-N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 6, 5, 20
-"""Evaluations of all fits of a global search, how many are then followed, and their evaluations."""
+N_NEAR, N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 5, 6, 5, 20
+"""Places of a global search that are fitted in full, evaluations of the others, how many are then followed, and the
+evaluations of a full fit."""
 _STIFF, _LOSSY = ("frequency", "shape"), ("damping",)  # kinds of data in which a form is wrong together
-_ASTRAY = 0.04  # frequency error of the best single effect, beyond which steps from the base model mislead
+_ASTRAY = 0.02  # frequency error of the best single effect, beyond which steps from the base model mislead
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
 _ELSEWHERE = (
     0.1  # difference of two coordinates, in units of a range, from which a fit may have ended elsewhere
 )
 _STEPS = 12  # evaluations of a fit
+_WEIGHED = 3  # times that a fit from afar is weighed
 _REFIT = 8  # the same after basis or weights have changed, and of several effects
 
 
@@ -344,6 +346,7 @@ def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor 
     """Fit effects from where they come nearest over their whole ranges.
 
     They are weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
+    And each with the modes of its own place: those of the base model are others, and a fit so weighed runs off.
     """
     evidence = replace(evidence, sizes=evidence.scatter.sizes)
     starts: list[Start] = []
@@ -351,9 +354,12 @@ def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor 
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
-    first = sorted(_done(_begun(evidence, starts, executor)), key=lambda x: -x.log_evidence)
-    followed = [_from(own, N_AFAR_STEPS) for own in first[:N_AFAR]]
-    return [*_done(_begun(evidence, followed, executor)), *first[N_AFAR:]]
+    fit = partial(_explained_there, evidence.alone)
+    near, rest = starts[:N_NEAR], starts[N_NEAR:]  # a few steps mislead from where much is right already
+    first = [replace(start, most=N_AFAR_STEPS) for start in near] + rest
+    found = _done(distribute(fit, first, executor, MESSAGES))
+    followed = [_from(own, N_AFAR_STEPS) for own in sorted(found, key=lambda x: -x.log_evidence)[:N_AFAR]]
+    return [*found, *_done(distribute(fit, followed, executor, MESSAGES))]
 
 
 def _state(evidence: Assembled, own: Explanation) -> dict[str, float]:
@@ -381,6 +387,29 @@ def _explained(evidence: Evidence, start: Start) -> Explanation | None:
         )
     except SolveError:
         return None
+
+
+def _explained_there(evidence: Evidence, start: Start) -> Explanation | None:
+    """Fit an explanation that is weighed where it starts, and again where it ends while that is better.
+
+    Its evidence is one over the noise of `evidence`.
+    """
+    parameters = evidence.supposing(start.effects).parameters(start.effects)
+    best: Explanation | None = None
+    for _ in range(_WEIGHED):
+        try:
+            covariance = covariance_of(evidence, start.nuisance, parameters, start.coordinate)
+        except SolveError:
+            return best
+        own = _explained(replace(evidence, covariance=covariance), start)
+        if own is None:
+            return best
+        other = 0.5 * (covariance.log_noise - evidence.covariance.log_noise)
+        own = replace(own, log_evidence=own.log_evidence - other)
+        if best is not None and own.log_evidence < best.log_evidence + 1.0:
+            return likeliest([best, own])
+        best, start = own, _from(own, start.most)
+    return best
 
 
 def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
