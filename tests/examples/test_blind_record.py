@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from tests.recovery import slipping_study as slipping
 from tests.recovery.other_worlds_study import RECORD, median_fall
 from tests.recovery.other_worlds_study import figures as figures_elsewhere
 from tests.recovery.other_worlds_study import planned as planned_elsewhere
@@ -48,6 +49,15 @@ def test_the_table_of_other_worlds_says_what_was_recorded():
     assert lines[start : start + len(found)] == found
     assert f"(median ratio {median_fall(cases):.2f})" in " ".join(text.split())
     assert sorted((c.seed, c.kind) for c in cases) == planned_elsewhere(len(cases))
+
+
+def test_the_table_of_slip_says_what_was_recorded():
+    lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
+    cases = slipping.recorded(slipping.RECORD)
+    start = lines.index(f"| figure | {len(cases)} cases at three forces | target |") + 2
+    found = [own.row for own in slipping.figures(cases)]
+    assert lines[start : start + len(found)] == found
+    assert [(case.seed, case.slips) for case in cases] == slipping.planned(len(cases))
 
 
 def test_the_sentence_below_the_table_says_what_was_recorded():

@@ -27,6 +27,8 @@ from updating.diagnosis.search import search
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.verdict import decide
 
+RECORD = Path(__file__).parents[2] / "data" / "blind" / "slipping.jsonl"
+"""The cases of the published table."""
 FIRST_SEED = 900_100
 MIXTURE = (True, True, False)
 """Whether a case slips, in their turn."""
