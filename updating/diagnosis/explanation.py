@@ -30,7 +30,7 @@ TRUST = 0.05**-2.0
 _FARTHEST = 5.0  # prior standard deviations that a nuisance may move
 _EDGE = 1e-4
 _ROBUST = 10.0  # residual beyond which a robust loss counts it less
-_ASTRAY = 30.0  # squared residual of a value, in the mean, from which a search begins with such a loss
+_FAR_OFF = 30.0  # squared residual of a value, in the mean, from which a search begins with such a loss
 _UNSEEN = 1e-9  # precision of a nuisance, beside that of data and priors
 _ALIKE = 1.5  # ratio of sizes of the discrepancy from which a fit is weighed anew
 _REWEIGHED = 3  # times
@@ -142,7 +142,7 @@ def explain(
     )
     first = np.clip(first, bounds[0] + 1e-9, bounds[1] - 1e-9)
     at = _Residuals(evidence, parameters)
-    if np.mean(at(first).value ** 2) > _ASTRAY:
+    if np.mean(at(first).value ** 2) > _FAR_OFF:
         # modes that are still taken for others must not decide
         first = _minimum(_Residuals(evidence.rough, parameters), first, bounds, most, "cauchy")
     solution = first

@@ -1,4 +1,4 @@
-"""A coarse look over the whole range of every effect, for a base model so far off that steps from it mislead."""
+"""A global search over the range of every effect, for a base model so far off that steps from it mislead."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def nearest(evidence: Evidence, executor: Executor | None = None) -> tuple[Place
     executor : Executor, optional
         What takes a part of the work.
     """
-    _LOG.info("look over the whole ranges of %d effects", len(evidence.effects))
+    _LOG.info("global search over the ranges of %d effects", len(evidence.effects))
     rough = evidence.rough
     seen = distribute(partial(_scan, rough), evidence.effects, executor, MESSAGES)
     best = sorted(seen, key=lambda found: found.cost)[:N_NEAREST]

@@ -39,18 +39,18 @@ N_FIRST = 2
 """Explanations beside which a further effect is sought: steps from the base model mislead where one is strong."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
-N_NEAR, N_FIRST_STEPS, N_AFAR, N_AFAR_STEPS = 5, 6, 5, 20
+N_NEAR, N_FIRST_STEPS, N_FOLLOWED, N_FULL_STEPS = 5, 6, 5, 20
 """Places of a global search that are fitted in full, evaluations of the others, how many are then followed, and the
 evaluations of a full fit."""
 _STIFF, _LOSSY = ("frequency", "shape"), ("damping",)  # kinds of data in which a form is wrong together
-_ASTRAY = 0.02  # frequency error of the best single effect, beyond which steps from the base model mislead
+_FAR_OFF = 0.02  # frequency error of the best single effect, beyond which steps from the base model mislead
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
 _ELSEWHERE = (
     0.1  # difference of two coordinates, in units of a range, from which a fit may have ended elsewhere
 )
 _STEPS = 12  # evaluations of a fit
-_WEIGHED = 3  # times that a fit from afar is weighed
+_WEIGHED = 3  # times that a fit of the global search is weighed
 _REFIT = 8  # the same after basis or weights have changed, and of several effects
 
 
@@ -193,8 +193,8 @@ def search(
     begun = _begun(evidence, starts, executor)
     nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
     singles = _done(begun)
-    if places or likeliest([base, *singles]).residual.frequency_error > _ASTRAY:
-        singles += _from_afar(evidence, places, executor)
+    if places or likeliest([base, *singles]).residual.frequency_error > _FAR_OFF:
+        singles += _global_search(evidence, places, executor)
     best = likeliest([base, *singles])
     evidence = _weighed(_richer(evidence, [best, *singles]), best)
     base, *singles = _again(evidence, [base, *_best_of_each(singles)], executor)
@@ -342,8 +342,10 @@ def _weighed(evidence: Assembled, own: Explanation | None = None) -> Assembled:
     )
 
 
-def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor | None) -> list[Explanation]:
-    """Fit effects from where they come nearest over their whole ranges.
+def _global_search(
+    evidence: Assembled, places: Sequence[Place], executor: Executor | None
+) -> list[Explanation]:
+    """Fit effects from where they come nearest in a global search.
 
     They are weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
     And each with the modes of its own place: those of the base model are others, and a fit so weighed runs off.
@@ -356,9 +358,9 @@ def _from_afar(evidence: Assembled, places: Sequence[Place], executor: Executor 
         starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
     fit = partial(_explained_there, evidence.alone)
     near, rest = starts[:N_NEAR], starts[N_NEAR:]  # a few steps mislead from where much is right already
-    first = [replace(start, most=N_AFAR_STEPS) for start in near] + rest
+    first = [replace(start, most=N_FULL_STEPS) for start in near] + rest
     found = _done(distribute(fit, first, executor, MESSAGES))
-    followed = [_from(own, N_AFAR_STEPS) for own in sorted(found, key=lambda x: -x.log_evidence)[:N_AFAR]]
+    followed = [_from(own, N_FULL_STEPS) for own in sorted(found, key=lambda x: -x.log_evidence)[:N_FOLLOWED]]
     return [*found, *_done(distribute(fit, followed, executor, MESSAGES))]
 
 

@@ -29,7 +29,7 @@ Vector = NDArray[np.float64]
 
 ALIKE = 0.01
 """Relative difference of heights up to which specimens share a reduced model; the rest is taken to first order."""
-ASTRAY = 0.04
+FAR_OFF = 0.04
 """Frequency error of base models, in the mean, beyond which steps from them mislead."""
 _PLACE = 4  # digits, in m, to which shakers sit at the same place
 
@@ -74,7 +74,7 @@ class Bench:
     impossible : mapping of str to str
         Why others cannot be.
     places : tuple of Place
-        Where single effects come near over their whole range, where the base models are far off.
+        Where single effects come near in a global search, where the base models are far off.
     """
 
     own: tuple[Beside, ...]
@@ -121,7 +121,7 @@ def bench(
     numbered = _numbered(evidences)
     alone = _alone(numbered)
     places: tuple[Place, ...] = ()
-    if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > ASTRAY:
+    if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > FAR_OFF:
         most = max(numbered, key=lambda own: max(u.size for u in own.used))
         places = nearest(most, executor)
         numbered = [_reaching(own, places, x.nuisance) for own, x in zip(numbered, alone, strict=True)]
@@ -134,11 +134,11 @@ def bench(
 
 
 def _alone(evidences: Sequence[Evidence]) -> list[Explanation]:
-    """Fit the base model of each specimen; one that went astray begins again where the others are."""
+    """Fit the base model of each specimen; one that ended far off begins again where the others are."""
     found = [explain(own) for own in evidences]
     contact = np.median([x.nuisance[:2] for x in found], axis=0)
     for s, own in enumerate(evidences):
-        if found[s].residual.frequency_error > ASTRAY:
+        if found[s].residual.frequency_error > FAR_OFF:
             again = explain(own, nuisance=np.append(contact, own.start[2:]))
             found[s] = max(found[s], again, key=lambda x: x.log_evidence)
     return found

@@ -30,11 +30,15 @@ MOST_TERMS = 4
 """Terms that an explanation may have."""
 N_EFFECT, N_LEVEL = 6, 3
 """Effects that are fitted beside what is found, and levels of the most promising of them."""
-N_AFAR = 5
-"""Places, over the whole ranges of effects, from which fits start where the base models are far off."""
+N_PLACES = 5
+"""Places, of a global search over the effects, from which fits start where the base models are far off."""
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 8.0  # within which a fit is followed to its end
-_STEPS, _MORE, _AFAR = 6, 8, 12  # steps of a first fit, of one that is followed, and of one from afar
+_STEPS, _MORE, _GLOBAL = (
+    6,
+    8,
+    12,
+)  # steps of a first fit, of one that is followed, and of one of a global search
 MESSAGES = 8
 """In which work is sent to other processes."""
 
@@ -109,7 +113,7 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         _LOG.info("term %d of an explanation", n + 1)
         starts = _starts(best, beside)
         if not best.terms:
-            starts += _from_afar(bench, best, levels)
+            starts += _global_search(bench, best, levels)
         followed = _followed(found, starts, executor)
         fitted = [own for own in followed if not is_form(found.base, best, own)]
         found = _with(found, fitted)
@@ -220,8 +224,8 @@ def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
     ]
 
 
-def _from_afar(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Start]:
-    """Return fits of effects of the rig from where one specimen's model comes near over their whole ranges.
+def _global_search(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Start]:
+    """Return fits of effects of the rig from where a global search over one specimen finds them near.
 
     The contact of all specimens is moved as that one's is, which has the most modes. They are weighed with usual sizes:
     with those that a model leaves that is far off, all that is near seems right.
@@ -229,7 +233,7 @@ def _from_afar(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Star
     rig = next(own for own in levels if own.kind == "rig")
     looked_at = max(bench.own, key=lambda own: max(used.size for used in own.evidence.used))
     before = base.at.nuisance[bench.own.index(looked_at)][0]
-    near = [place for place in bench.places if place.effect in bench.effects][:N_AFAR]
+    near = [place for place in bench.places if place.effect in bench.effects][:N_PLACES]
     starts = []
     for place in near:
         away = np.log(place.G_f / looked_at.evidence.stack.contact.G_f) - before
@@ -238,7 +242,7 @@ def _from_afar(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Star
             coordinate=np.asarray(place.coordinate),
         )
         term = Term(effect=place.effect, level=rig)
-        starts.append(Start(terms=(term,), at=at, scales=Scales(), most=_AFAR))
+        starts.append(Start(terms=(term,), at=at, scales=Scales(), most=_GLOBAL))
     return starts
 
 
