@@ -36,8 +36,9 @@ def frf(
     """Synthesise frequency response functions from the modes of the reduced system.
 
     The static residual of the modes that the reduced system lacks enters through one attachment vector for
-    each input, (K + s M)^-1 f with the shift s that makes K positive definite (Craig and Kurdila,
-    Fundamentals of Structural Dynamics, 2nd ed., chapter 17). The modes stay coupled by the damping matrix:
+    each input and each output, (K + s M)^-1 f with the shift s that makes K positive definite (Craig and
+    Kurdila, Fundamentals of Structural Dynamics, 2nd ed., chapter 17). Both have theirs, so that the functions
+    do not depend on which end the force acts at. The modes stay coupled by the damping matrix:
     at a driving point the contact's share of the residual is damped too, and a modal damping alone missed
     that by a tenth.
 
@@ -71,7 +72,7 @@ def frf(
     rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
     if OMEGA in theta:
         theta = {**theta, OMEGA: 2.0 * np.pi * float(np.median(frequency))}
-    reduced, basis = _with_attachments(system, theta, rows_in)
+    reduced, basis = _with_attachments(system, theta, sp.vstack([rows_in, rows_out]).tocsr())
     following = _following_terms(system, theta, basis)
     omega = 2.0 * np.pi * frequency
     value = _superposed(reduced, following, theta, omega, (rows_in @ basis).T, rows_out @ basis)

@@ -150,6 +150,8 @@ def test_frf_agrees_with_the_direct_solution(system):
     np.testing.assert_allclose(receptance, direct, atol=3e-3 * np.abs(direct).max(axis=(0, 1)).min())
     accelerance = model.frf(system, **arguments)
     np.testing.assert_allclose(accelerance, -((2 * np.pi * lines) ** 2) * receptance)
+    swapped = model.frf(system, **{**arguments, "output": point, "input": CORNERS})
+    np.testing.assert_allclose(swapped[0], accelerance[:, 0], atol=1e-8 * np.abs(accelerance).max())
 
 
 def test_stiffness_that_rigid_body_motion_does_not_feel_leaves_it_at_zero():
