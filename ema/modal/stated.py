@@ -1,7 +1,8 @@
 """What is stated of the configurations of a campaign beside what they show: pressure, torque, and the scale of all.
 
-A stack that is pressed more is stiffer, pressure grows with torque, and mode shapes of unit modal mass hardly change:
-what contradicts this was stated wrongly, or stands in the wrong place.
+A stack that is pressed more is stiffer, pressure grows with torque, and mode shapes of unit modal mass hardly change,
+at the places of one sensor as at those of the others: what contradicts this was stated wrongly, or stands in the wrong
+place.
 """
 
 from __future__ import annotations
@@ -27,8 +28,15 @@ _IN_PROPORTION = 0.1
 _SCALE = 1.5
 """Ratio of the functions of two configurations from which they are not of one calibration: sensors agree to some per
 cent, and shapes of unit modal mass hardly change with the contact."""
+_GAIN = 0.03
+"""Change of the logarithm of a sensor's gain beside the others' from which its calibration changed between two
+configurations: a sensor keeps it within 1 %."""
+_CERTAIN = (
+    5.0  # standard errors over the modes: where a few shapes change, one sensor's places may change more
+)
 _PHASE = np.pi / 4.0
 _FEWEST_DOFS = 3
+_FEWEST_MODES = 4  # that tell of one sensor
 
 
 def contradicted(
@@ -49,6 +57,7 @@ def contradicted(
         *_out_of_proportion(configurations),
         *_softer(configurations, comparison),
         *_out_of_scale(models, comparison),
+        *_sensor_changed(models, comparison),
     )
 
 
@@ -137,14 +146,51 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Itera
             )
 
 
+def _sensor_changed(models: Sequence[ModalModel], comparison: Comparison) -> Iterator[str]:
+    """Say of which configurations a sensor that roves reads more beside the others than in the first."""
+    for k in range(1, len(models)):
+        found = _constants(models[0], models[k], comparison.frequency[[0, k]])
+        if found is None or found[0].shape[1] < _FEWEST_MODES:
+            continue
+        one, other, sensor = found
+        number = int(sensor.max()) + 1
+        if number == 1 or np.bincount(sensor).min() < _FEWEST_DOFS:
+            continue
+        for own in range(1 if number == 2 else 0, number):  # of two, one beside the other says all
+            change = np.log(np.abs(_ratio(one, other, sensor == own) / _ratio(one, other, sensor != own)))
+            median = float(np.median(change))
+            error = 1.4826 * float(np.median(np.abs(change - median))) / np.sqrt(change.size)
+            if abs(median) > max(_GAIN, _CERTAIN * error):
+                yield (
+                    f"sensor {own + 1} of each run reads {np.exp(median):.3g} times as much beside the others in "
+                    f"{models[k].name} as in {models[0].name} (median of {change.size} modes), though the structure is "
+                    "the same: its calibration, range or mounting changed between the two"
+                )
+
+
+def _ratio(
+    one: NDArray[np.complex128], other: NDArray[np.complex128], of: NDArray[np.bool_]
+) -> NDArray[np.complex128]:
+    """Return for each mode what constants at some components are over others, by least squares."""
+    return np.asarray(np.sum(one[of].conj() * other[of], axis=0) / np.sum(np.abs(one[of]) ** 2, axis=0))
+
+
 def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return for each mode in common what the modal constants of a model are over those of the first, over shared DOFs.
+    """Return for each mode in common what the modal constants of a model are over those of the first."""
+    found = _constants(first, other, frequency)
+    return np.empty(0, complex) if found is None else _ratio(found[0], found[1], np.ones(len(found[2]), bool))
+
+
+def _constants(
+    first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.int64]] | None:
+    """Return the modal constants of the modes in common at shared DOFs, and the sensor of each; None without any.
 
     The modal constant ``2 i omega_d A`` of a real mode of unit modal mass is ``phi_o phi_i`` (Ewins, Modal Testing,
     2nd ed., sec. 2.8).
     """
     if first.input.name(0) != other.input.name(0):
-        return np.empty(0, complex)
+        return None
     keys = [
         [(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)
     ]
@@ -154,12 +200,15 @@ def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]
     ).reshape(-1, 2)
     common = np.flatnonzero(np.isfinite(frequency).all(axis=0))
     if len(rows) < _FEWEST_DOFS or not common.size:
-        return np.empty(0, complex)
+        return None
     constant = []
     for model, at, row in ((first, frequency[0], rows[:, 0]), (other, frequency[1], rows[:, 1])):
         mode = [int(np.flatnonzero(model.frequency == at[t])[0]) for t in common]
         constant.append(2j * model.pole[mode].imag * model.residue[row, 0][:, mode])
-    square = np.sum(np.abs(constant[0]) ** 2, axis=0)
-    if not np.all(square > 0.0):
-        return np.empty(0, complex)
-    return np.asarray(np.sum(constant[0].conj() * constant[1], axis=0) / square)
+    if not np.all(np.any(constant[0] != 0.0, axis=0)):
+        return None
+    sensors = [model.sensor[row] for model, row in zip((first, other), rows.T, strict=True)]
+    one_alike = np.where(
+        sensors[0] == sensors[1], sensors[0], 0
+    )  # those that another one took there tell nothing
+    return constant[0], constant[1], one_alike

@@ -64,7 +64,8 @@ class Case:
         How it was spoiled, and of which campaign.
     outcome : Outcome
         A finding names that something is wrong; nothing is named and nothing is missing; an error ends the answer, or
-        what is missing is unlike anything; or a physical effect is named with confidence.
+        what is missing is unlike anything; or a physical effect is named with confidence, whether or not points that
+        the diagnosis put right are told beside it.
     said : str
         The first finding, the error, or the effects.
     """
@@ -164,12 +165,14 @@ def _identified(measured: Measurement, found: tuple[Verdict, ...]) -> ModalModel
 
 
 def _of_diagnosis(found: Diagnosis) -> tuple[Outcome, str]:
-    effects = found.set[0] if found.set else ()
-    if found.mixed_up or (effects and set(effects) <= set(found.measurement)):
+    effects = set(found.set[0] if found.set else ())
+    if effects - set(found.measurement):
+        return "wrong", found.sentences[0]
+    if found.mixed_up or effects:
         return "named", found.sentences[0]
     if found.verdict == "unlike anything":
         return "refused", found.sentences[0]
-    return ("wrong" if effects else "harmless"), found.sentences[0]
+    return "harmless", found.sentences[0]
 
 
 def recorded(record: Path) -> list[Case]:

@@ -117,9 +117,25 @@ def test_functions_that_the_mass_of_the_stack_contradicts_are_named(factor, said
 @pytest.mark.parametrize("sensor", [0, 1])
 def test_a_sensor_upside_down_in_all_runs_is_named_and_refused(sensor):
     found = checked(sign=np.where(np.arange(N) % 2 == sensor, -1.0, 1.0))
-    assert found.turned == sensor + 1
+    assert (found.sensor, found.reads) == (sensor + 1, pytest.approx(-1.0, abs=0.1))
     with pytest.raises(PairingError, match=f"M1: sensor {sensor + 1} of each run seems to be upside down"):
         upright(found)
+
+
+@pytest.mark.parametrize("sensor", [0, 1])
+@pytest.mark.parametrize("reads", [10.0, 1.0 / 9.80665, -0.1])
+def test_a_sensor_in_another_unit_in_all_runs_is_named_with_its_factor_and_refused(sensor, reads):
+    found = checked(sign=np.where(np.arange(N) % 2 == sensor, reads, 1.0))
+    assert (found.sensor, found.reads) == (sensor + 1, pytest.approx(reads, rel=0.1))
+    with pytest.raises(
+        PairingError, match=f"M1: sensor {sensor + 1} of each run seems to be .*times .*scale = "
+    ):
+        upright(found)
+
+
+@pytest.mark.parametrize("reads", [0.8, 1.3])
+def test_a_gain_that_the_diagnosis_knows_is_left_to_it(reads):
+    assert checked(sign=np.where(np.arange(N) % 2 == 1, reads, 1.0)).findings == ()
 
 
 def test_two_modes_turn_no_sensor_over():
@@ -127,7 +143,7 @@ def test_two_modes_turn_no_sensor_over():
     own, sign = measured(), np.where(np.arange(N) % 2 == 1, -1.0, 1.0)
     own.frequency, own.pole = own.frequency[:2], own.pole[:2]
     own.residue, own.shape = own.residue[:, :, :2], sign[:, None] * own.shape[:, :2]
-    assert check_rig(system(), PRESSURE, own, RANGE).turned == 0
+    assert check_rig(system(), PRESSURE, own, RANGE).sensor == 0
 
 
 def test_without_the_place_of_the_force_only_sensors_are_checked():

@@ -12,7 +12,7 @@ from ema.quality.identical import content_digests, shared_functions
 from ema.types.geometry import Dofs
 
 N_DOF, FREQUENCY = 6, (np.array([200.0, 300.0, 450.0]), np.array([240.0, 370.0, 560.0]))
-SHAPE = np.random.default_rng(1).normal(size=(N_DOF, 3))
+SHAPE = np.random.default_rng(1).normal(size=(N_DOF, 8))
 
 
 def configuration(name, torque=None, pressure=None):
@@ -20,15 +20,18 @@ def configuration(name, torque=None, pressure=None):
 
 
 def model(name, frequency, factor=1.0, force=9):
-    """Return modes of one set of mass-normalised shapes, all functions multiplied by a factor."""
+    """Return modes of one set of mass-normalised shapes, functions multiplied by a factor, or by one of each."""
     pole = 2.0 * np.pi * np.nan_to_num(frequency, nan=100.0) * (-0.002 + 1j)
     return SimpleNamespace(
         name=name,
         frequency=frequency,
         pole=pole,
-        residue=(factor * SHAPE / (2j * pole.imag))[:, None, :],
+        residue=(
+            np.reshape(factor, (len(np.atleast_1d(factor)), -1)) * SHAPE[:, : len(pole)] / (2j * pole.imag)
+        )[:, None, :],
         node=np.arange(1, N_DOF + 1),
         direction=np.tile([0.0, 0.0, 1.0], (N_DOF, 1)),
+        sensor=np.arange(N_DOF) % 2,
         input=Dofs(node=np.array([force]), direction=np.array([[0.0, 0.0, 1.0]])),
     )
 
@@ -85,6 +88,20 @@ def test_scale_is_not_compared_where_it_cannot_be():
     assert findings(M1, M2, factor=1.2) == ()  # sensors of one calibration
     assert findings(M1, M2, factor=10.0, force=8) == ()  # the force elsewhere
     assert findings(M1, M2, (FREQUENCY[0], np.full(3, np.nan)), 10.0) == ()
+
+
+def test_a_sensor_whose_gain_changed_is_named_and_shapes_that_changed_are_not():
+    many = (np.linspace(200.0, 900.0, 8), np.linspace(230.0, 1000.0, 8))
+    odd = np.arange(N_DOF) % 2 == 1
+    (found,) = findings(M1, M2, many, factor=np.where(odd, 1.1, 1.0))
+    assert found.startswith(
+        "sensor 2 of each run reads 1.1 times as much beside the others in M2 as in M1 (median of 8"
+    )
+    assert findings(M1, M2, many, factor=np.where(odd, 1.01, 1.0)) == ()
+    rng = np.random.default_rng(3)
+    changed = np.where(odd[:, None], 1.05 + 0.1 * rng.standard_normal((N_DOF, 8)), 1.0)
+    assert findings(M1, M2, many, factor=changed) == ()
+    assert findings(M1, M2, factor=np.where(odd, 1.1, 1.0)) == ()  # three modes tell too little
 
 
 def test_a_factor_is_said_with_the_units_that_have_it():

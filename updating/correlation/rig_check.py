@@ -1,13 +1,14 @@
-"""A measurement beside its model before anything is concluded: where the force acts, the scale, sensors turned over.
+"""A measurement beside its model before anything is concluded: where the force acts, the scale, sensors misread.
 
 A measured modal constant is the product of the shape at the response and at the force. Along the model's shape at the
 responses it gives the shape at the force, mode by mode, which only few places of the stack have; and its size is
-that of shapes of unit modal mass, which the stack's mass sets. A sensor that is turned over in all runs makes shapes
-that no other frequency of the model has.
+that of shapes of unit modal mass, which the stack's mass sets. A sensor that is turned over or read in another unit in
+all runs makes shapes that no other frequency of the model has.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,10 +41,12 @@ _SCALE = 1.3
 """Factor from which the scale is wrong: calibration, density and the mass of clamps leave less."""
 _WRONG, _RIGHT = 0.2, 0.35
 """Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
-is turned."""
+is corrected."""
 _CLOSE = 0.1
-"""Mean distance that a sensor turned back must leave: one side turned makes torsion of bending, and a few modes of a
+"""Mean distance that a sensor put right must leave: one side turned makes torsion of bending, and a few modes of a
 poor model lie as near that way round."""
+_GAINS = np.geomspace(1.0 / 40.0, 40.0, 19)
+"""Factors that are tried on a sensor, and 1 among them; shapes are told to be right within a quarter."""
 _FAR = 0.2  # of the logarithm of a frequency
 
 
@@ -85,25 +88,25 @@ class RigCheck:
     ----------
     name : str
         The configuration.
-    turned : int
-        Number of the sensor of each run, from 1, that was turned over in all of them; 0 where none was.
+    sensor : int
+        Number of the sensor of each run, from 1, that was turned over or misread in all of them; 0 where none was.
+    reads : float
+        How many times too much it reads; negative where it was turned over.
     force : ForcePlace, optional
         Where the force acts; none where too few modes tell.
     """
 
     name: str
-    turned: int
+    sensor: int
+    reads: float
     force: ForcePlace | None
 
     @property
     def findings(self) -> tuple[str, ...]:
         """What a user should read."""
         found = []
-        if self.turned:
-            found.append(
-                f"sensor {self.turned} of each run seems to be upside down in all of them: turned back, its shapes are "
-                "those of the model at their frequencies. Correct it with a [[correction]] of scale = -1 on it"
-            )
+        if self.sensor:
+            found.append(_misread(self.sensor, self.reads))
         if self.force is not None and self.force.misplaced:
             found.append(
                 f"the force does not act where the points file has it, at {_place(self.force.stated)}: "
@@ -111,9 +114,21 @@ class RigCheck:
                 f"{100.0 * self.force.left_likely:.1f} % a place near {_place(self.force.likely)}. Its point, or those "
                 "of the sensors, are listed wrongly; effects of the shaker are sought in the wrong place"
             )
-        elif self.force is not None and self.force.left < _DOUBTFUL and not self.turned:
+        elif self.force is not None and self.force.left < _DOUBTFUL and not self.sensor:
             found += _scale(self.force.factor)
         return tuple(f"{self.name}: {text}" for text in found)
+
+
+def _misread(sensor: int, reads: float) -> str:
+    """Say that a sensor is turned, or that its size is wrong, and how to correct it."""
+    turned, sized = reads < 0.0, abs(np.log(abs(reads))) > np.log(_SCALE)
+    what = ["upside down"] if turned else []
+    what += [f"{factor_text(abs(reads))} as large as it should be"] if sized else []
+    scale = (-1.0 if turned else 1.0) / (abs(reads) if sized else 1.0)
+    return (
+        f"sensor {sensor} of each run seems to be {' and '.join(what)} in all of them: put right, its shapes are "
+        f"those of the model at their frequencies. Correct it with a [[correction]] of scale = {scale:.3g} on it"
+    )
 
 
 def _place(at: tuple[float, float]) -> str:
@@ -182,55 +197,86 @@ def check_rig(
         ).elastic()
         for g in tried
     ]
-    signs = _signs(measured.sensor)
-    distance = np.array([[_distance(measured, sign, own, n_dof)[0] for own in modes] for sign in signs])
-    least = distance.min(axis=1)
-    best = int(np.argmin(least))
-    few = measured.frequency.size < _FEWEST_MODES
-    if few or least[0] < _WRONG or least[best] > min(_RIGHT * least[0], _CLOSE):
-        best = 0
-    own = modes[int(np.argmin(distance[best]))]
-    _, row, column = _distance(measured, signs[best], own, n_dof)
-    force = _force_place(measured, signs[best], own, (row, column), places) if n_place else None
-    return RigCheck(name=measured.name, turned=_turned(measured.sensor, signs[best], force), force=force)
+    gain = _gain(measured, modes, n_dof)
+    own, (row, column) = _nearest(measured, gain, modes, n_dof)
+    force = _force_place(measured, gain, own, (row, column), places) if n_place else None
+    sensor, reads = _wrong(measured.sensor, gain, force)
+    return RigCheck(name=measured.name, sensor=sensor, reads=reads, force=force)
 
 
 def upright(checked: RigCheck) -> RigCheck:
-    """Return a check that found no sensor turned over in all runs.
+    """Return a check that found no sensor turned over or misread in all runs.
 
     Raises
     ------
     PairingError
         One was: shapes and all that follows from them would be nobody's.
     """
-    if checked.turned:
+    if checked.sensor:
         raise PairingError(checked.findings[0])
     return checked
 
 
-def _turned(sensor: NDArray[np.int64], sign: Vector, force: ForcePlace | None) -> int:
-    """Return the number, from 1, of the sensor that was turned over; 0 where none was.
-
-    Of two sensors the force tells which, for the sign of a shape is arbitrary.
-    """
-    turned = np.flatnonzero(sign < 0.0)
-    if not turned.size:
-        return 0
-    if int(sensor.max()) == 1 and force is not None and force.factor < 0.0:
-        return 1
-    return int(sensor[turned[0]]) + 1
-
-
-def _signs(sensor: NDArray[np.int64]) -> list[Vector]:
-    """Return signs of the components with nothing turned, then with each sensor that roves turned.
-
-    Of two sensors turning either is the same, as the sign of a shape is arbitrary.
-    """
-    every = [np.ones(sensor.size)]
+def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
+    """Return the factor on each component that makes the shapes the model's: one but for a sensor that is wrong."""
+    sound, sensor = np.ones(measured.sensor.size), measured.sensor
+    least = min(_distance(measured, sound, own, n_dof)[0] for own in modes)
     number = int(sensor.max()) + 1
-    if number == 1 or np.bincount(sensor).min() < _FEWEST_POINTS:
-        return every
-    return every + [np.where(sensor == k, -1.0, 1.0) for k in range(1 if number == 2 else 0, number)]
+    roves = number > 1 and np.bincount(sensor).min() >= _FEWEST_POINTS
+    if not roves or least < _WRONG or measured.frequency.size < _FEWEST_MODES:
+        return sound
+    # Of two sensors either can be put right by the other's factor, as the size of a shape is arbitrary.
+    tried = [
+        np.where(sensor == k, sign * gain, 1.0)
+        for k in range(1 if number == 2 else 0, number)
+        for gain in _GAINS
+        for sign in (1.0, -1.0)
+    ]
+    distance = [min(_distance(measured, gain, own, n_dof)[0] for own in modes) for gain in tried]
+    best = int(np.argmin(distance))
+    if distance[best] > min(_RIGHT * least, _CLOSE):
+        return sound
+    return _refined(measured, tried[best], modes, n_dof)
+
+
+def _refined(measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: int) -> Vector:
+    """Return the factor of one sensor that fits the paired modes best, from one of those tried."""
+    own, (row, column) = _nearest(measured, gain, modes, n_dof)
+    wrong = gain != 1.0
+    if not row.size or not wrong.any():
+        return gain
+    shape, model = measured.shape[:, row].real, own.shape[:n_dof, column]
+    along = [np.sum(shape[of] * model[of], axis=0) / np.sum(model[of] ** 2, axis=0) for of in (wrong, ~wrong)]
+    found = float(np.sum(along[1] * along[0]) / np.sum(along[0] ** 2))
+    return np.where(wrong & (abs(np.log(abs(found))) > np.log(_SCALE) or found < 0.0), found, 1.0)
+
+
+def _nearest(
+    measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: int
+) -> tuple[Modes, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Return the model's modes that are nearest over G_f, and which of them are which."""
+    found = [_distance(measured, gain, own, n_dof) for own in modes]
+    best = int(np.argmin([own[0] for own in found]))
+    return modes[best], found[best][1:]
+
+
+def _wrong(sensor: NDArray[np.int64], gain: Vector, force: ForcePlace | None) -> tuple[int, float]:
+    """Return the number, from 1, of the sensor that is wrong, and what it reads; 0 and 1 where none is.
+
+    Of two sensors the force tells which: its sign and the mass of the stack are right only with one of them.
+    """
+    wrong = np.flatnonzero(gain != 1.0)
+    if not wrong.size:
+        return 0, 1.0
+    own, factor = int(sensor[wrong[0]]), float(gain[wrong[0]])
+    if int(sensor.max()) == 1 and force is not None and _off(force.factor / factor) < _off(force.factor):
+        return 1, factor
+    return own + 1, 1.0 / factor
+
+
+def _off(factor: float) -> tuple[bool, float]:
+    """Return how far a factor is from one: its sign first, then its size."""
+    return factor < 0.0, float(abs(np.log(abs(factor))))
 
 
 def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
@@ -248,10 +294,10 @@ def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
 
 
 def _distance(
-    measured: ModalModel, sign: Vector, modes: Modes, n_dof: int
+    measured: ModalModel, gain: Vector, modes: Modes, n_dof: int
 ) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
     """Return how far measured modes are from the model's in the mean, by shape and frequency, and which are which."""
-    alike = mac(sign[:, None] * measured.shape, modes.shape[:n_dof])
+    alike = mac(gain[:, None] * measured.shape, modes.shape[:n_dof])
     apart = np.abs(np.log(measured.frequency[:, None] / modes.frequency))
     row, column = linear_sum_assignment(alike - np.minimum(apart, 0.5), maximize=True)
     far = np.minimum((apart[row, column] / _FAR) ** 2, 1.0) + 1.0 - alike[row, column]
@@ -261,7 +307,7 @@ def _distance(
 
 def _force_place(
     measured: ModalModel,
-    sign: Vector,
+    gain: Vector,
     modes: Modes,
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
     places: Vector,
@@ -272,7 +318,7 @@ def _force_place(
     sec. 2.8).
     """
     row, column = pairs
-    constant = 2j * measured.pole[row].imag * sign[:, None] * measured.residue[:, 0][:, row]
+    constant = 2j * measured.pole[row].imag * gain[:, None] * measured.residue[:, 0][:, row]
     if row.size < _FEWEST_MODES or not np.any(constant):
         return None
     n_dof = constant.shape[0]
