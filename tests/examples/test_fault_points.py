@@ -16,12 +16,21 @@ from rich.console import Console
 
 from ema.campaign.campaign import read_campaign
 from ema.types.errors import EmaError
+from tests.unit.test_diagnosis_text import diagnosis
+from updating.commands import diagnose as diagnose_command
 from updating.commands import ema as ema_command
 from updating.commands import fit as fit_command
+from updating.commands import update as update_command
+from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import identify_campaign
 from updating.commands.fit import fit_campaign
+from updating.commands.report import make_report
+from updating.commands.update import run_update
+from updating.diagnosis.candidates import candidate_model
 from updating.errors import StoreError, WorkerError
 from updating.fitting.fit import Fit
+from updating.report import page
+from updating.report.results import read_results
 from updating.results import identified
 from updating.results.identified import assignments, require_none
 from updating.results.store import kept, read_result
@@ -29,7 +38,9 @@ from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers
 
 QUIET = Console(quiet=True)
+ANSWER = diagnosis("nothing missing", signatures={}, second_level=None, sentences=("Nothing is missing.",))
 KILLED, FULL = 9, 28
+DRAWN = shutil.ignore_patterns("figures", "report.html")
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
@@ -43,14 +54,58 @@ def numbers(small, tmp_path_factory):
     return campaign, tuple(identified.identify(one.campaign, {})), read_result(small[1] / "C1/fit.json", Fit)
 
 
+@pytest.fixture(scope="module")
+def specification(small):
+    """An updating file of two configurations."""
+    file = small[0].with_name("update.toml")
+    file.write_text(
+        'name = "small"\neffects = ["clamp_inertia"]\n'
+        f'[[campaign]]\nfile = "{small[0].name}"\nconfigurations = ["C1", "C2"]\n',
+        encoding="utf-8",
+    )
+    return file
+
+
+@pytest.fixture(scope="module")
+def updated(specification, tmp_path_factory):
+    """What an updating gives, computed once."""
+    return run_update(specification, tmp_path_factory.mktemp("updated"), QUIET)
+
+
+@pytest.fixture(scope="module")
+def shown(small):
+    """The sections of a report, drawn once."""
+    return page.sections(read_results(small[1]))
+
+
 @pytest.fixture
-def commands(numbers, monkeypatch):
+def commands(request, numbers, small, monkeypatch):
     """The commands as functions of a folder, with these numbers in place of hours of work."""
     campaign, found, fitted = numbers
+
+    def report(folder):
+        shown = request.getfixturevalue("shown")
+        shutil.copytree(small[1], folder, ignore=DRAWN, dirs_exist_ok=True)
+        with monkeypatch.context() as quick:
+            quick.setattr(page, "sections", lambda *_: shown)
+            quick.setattr(page, "configuration_section", lambda *_: None)  # they are among the sections
+            page.write_report(folder)
+
+    def update(folder):
+        before = request.getfixturevalue("updated")
+        with monkeypatch.context() as quick:
+            quick.setattr(update_command, "joint_fit", lambda *_, **__: before.fit)
+            quick.setattr(update_command, "ledger", lambda *_, **__: before.ledger)
+            run_update(request.getfixturevalue("specification"), folder, QUIET)
+
     monkeypatch.setattr(identified, "identify", lambda *_: found)
     monkeypatch.setattr(fit_command, "fit_configuration", lambda *_, **__: fitted)
     monkeypatch.setattr(ema_command, "as_png", lambda _: b"picture")
+    monkeypatch.setattr(diagnose_command, "diagnose_stack", lambda *_, **__: ANSWER)
     return {
+        "report": report,
+        "update": update,
+        "diagnose": lambda folder: diagnose_campaign(campaign, folder, (), QUIET),
         "fit": lambda folder: list(fit_campaign(campaign, folder, 0.8, QUIET)),
         "ema": lambda folder: require_none(identify_campaign(campaign, folder, None, QUIET)[2], 1),
     }
@@ -100,26 +155,30 @@ def in_a_child(work, faulty):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-N_WRITE = {"fit": 6, "ema": 14}
-"""Files that each command writes for one configuration."""
+N_WRITE = {"fit": 6, "ema": 14, "update": 12, "diagnose": 5, "report": 71}
+"""Files that each command writes for one configuration; the report is of four."""
+COMPUTED = {"update": "updated", "report": "shown"}
 FAULTS = ["killed before", "killed amidst", "killed after", "disk full"]
 
 
-QUICK = ("fit", "killed amidst")
+QUICK = (("fit", "killed amidst"), ("diagnose", "killed amidst"))
 
 
 @pytest.mark.parametrize(
     ("command", "fault"),
-    [pytest.param(c, f, marks=() if (c, f) == QUICK else pytest.mark.slow) for c in N_WRITE for f in FAULTS],
+    [pytest.param(c, f, marks=() if (c, f) in QUICK else pytest.mark.slow) for c in N_WRITE for f in FAULTS],
 )
-def test_every_write(commands, written, tmp_path, monkeypatch, command, fault):
+def test_every_write(request, commands, written, tmp_path, monkeypatch, command, fault):
+    if command in COMPUTED:  # once, and not while writes are counted
+        request.getfixturevalue(COMPUTED[command])
     work, whole = commands[command], tmp_path / "whole"
     counter = Faulty(0, fault)
     with monkeypatch.context() as counting:
         counting.setattr(Path, "replace", counter.method())
         work(whole)
     expected = written(whole)
-    assert counter.count == len(expected) == N_WRITE[command]
+    assert counter.count == N_WRITE[command]
+    assert counter.count == len(expected) or command == "report"  # which finds results
     for at in range(1, counter.count + 1):
         out = tmp_path / str(at)
         code = in_a_child(partial(work, out), Faulty(at, fault))
@@ -164,3 +223,74 @@ def test_every_exchange(tmp_path, written, monkeypatch, at):
         assert list(distribute(partial(squares, out, at), range(N_ITEM), executor)) == expected
     (out / "killed").unlink()
     assert written(out) == written(whole)
+
+
+FEW = ("stinger_mass", "clamp_inertia")
+
+
+@pytest.fixture
+def at_work(small, numbers, specification, monkeypatch):
+    """Commands with a real pool of two processes, as functions of a folder; a diagnosis of few effects."""
+    campaign, done = numbers[0], small[1]
+    monkeypatch.setattr(workers_module, "n_processor", lambda: 2)
+    known = diagnose_command.catalogue()
+    monkeypatch.setattr(diagnose_command, "catalogue", lambda _: {name: known[name] for name in FEW})
+    monkeypatch.setattr(
+        diagnose_command, "cached_model", candidate_model
+    )  # what is cached is not reduced again
+
+    def report(folder):
+        shutil.copytree(done, folder, ignore=DRAWN, dirs_exist_ok=True)
+        make_report(folder)
+
+    return {
+        "report": report,
+        "update": lambda folder: run_update(specification, folder, QUIET),
+        "diagnose": lambda folder: diagnose_campaign(campaign, folder, (), QUIET),
+    }
+
+
+class Killing:
+    """`map` of a pool, by which tasks go to its workers, with one of them killed at one of its calls."""
+
+    def __init__(self, at):
+        self.at, self.count, self.true = at, 0, workers_module._Processes.map
+
+    def method(self):
+        def exchange(pool, *given, **named):
+            self.count += 1
+            if self.count == self.at:
+                pool.submit(os._exit, KILLED)
+            return self.true(pool, *given, **named)
+
+        return exchange
+
+
+N_EXCHANGE = {"report": 1, "update": 4, "diagnose": 11}
+"""Rounds of tasks that each command sends to its workers, of a small campaign."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", N_EXCHANGE)
+def test_every_exchange_of_a_command(at_work, written, tmp_path, monkeypatch, command):
+    """A worker is killed at each: it is said, nothing half is left, and the command goes on to the same end."""
+    work, out = at_work[command], tmp_path / "out"
+    counter = Killing(0)
+    with monkeypatch.context() as counting:
+        counting.setattr(workers_module._Processes, "map", counter.method())
+        work(out)
+    expected = written(out)
+    assert counter.count == N_EXCHANGE[command]
+    goes_on = []
+    for at in range(1, counter.count + 1):
+        shutil.rmtree(out)
+        with monkeypatch.context() as killing:
+            killing.setattr(workers_module._Processes, "map", Killing(at).method())
+            with pytest.raises(WorkerError, match="the same command goes on"):
+                work(out)
+        left = written(out)
+        assert left.items() <= expected.items(), at
+        if left not in goes_on:  # from the same files it goes on the same way
+            goes_on.append(left)
+            work(out)
+            assert written(out) == expected, at
