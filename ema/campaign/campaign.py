@@ -403,7 +403,12 @@ def geometry_of(path: Path, folder: Path, given: PointsSection) -> tuple[Geometr
         The file of the points cannot be read.
     """
     file = folder / given.file
-    if file.exists() and not (file.is_file() or file.is_dir()):
+    try:
+        special = file.exists() and not (file.is_file() or file.is_dir())
+    except OSError as error:  # such as a name that is too long
+        message = f"{path}: points.file: {given.file[:60]!r} names no file: {error.strerror}"
+        raise CampaignError(message) from error
+    if special:
         message = f"{path}: points.file: {given.file!r} is a pipe or a device; name a plain file"
         raise CampaignError(message)
     unit = None if given.unit is None else parse_unit(given.unit)

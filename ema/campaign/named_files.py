@@ -16,6 +16,7 @@ SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), "hdf5"),
 }  # fmt: skip
 """Formats by suffix; whatever has another one is text."""
+_SHOWN = 60  # characters of a name that is none
 
 
 def format_of(file: Path, stated: Format | None = None) -> Format:
@@ -38,27 +39,36 @@ def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -
     Raises
     ------
     CampaignError
-        A pattern has no file; the message names those with similar names.
+        A pattern has no file; the message names those with similar names. Or it is no name that a file can have.
     """
     files: list[Path] = []
     for pattern in patterns:
-        if re.search(r"[*?\[]", pattern):
-            anchor = Path(pattern).anchor
-            found = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
-        else:
-            found = [folder / pattern]
-        found = sorted((f for f in found if f.is_file()), key=natural)
-        if not found:
-            there = [f.name for f in (folder / pattern).parent.glob("*")]
-            if (folder / pattern).exists() and not (folder / pattern).is_dir():
-                message = f"{path}: {key}: {pattern!r} is a pipe or a device; name plain files"
-                raise CampaignError(message)
-            close = difflib.get_close_matches(Path(pattern).name, there, n=2)
-            hint = f"; did you mean {' or '.join(close)}?" if close else ""
-            message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
-            raise CampaignError(message)
-        files += found
+        try:
+            files += _named(path, folder, key, pattern)
+        except OSError as error:  # such as a name that is too long
+            message = f"{path}: {key}: {pattern[:_SHOWN]!r} names no file: {error.strerror}"
+            raise CampaignError(message) from error
     return tuple(dict.fromkeys(files))
+
+
+def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:
+    """Return the files of one pattern."""
+    if re.search(r"[*?\[]", pattern):
+        anchor = Path(pattern).anchor
+        found = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
+    else:
+        found = [folder / pattern]
+    found = sorted((f for f in found if f.is_file()), key=natural)
+    if not found:
+        there = [f.name for f in (folder / pattern).parent.glob("*")]
+        if (folder / pattern).exists() and not (folder / pattern).is_dir():
+            message = f"{path}: {key}: {pattern!r} is a pipe or a device; name plain files"
+            raise CampaignError(message)
+        close = difflib.get_close_matches(Path(pattern).name, there, n=2)
+        hint = f"; did you mean {' or '.join(close)}?" if close else ""
+        message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
+        raise CampaignError(message)
+    return found
 
 
 def natural(file: Path) -> list[tuple[int, str]]:

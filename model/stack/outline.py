@@ -272,7 +272,12 @@ def read_mesh(path: str | Path) -> Triangulation:
     if path.suffix.lower() in _PICKLES:  # which older versions of pyvista read
         message = f"{path}: a pickle runs code when it is read; give a mesh file, such as .vtk, .stl or .msh"
         raise StackError(message)
-    if not path.exists():
+    try:
+        there = path.exists()
+    except OSError as error:  # such as a name that is too long
+        message = f"{str(path)[:120]}: {error.strerror}"
+        raise StackError(message) from error
+    if not there:
         message = f"{path}: there is no such mesh file"
         raise StackError(message)
     try:

@@ -264,6 +264,18 @@ TABLE = {
                                  ["shaker: this key is missing", "n_lamina: unknown key; Allowed: campaign"]),
     "campaign for a table": ("published --data .", untouched, ["modal_table: this key is missing"]),
     "folder without results": ("report .", untouched, ["no campaign.json", "lamella fit"]),
+    # names that no file can have
+    "name of a run that is too long": ("ema campaign.toml", campaign('"run_*.csv"', f'"{"9" * 5000}"'),
+                                       ["configuration 'M1'", "names no file: File name too long"]),
+    "pattern that is too long": ("ema campaign.toml", campaign('"run_*.csv"', f'"{"9" * 5000}/*.csv"'),
+                                 ["configuration 'M1'", "names no file: File name too long"]),
+    "name of points that is too long": ("ema campaign.toml", campaign('"points.csv"', f'"{"9" * 5000}"'),
+                                        ["points.file", "names no file: File name too long"]),
+    "name of a stack that is too long": ("model " + "9" * 300, untouched, ["File name too long"]),
+    "name of a mesh that is too long": ("model stack.toml", all_of(
+        changed("stack.toml", ("length_mm = 300\nwidth_mm = 80\n", "")),
+        lambda f: holds("stack.toml", (f / "stack.toml").read_text() + MESH.replace("mesh.pkl", "9" * 300))(f)),
+        ["File name too long"]),
     # universal files
     "cut off in its points": ("ema campaign.toml", universal(cut=0.05), ["all.uff: no function (dataset 58)"]),
     "cut off in a header": ("ema campaign.toml", universal(cut=0.9), ["all.uff: data set 8 (58b): no data values"]),

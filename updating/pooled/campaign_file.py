@@ -365,7 +365,12 @@ def _require_unique(path: Path, content: SpecimensFile) -> None:
 
 def _require_files(path: Path, files: list[Path]) -> None:
     for file in files:
-        if not file.is_file():
+        try:
+            there_is = file.is_file()
+        except OSError as error:  # such as a name that is too long
+            message = f"{path}: {str(file)[:120]}: {error.strerror}"
+            raise FitError(message) from error
+        if not there_is:
             there = sorted(other.name for other in file.parent.glob("*")) if file.parent.is_dir() else []
             hint = did_you_mean(file.name, there) if there else f"there is no folder {file.parent}"
             message = f"{path}: {file} is not there; {hint}"
