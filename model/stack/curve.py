@@ -38,8 +38,8 @@ class CompressionCurve:
     Raises
     ------
     StackError
-        Fewer than three points, the first is not (0, 0), or strain or pressure does not rise from one point to
-        the next.
+        Fewer than three points, the first is not (0, 0), or strain or pressure is not finite or does not rise from
+        one point to the next.
     """
 
     strain: NDArray[np.float64]
@@ -59,6 +59,10 @@ class CompressionCurve:
             )
             raise StackError(message)
         for name in ("strain", "pressure"):
+            endless = np.flatnonzero(~np.isfinite(getattr(self, name)))
+            if endless.size:
+                message = f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
+                raise StackError(message)
             falls = np.flatnonzero(~(np.diff(getattr(self, name)) > 0.0))
             if falls.size:
                 row = int(falls[0]) + 1
