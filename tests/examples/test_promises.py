@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from tests.examples import test_every_key, test_fault_points
-from tests.recovery import corruptions, test_damaged_files
+from tests.recovery import corruptions, corruptions_study, test_damaged_files
 from tests.unit import test_bad_input
 
 ROOT = Path(__file__).parents[2]
@@ -32,10 +32,25 @@ def test_counts_are_those_of_the_tests():
         "keys of files, each used by a command": len(keys),
         "readers whose inputs are mutated": len(test_damaged_files.READERS),
         "kinds of corrupted measurements": len(corruptions.CORRUPTIONS) - 1,
-        f"writes of one configuration, each with {len(test_fault_points.FAULTS)} faults": sum(
+        f"writes of {len(test_fault_points.N_WRITE)} commands, each with {len(test_fault_points.FAULTS)} faults": sum(
             test_fault_points.N_WRITE.values()
+        ),
+        f"rounds of tasks of {len(test_fault_points.N_EXCHANGE)} commands, at each of which a worker is killed": sum(
+            test_fault_points.N_EXCHANGE.values()
         ),
         "tasks of a pool, at each of which a worker is killed": test_fault_points.N_ITEM,
     }
     said = {what: int(count) for count, what in re.findall(r"^\| (\d+) \| (.*?) \|$", PAGE, re.MULTILINE)}
     assert said == counted
+
+
+def test_the_table_of_corruptions_says_what_was_recorded():
+    cases = corruptions_study.recorded(corruptions_study.RECORD)
+    assert [(case.seed, case.kind) for case in cases] == [
+        (corruptions_study.FIRST_SEED, kind) for kind in corruptions.CORRUPTIONS
+    ]
+    assert cases[0].outcome == "harmless"  # nothing was spoiled
+    lines = PAGE.splitlines()
+    start = lines.index(f"| of {len(cases) - 1} kinds, one campaign | cases |") + 2
+    found = corruptions_study.rows(cases)
+    assert lines[start : start + len(found)] == found

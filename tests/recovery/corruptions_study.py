@@ -48,6 +48,8 @@ from updating.fitting.target import stack_in_state
 Outcome = Literal["named", "harmless", "refused", "wrong"]
 OUTCOMES: tuple[Outcome, ...] = ("named", "harmless", "refused", "wrong")
 FIRST_SEED = 700_100
+RECORD = Path(__file__).parents[2] / "data" / "blind" / "corruptions.jsonl"
+"""Of the first seed; the page of promises says what it holds."""
 BAND, STEP = (100.0, 1150.0), 1.0
 _NO_FINDING = ("resolution",)
 """Checks that say nothing of a corruption: the step of the study's functions is coarse."""
@@ -157,7 +159,7 @@ def _identified(measured: Measurement, found: tuple[Verdict, ...]) -> ModalModel
     """Return the modes of a measurement; of one that was identified before, those."""
     kept = usable(measured, found)
     frf, place = kept.frf, kept.geometry.coordinate.tobytes()
-    dofs = (frf.output.node.tobytes(), frf.output.direction.tobytes(), frf.input.node.tobytes())
+    dofs = tuple(part.tobytes() for own in (frf.output, frf.input) for part in (own.node, own.direction))
     key = (measured.name, content_digests(frf), frf.frequency.tobytes(), frf.quantity, dofs, place)
     if key not in _KNOWN:
         _KNOWN[key] = identify_frf(frf, kept.geometry, name=measured.name)
@@ -198,6 +200,15 @@ def study(seeds: Sequence[int], record: Path, say: Callable[[str], None] = print
                     file.write(json.dumps(asdict(case)) + "\n")
                 say(f"{case.outcome:9s} {case.kind}: {case.said[:100]}")
     return [done[seed, kind] for seed in seeds for kind in CORRUPTIONS]
+
+
+def rows(cases: Sequence[Case]) -> list[str]:
+    """Return the rows of the table in the documents: how many cases of each outcome, and which were wrong."""
+    spoiled = [case for case in cases if case.kind != "none"]
+    count = Counter(case.outcome for case in spoiled)
+    found = [f"| {name} | {count[name]} = {100 * count[name] / len(spoiled):.1f} % |" for name in OUTCOMES]
+    wrong = "; ".join(case.kind for case in spoiled if case.outcome == "wrong")
+    return [*found, f"| wrong were | {wrong or 'none'} |"]
 
 
 def table(cases: Sequence[Case]) -> str:
