@@ -61,7 +61,9 @@ class CompressionCurve:
         for name in ("strain", "pressure"):
             endless = np.flatnonzero(~np.isfinite(getattr(self, name)))
             if endless.size:
-                message = f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
+                message = (
+                    f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
+                )
                 raise StackError(message)
             falls = np.flatnonzero(~(np.diff(getattr(self, name)) > 0.0))
             if falls.size:
