@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ema.identification.functions import Functions, inside
-from ema.identification.maximum_likelihood import Fit
+from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, response, run_poles
 from ema.identification.selection import select_modes
@@ -26,8 +26,11 @@ from ema.types.frf import FRF
 
 REACH = 0.06
 """Largest share by which a mode of one run may be off the median of the others."""
-APART = 0.3
-"""Half bandwidths by which runs must differ for their modes to be followed: less, and one pole serves all."""
+APART, SLIGHTLY = 1.0, 0.3
+"""Half bandwidths by which runs must differ for their modes to be followed, and where peaks stay unexplained: less,
+and one pole serves all."""
+WORTH = 0.5
+"""Share of what common poles leave of the power that poles of each run may leave, to be worth their number."""
 _ROUNDS = 4
 _FEWEST = 2  # runs that show a mode by themselves
 
@@ -60,7 +63,7 @@ def runs_apart(fit: Fit, runs: RunPoles, left: Left) -> bool:
         return False
     known = np.isfinite(runs.frequency_std)
     off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
-    return bool(left) or bool(np.any(off > APART))
+    return bool(np.any(off > (SLIGHTLY if left else APART)))
 
 
 def follow_runs(
@@ -92,20 +95,31 @@ def follow_runs(
     if track.shape[1] == 0:
         return None
     track = _filled(data, numbers, track)
-    found = None
-    for _ in range(
-        2
-    ):  # modes that no run shows alone are found in the first round and followed in the second
+    # Modes that no run shows alone are found in the first round and followed in the second.
+    for _ in range(2):
         runs = run_poles(data, data.linear_fit(_centre(track)), track)
         value = _moved(data, runs, _mean(runs))
         moved = replace(frf, value=value.reshape(frf.value.shape))
         candidates = np.concatenate([_mean(runs), stabilization(moved, order=order).chosen])
         fit, _, left = select_modes(replace(data, value=value), candidates, band)
         track = _carried(fit, runs)
-        found = Followed(value=value, fit=fit, runs=run_poles(data, fit, track), left=left)
-    more = 2 * found.fit.pole.size * (numbers.size - 1)
+    runs = run_poles(data, fit, track)
+    value = _moved(data, runs, _mean(runs))
+    fit = linear_fit(data.frequency, value, _mean(runs), data.quantity, fit.weight)
+    found = Followed(value=value, fit=fit, runs=runs, left=left)
+    return found if _worth(data, found, together) else None
+
+
+def _worth(data: Functions, found: Followed, together: Fit) -> bool:
+    """Whether poles of each run explain more power, and are likelier, each counted (Akaike)."""
+    power = np.sum(np.abs(data.value) ** 2, axis=1)
+    mine, theirs = (
+        np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (found.fit, together)
+    )
+    more = 2 * found.fit.pole.size * (found.runs.run.size - 1)
     unknowns = 2 * (found.fit.pole.size - together.pole.size) * (1 + data.value.shape[0])
-    return found if found.fit.objective + more + unknowns < together.objective else None
+    likelier = found.fit.objective + more + unknowns < together.objective
+    return bool(mine < WORTH * theirs and likelier)
 
 
 def _alone(
@@ -149,7 +163,7 @@ def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         (own for own in shown if len(own) >= _FEWEST),
         key=lambda own: float(np.median(np.abs(list(own.values())))),
     )
-    track = np.full((len(poles), len(kept)), np.nan, dtype=complex)
+    track = np.full((len(poles), len(kept)), complex(np.nan, np.nan))
     for r, own in enumerate(kept):
         for k, pole in own.items():
             track[k, r] = pole
