@@ -214,16 +214,12 @@ def identify_frf(
     _require_lines(lines, frf, order, band, name)
     white = lines.convert(whitest(lines))
     fit, runs, left = _fitted(white, order, pole, band, name)
-    if pole is None and runs_apart(fit, runs, left):
-        followed = follow_runs(white, _functions(white), order, band, fit)
-        if followed is not None:
-            white = replace(white, value=followed.value.reshape(white.value.shape))
-            fit, runs, left = followed.fit, followed.runs, followed.left
-    else:
-        followed = None
-    model = _model(fit, runs, white, lines.quantity, geometry, name, band)
+    apart = pole is None and runs_apart(fit, runs, left)
+    followed = follow_runs(white, _functions(white), order, band, fit) if apart else None
     if followed is not None:
-        model = replace(model, run_outside_pole=runs.pole[:, model.frequency.size :])
+        white = replace(white, value=followed.value.reshape(white.value.shape))
+        fit, runs, left = followed.fit, followed.runs, followed.left
+    model = _model(fit, runs, white, lines.quantity, geometry, name, band)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
@@ -461,6 +457,7 @@ def _model(
         run_damping_std=runs.damping_std[:, :n_mode],
         run_probability=runs.probability[:, :n_mode],
         decay_rate=frf.decay_rate,
+        run_outside_pole=runs.pole[:, n_mode:] if runs.followed else None,
     )
 
 

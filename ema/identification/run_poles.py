@@ -48,6 +48,8 @@ class RunPoles:
     probability : (n_run, n_mode) float
         Probability that noise alone would make any run's frequency of any mode differ this much from those of
         the other runs (Bonferroni's bound); 1 where there is nothing to compare.
+    followed : bool
+        Whether the residues of the fit are those of runs at their own poles (`ema.identification.run_tracking`).
     """
 
     run: NDArray[np.int64]
@@ -58,6 +60,7 @@ class RunPoles:
     damping_std: NDArray[np.float64]
     enlargement: NDArray[np.float64]
     probability: NDArray[np.float64]
+    followed: bool = False
 
     def disagree(self) -> bool:
         """Whether any run differs significantly from the others."""

@@ -106,7 +106,7 @@ def follow_runs(
     runs = run_poles(data, fit, track)
     value = _moved(data, runs, _mean(runs))
     fit = linear_fit(data.frequency, value, _mean(runs), data.quantity, fit.weight)
-    found = Followed(value=value, fit=fit, runs=runs, left=left)
+    found = Followed(value=value, fit=fit, runs=replace(runs, followed=True), left=left)
     return found if _worth(data, found, together) else None
 
 
@@ -164,8 +164,8 @@ def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         key=lambda own: float(np.median(np.abs(list(own.values())))),
     )
     track = np.full((len(poles), len(kept)), complex(np.nan, np.nan))
-    for r, own in enumerate(kept):
-        for k, pole in own.items():
+    for r, members in enumerate(kept):
+        for k, pole in members.items():
             track[k, r] = pole
     return track
 

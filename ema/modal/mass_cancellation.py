@@ -160,7 +160,7 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
         x, misfit, damping = problem.limited(x + step), proposed, max(damping / 10.0, 1e-9)
         if np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size)) < _CONVERGED:
             break
-    return problem.result(x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit)
+    return _result(problem, x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -217,6 +217,13 @@ class _Problem:
         size = np.concatenate([np.ones(n_mode), first, force, np.ones(len(pair)), each])
         unit = _unit_beyond(modes, square) if in_kg else np.zeros(n_mode)
         return cls(modes=modes, given=given, sought=sought, rough=rough, unit=unit, size=size, pair=pair)
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """First row of the misfit of each run, and the one after the last, (n_run + 1,)."""
+        n_run, n_mode = self.rough.shape
+        count = [np.count_nonzero(self.modes.run == k) + (self.modes.drive_run == k) for k in range(n_run)]
+        return np.asarray(n_mode * np.cumsum([0, *(1 + n for n in count)]), dtype=np.int64)
 
     def parts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Return squared frequencies, loads, shape at the force, flexibilities and shapes of a vector."""
@@ -323,9 +330,7 @@ class _Problem:
 
     def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives of the misfit; a shape or flexibility of one run concerns that run alone."""
-        n_run, n_mode = self.rough.shape
-        count = [np.count_nonzero(self.modes.run == k) * n_mode for k in range(n_run)]
-        rows = np.cumsum([0, *(n_mode * (1 + (self.modes.drive_run == k)) + c for k, c in enumerate(count))])
+        n_mode, rows = self.rough.shape[1], self.rows
         common = x.size - self.modes.shape.size - len(self.pair)
         run = np.concatenate([self.pair[:, 0], np.repeat(self.modes.run, n_mode)])
         matrix = np.zeros((misfit.size, x.size))
@@ -342,43 +347,38 @@ class _Problem:
             matrix[rows[-1] :, j] = self._prior(moved) - misfit[rows[-1] :]
         return np.asarray(matrix / (_DIFFERENCE * self.size))
 
-    def result(
-        self, x: NDArray[np.float64], covariance: NDArray[np.float64], misfit: NDArray[np.float64]
-    ) -> BareModes:
-        """Return the modes of a vector and, from its covariance, their standard deviations."""
-        n_run, n_mode = self.rough.shape
-        square, load, _, _, shape = self.parts(x)
-        rows = np.cumsum(
-            [0]
-            + [
-                n_mode * (1 + (self.modes.drive_run == k) + np.count_nonzero(self.modes.run == k))
-                for k in range(n_run)
-            ]
-        )
-        known = np.isfinite(self.rough)
-        rough = np.where(known, self.rough, 0.0)
-        off = -np.array([misfit[row : row + n_mode] for row in rows[:-1]]) * rough
-        n_load = self.sought.shape[1]
-        freedom = np.maximum(known.sum(axis=0) - 1.0 - n_load / n_mode, 1.0)
-        scatter = np.sum(np.where(known, off / self.rough, 0.0) ** 2, axis=0) / freedom
-        std = np.sqrt(np.diag(covariance))
-        lost = np.abs(
-            np.average((2.0 * np.pi * self.modes.frequency) ** 2, axis=0, weights=self.rough**-2.0) / square
-            - 1.0
-        )
-        unsure = (1.0 if self.modes.rest is None else _UNEVEN) * _beyond_band(
-            square, np.where(load > 0.0, lost, 0.0)
-        )
-        frequency = np.sqrt(square) / (2.0 * np.pi)
-        noise = 0.5 * std[:n_mode] * np.sqrt(np.maximum(scatter, 1.0))
-        return BareModes(
-            frequency=frequency,
-            frequency_std=np.hypot(noise, unsure) * frequency,
-            shape=shape,
-            load=load,
-            load_std=self.sought @ std[n_mode : n_mode + n_load] * np.sqrt(max(float(scatter.mean()), 1.0)),
-            off=0.5 * off,
-        )
+
+def _result(
+    problem: _Problem, x: NDArray[np.float64], covariance: NDArray[np.float64], misfit: NDArray[np.float64]
+) -> BareModes:
+    """Return the modes of a vector and, from its covariance, their standard deviations."""
+    n_mode = problem.rough.shape[1]
+    square, load, _, _, shape = problem.parts(x)
+    rows = problem.rows
+    known = np.isfinite(problem.rough)
+    rough = np.where(known, problem.rough, 0.0)
+    off = -np.array([misfit[row : row + n_mode] for row in rows[:-1]]) * rough
+    n_load = problem.sought.shape[1]
+    freedom = np.maximum(known.sum(axis=0) - 1.0 - n_load / n_mode, 1.0)
+    scatter = np.sum(np.where(known, off / problem.rough, 0.0) ** 2, axis=0) / freedom
+    std = np.sqrt(np.diag(covariance))
+    lost = np.abs(
+        np.average((2.0 * np.pi * problem.modes.frequency) ** 2, axis=0, weights=problem.rough**-2.0) / square
+        - 1.0
+    )
+    unsure = (1.0 if problem.modes.rest is None else _UNEVEN) * _beyond_band(
+        square, np.where(load > 0.0, lost, 0.0)
+    )
+    frequency = np.sqrt(square) / (2.0 * np.pi)
+    noise = 0.5 * std[:n_mode] * np.sqrt(np.maximum(scatter, 1.0))
+    return BareModes(
+        frequency=frequency,
+        frequency_std=np.hypot(noise, unsure) * frequency,
+        shape=shape,
+        load=load,
+        load_std=problem.sought @ std[n_mode : n_mode + n_load] * np.sqrt(max(float(scatter.mean()), 1.0)),
+        off=0.5 * off,
+    )
 
 
 def _pairs(run: NDArray[np.int64], n_run: int) -> NDArray[np.int64]:
