@@ -64,6 +64,10 @@ class RovedModes:
     rest : (n_output, n_mode) float or None
         What the modes beyond the band add to the receptance between each output and the force at the frequency of each
         mode, m/N; None where that is not known.
+    drive_output : int or None
+        Output at the driving point.
+    drive_std : (n_mode,) float or None
+        Standard deviation of the shape at the force; None where it is as certain as the shapes.
     """
 
     frequency: NDArray[np.float64]
@@ -73,6 +77,8 @@ class RovedModes:
     drive: NDArray[np.float64]
     drive_run: int | None
     rest: NDArray[np.float64] | None = None
+    drive_output: int | None = None
+    drive_std: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -301,9 +307,13 @@ class _Problem:
         size = (_UNCERTAIN if modes.rest is None else _SHAPE_STD) * np.maximum(
             np.sqrt(np.mean(modes.shape**2, axis=0)), 1e-300
         )
+        each = np.tile(size, (np.count_nonzero(own), 1))
+        if modes.drive_std is not None:
+            size = np.hypot(size, modes.drive_std)
+            each[np.flatnonzero(own) == modes.drive_output] = size
         off = [
             (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
-            ((here * np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE) - modes.shape[own]) / size).reshape(-1),
+            ((here * np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE) - modes.shape[own]) / each).reshape(-1),
         ]
         if modes.drive_run == k:
             off.append((there - modes.drive) / size)

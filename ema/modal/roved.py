@@ -34,6 +34,8 @@ def roved(modal_model: ModalModel, run: NDArray[np.int64]) -> tuple[RovedModes, 
             drive=drive,
             drive_run=drive_run,
             rest=None if drive_run is None else _beyond_band(modal_model, pairs[0][1]),
+            drive_output=None if drive_run is None else pairs[0][0],
+            drive_std=None if drive_run is None else modal_model.shape_std[pairs[0][0]],
         ),
         phase,
     )
