@@ -33,8 +33,7 @@ def polypy(world, frf):
         warnings.simplefilter("ignore")
         import sdynpy
 
-        n_output, n_input = frf.value.shape[:2]
-        output = sdynpy.coordinate_array(np.arange(1, n_output + 1), 3)[:, None]
+        output = sdynpy.coordinate_array(np.arange(1, len(frf.value) + 1), 3)[:, None]
         forces = sdynpy.coordinate_array(np.array(world.forces) + 1, 3)[None]
         dofs = np.stack(np.broadcast_arrays(output, forces), axis=-1)
         kind = sdynpy.data.FunctionTypes.FREQUENCY_RESPONSE_FUNCTION
