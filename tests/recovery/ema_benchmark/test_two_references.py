@@ -3,8 +3,8 @@
     pytest tests/recovery/ema_benchmark/test_two_references.py -m benchmark -s
 
 PolyPy is given both forces and the true frequencies: the poles of its highest order nearest to them are taken, each
-once, and the shapes that it fits to them. A pair counts as found if both poles are within a bandwidth of it and the shapes
-span the true ones.
+once, and the shapes that it fits to them. A pair counts as found if both poles are within a bandwidth
+of it and the shapes span the true ones.
 """
 
 import contextlib
