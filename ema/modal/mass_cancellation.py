@@ -307,7 +307,7 @@ class _Problem:
         size = (_UNCERTAIN if modes.rest is None else _SHAPE_STD) * np.maximum(
             np.sqrt(np.mean(modes.shape**2, axis=0)), 1e-300
         )
-        each = np.tile(size, (np.count_nonzero(own), 1))
+        each = np.tile(size, (int(np.count_nonzero(own)), 1))
         if modes.drive_std is not None:
             size = np.hypot(size, modes.drive_std)
             each[np.flatnonzero(own) == modes.drive_output] = size
