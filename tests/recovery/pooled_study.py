@@ -22,7 +22,9 @@ from updating.pooled.diagnosis import diagnose_specimens
 from updating.pooled.specimen import Specimen
 from updating.results.pooled_answer import PooledDiagnosis
 
-FIRST_SEED = 700_000
+RECORD = Path(__file__).parents[2] / "data" / "blind" / "pooled.jsonl"
+"""The cases of the published table."""
+FIRST_SEED = 720_000
 N_SPECIMEN = 6
 KINDS = ("rig", "group", "specimen", "null")
 """Whose the planted effect is, in turn; of `null` nobody's."""
