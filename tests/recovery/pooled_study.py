@@ -224,9 +224,16 @@ def figures(cases: Sequence[PooledCase]) -> Iterator[Share]:
         return Share(name=name, target=target, hits=sum(hits), total=len(hits))
 
     yield share("effect and its level right", "85 %", [own.right for own in planted])
+    yield share(
+        "the same, and nothing else is named",
+        "reported",
+        [own.right and len(own.named) == 1 for own in planted],
+    )
     for kind in KINDS[:-1]:
         yield share(
-            f"the same: of the {kind}", "reported", [own.right for own in planted if own.kind == kind]
+            f"effect and its level right: of the {kind}",
+            "reported",
+            [own.right for own in planted if own.kind == kind],
         )
     yield share("the effect among those named, whosever", "reported", [own.effect_named for own in planted])
     yield share("odd specimen found", "90 %", [own.specimens[0] in own.odd for own in lone])
