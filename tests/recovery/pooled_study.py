@@ -17,12 +17,15 @@ from tests.independent.bench import SecondModel
 from tests.independent.campaign import STACK, Plan
 from tests.independent.effects import TABLE, draw_strength
 from tests.recovery.other_worlds import simulated
+from tests.recovery.other_worlds_study import Share
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.pooled.diagnosis import diagnose_specimens
 from updating.pooled.specimen import Specimen
 from updating.results.pooled_answer import PooledDiagnosis
 
-FIRST_SEED = 700_000
+RECORD = Path(__file__).parents[2] / "data" / "blind" / "pooled.jsonl"
+"""The cases of the published table."""
+FIRST_SEED = 720_000
 N_SPECIMEN = 6
 KINDS = ("rig", "group", "specimen", "null")
 """Whose the planted effect is, in turn; of `null` nobody's."""
@@ -87,6 +90,11 @@ class PooledCase:
             return not self.named
         return (self.truth, self.kind, self.specimens) in self.named
 
+    @property
+    def effect_named(self) -> bool:
+        """Whether the effect that was planted is named, at whatever level."""
+        return any(effect == self.truth for effect, _, _ in self.named)
+
 
 def drawn(seed: int, kind: str) -> tuple[dict[str, dict[str, float]], tuple[int, ...]]:
     """Return what is planted, and in which specimens."""
@@ -101,14 +109,18 @@ def drawn(seed: int, kind: str) -> tuple[dict[str, dict[str, float]], tuple[int,
 
 
 def specimens_of(
-    seed: int, planted: dict[str, dict[str, float]], members: Sequence[int], world: SecondModel
+    seed: int,
+    planted: dict[str, dict[str, float]],
+    members: Sequence[int],
+    world: SecondModel,
+    number: int = N_SPECIMEN,
 ) -> list[Specimen]:
-    """Return six specimens; half of them, those of a group if there is one, have a treatment."""
-    treated = members if len(members) == N_SPECIMEN // 2 else range(0, N_SPECIMEN, 2)
+    """Return so many specimens; half of them, those of a group if there is one, have a treatment."""
+    treated = members if len(members) == number // 2 else range(0, number, 2)
     stack, found = model.read_stack(STACK), []
-    for s in range(N_SPECIMEN):
+    for s in range(number):
         plan = Plan(
-            seed=10 * seed + s,
+            seed=max(10, number) * seed + s,
             model_key="layered",
             kind="single",
             planted=planted if s in members else {},
@@ -169,8 +181,7 @@ def study(number: int, world: SecondModel, record: Path) -> Iterator[PooledCase]
     known = {(own.seed, own.kind): own for own in recorded(record)}
     record.parent.mkdir(parents=True, exist_ok=True)
     reduced = shared_model()
-    for i in range(number):
-        key = (FIRST_SEED + i, KINDS[i % len(KINDS)])
+    for key in planned(number):
         if key not in known:
             known[key] = solved(*key, world, reduced)
             with record.open("a", encoding="utf-8") as file:
@@ -197,18 +208,34 @@ def _case(given: dict[str, object]) -> PooledCase:
     )
 
 
-def figures(cases: Sequence[PooledCase]) -> dict[str, tuple[int, int]]:
-    """Return hits and totals: right effect and level, odd specimens found, and specimens falsely called odd."""
+def planned(number: int) -> list[tuple[int, str]]:
+    """Return seeds and kinds of so many cases."""
+    return [(FIRST_SEED + i, KINDS[i % len(KINDS)]) for i in range(number)]
+
+
+def figures(cases: Sequence[PooledCase]) -> Iterator[Share]:
+    """Yield what the cases say."""
     planted = [own for own in cases if own.truth]
     lone = [own for own in cases if own.kind == "specimen"]
     others = [(own, f"S{s + 1}") for own in cases for s in range(N_SPECIMEN)]
     innocent = [(own, name) for own, name in others if own.kind != "specimen" or name not in own.specimens]
-    return {
-        "effect and level right": (sum(own.right for own in planted), len(planted)),
-        "odd specimen found": (sum(own.specimens[0] in own.odd for own in lone), len(lone)),
-        "specimens falsely called odd": (sum(name in own.odd for own, name in innocent), len(innocent)),
-        "nothing named where nothing is": (
-            sum(own.right for own in cases if not own.truth),
-            len(cases) - len(planted),
-        ),
-    }
+
+    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
+        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
+
+    yield share("effect and its level right", "85 %", [own.right for own in planted])
+    yield share(
+        "the same, and nothing else is named",
+        "reported",
+        [own.right and len(own.named) == 1 for own in planted],
+    )
+    for kind in KINDS[:-1]:
+        yield share(
+            f"effect and its level right: of the {kind}",
+            "reported",
+            [own.right for own in planted if own.kind == kind],
+        )
+    yield share("the effect among those named, whosever", "reported", [own.effect_named for own in planted])
+    yield share("odd specimen found", "90 %", [own.specimens[0] in own.odd for own in lone])
+    yield share("others called odd", "at most 5 %", [name in own.odd for own, name in innocent])
+    yield share("nothing named where nothing is", "reported", [own.right for own in cases if not own.truth])

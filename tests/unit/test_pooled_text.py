@@ -1,5 +1,6 @@
 """What a pooled diagnosis says in words, and its page."""
 
+import json
 from dataclasses import asdict, replace
 
 import pytest
@@ -8,7 +9,15 @@ from updating.fitting.estimate import ParameterEstimate
 from updating.pooled.diagnosis import verdict_of
 from updating.pooled.linear import Scales
 from updating.report.page import write_report
-from updating.results.pooled_answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.report.pooled_part import contact_chart, grouping, pooled_section
+from updating.results.pooled_answer import (
+    ContactState,
+    Contrast,
+    Part,
+    PooledDiagnosis,
+    PooledRanked,
+    SpecimenAnswer,
+)
 from updating.results.pooled_text import sentences
 from updating.results.store import read_result, write_result
 
@@ -57,6 +66,15 @@ def answer(verdict="identified", ranking=None, left=1, contrasts=()):
                 error=0.002,
                 left_out_error=0.003,
                 odd=("adhesive_edges",) if name == "S2" and verdict == "identified" else (),
+                states=tuple(
+                    ContactState(
+                        name=torque,
+                        pressure=pressure,
+                        G_f=estimate(value=value),
+                        d_f=estimate("d_f", 9e-12, "s/Pa"),
+                    )
+                    for torque, pressure, value in (("M1", 1.6e5, 1600.0), ("M2", 3.2e5, 1400.0))
+                ),
             )
             for name in ("S1", "S2", "S3")
         ),
@@ -146,3 +164,32 @@ def test_the_answer_is_kept_and_has_a_page(tmp_path):
     page = write_report(tmp_path).read_text(encoding="utf-8")
     assert "Identified: inertia of the clamps" in page
     assert all(f">{own}<" in page for own in ("S1", "S2", "S3", "treatment", "glued"))
+
+
+def test_a_specimen_leads_to_its_torques_and_the_odd_one_is_marked():
+    overview, *each = pooled_section(answer()).parts
+    (table,) = (own for own in overview.blocks if own.kind == "table")
+    assert table.link == ("#specimen-s1", "#specimen-s2", "#specimen-s3")
+    assert [own.anchor for own in each] == ["specimen-s1", "specimen-s2", "specimen-s3"]
+    assert [row[0] for row in each[0].blocks[0].rows] == ["M1", "M2"]
+    errors, stiffness, _ = overview.pictures
+    assert errors.data.splitlines()[2] == "S2,glued,0.08,0.002,0.003,adhesive_edges"
+    assert stiffness.data.splitlines()[3:5] == [
+        "S2,glued,M1,160.0,1600.0,1440.0,1760.0",
+        "S2,glued,M2,320.0,1400.0,1260.0,1540.0",
+    ]
+
+
+def test_specimens_of_one_treatment_have_one_colour():
+    traces = json.loads(contact_chart(answer().specimens, "G_f", "treatment"))["data"]
+    colour = {own["name"]: own["line"]["color"] for own in traces}
+    assert colour["S1"] == colour["S3"] != colour["S2"]
+    assert [own["y"] for own in traces] == [[1600.0, 1400.0]] * 3
+
+
+def test_specimens_are_grouped_by_their_treatment_else_by_a_note_that_several_share():
+    notes = [{"date": "1", "maker": "A"}, {"date": "2", "maker": "A"}, {"date": "3", "maker": "B"}]
+    found = [replace(own, notes=given) for own, given in zip(answer().specimens, notes, strict=True)]
+    assert grouping(answer().specimens) == "treatment"
+    assert grouping(found) == "maker"
+    assert grouping([replace(own, notes={}) for own in found]) == ""

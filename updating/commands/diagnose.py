@@ -24,6 +24,7 @@ from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command
 from updating.errors import FitError
+from updating.fitting.modal_table import is_modal_table
 from updating.fitting.target import model_file, stack_in_state
 from updating.pooled.campaign_file import has_specimens
 from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude, stored_amplitude
@@ -49,6 +50,12 @@ def diagnose(
     A campaign that lists specimens is diagnosed as a whole: which effect is the rig's, which specimens are odd, and
     what a treatment changes. Writes pooled_diagnosis.json.
     """
+    if is_modal_table(campaign):
+        message = (
+            f"{campaign}: a diagnosis needs shapes, or [[specimen]] tables whose modes are named by class; for a modal "
+            f"table, lamella fit {campaign} --effect NAME -o {output} says how far an effect lowers the error"
+        )
+        raise FitError(message)
     if has_specimens(campaign):
         pooled = diagnose_pooled(campaign, output, effect_file or [], OUT, scatter_file=scatter)
         print_pooled(pooled, output, OUT)

@@ -27,6 +27,7 @@ from updating.pooled.linear import Scales
 from updating.pooled.screening import contrast_of
 from updating.pooled.search import Found, search
 from updating.pooled.specimen import Level, Specimen, levels_of
+from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
 from updating.pooled.term import CONTACT, Coordinate, Term, coordinates_of
 from updating.results.pooled_answer import (
     Contrast,
@@ -210,37 +211,28 @@ def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeft
     n = joint.slope.size - len(own.coordinates)
     unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
     covariance = np.linalg.inv(joint.precision + np.diag(unseen))
-    found = []
+    found, states = [], contact_states(beside, own)
     for s, specimen in enumerate(beside.own):
-        evidence, names = specimen.evidence, specimen.evidence.nuisances
+        names = specimen.evidence.nuisances
         where = own.linear.placed(s, own.coordinates)
         back = np.hstack([every[s].back[:, :n], every[s].back[:, n:-1] @ where])
         std = np.sqrt(np.diag(every[s].covariance + back @ covariance @ back.T))
-        contact = {}
-        nominal = {"G_f": evidence.stack.contact.G_f, "d_f": evidence.theta(np.zeros(len(names)), 0)["d_f"]}
-        for name, unit in (("G_f", "1"), ("d_f", "s/Pa")):
-            i = names.index(name)
-            shift = sum(
-                z
-                for c, z in zip(own.coordinates, own.at.coordinate, strict=True)
-                if c.name == name and c.parameter is None and s in c.members
-            )
-            logs = own.at.nuisance[s][i] + shift + Z95 * std[i] * np.array([0.0, -1.0, 1.0])
-            value, lower, upper = (nominal[name] * np.exp(logs)).tolist()
-            contact[name] = ParameterEstimate(
-                name=name, unit=unit, value=value, lower=lower, upper=upper, at_bound=False
-            )
+        nominal, logs = nominal_contact(beside, s), contact_logs(own, s, names)
+        contact = {
+            name: estimate(name, nominal[name], logs[name], float(std[names.index(name)])) for name in UNITS
+        }
         found.append(
             SpecimenAnswer(
                 name=specimen.specimen.name,
                 notes=dict(specimen.specimen.notes),
-                n_mode=sum(used.size for used in evidence.used),
+                n_mode=sum(used.size for used in specimen.evidence.used),
                 G_f=contact["G_f"],
                 d_f=contact["d_f"],
                 base_error=base.linear.found[s].frequency_error,
                 error=own.linear.found[s].frequency_error,
                 left_out_error=float(left_out.error[s]),
                 odd=tuple(t.effect for t in own.terms if t.level.kind == "specimen" and s in t.level.members),
+                states=states[s],
             )
         )
     return found

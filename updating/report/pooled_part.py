@@ -1,15 +1,54 @@
-"""Many specimens on one rig: the answer, and a line for each specimen."""
+"""Many specimens on one rig: the answer, all of them at a glance, and each by itself."""
 
 from __future__ import annotations
 
-from updating.report.part import Section, Table
-from updating.results.pooled_answer import PooledDiagnosis
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, MODEL, axis, chart, legend_above
+from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.results.pooled_answer import PooledDiagnosis, SpecimenAnswer
 from updating.results.pooled_text import SPECIMEN_HEADER, specimen_row
+from updating.results.text import interval_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Contact = Literal["G_f", "d_f"]
+
+_GROUPS = (MEASURED, FITTED, LEFT, MODEL, "#4d9f72", "#b0679b", "#6b6f78", "#a3843c")
+_USUAL = "treatment"
+_LABEL = {"G_f": "contact stiffness G_f [1]", "d_f": "contact damping d_f [s/Pa]"}
 
 
 def pooled_section(found: PooledDiagnosis) -> Section:
-    """Say what specimens tell together, and list them with their notes; a click on a heading sorts."""
-    columns = tuple(dict.fromkeys(name for own in found.specimens for name in own.notes))
+    """Say what specimens tell together, show all of them at a glance, and each by itself."""
+    return Section(
+        title="Answer",
+        text=found.sentences,
+        parts=(_overview(found), *(_own_section(own) for own in found.specimens)),
+    )
+
+
+def grouping(specimens: Sequence[SpecimenAnswer]) -> str:
+    """Return the column of the notes that colours specimens: the treatment, else the first that some but not all share.
+
+    Empty where there is none.
+    """
+    columns = _columns(specimens)
+    values = {name: [own.notes.get(name, "") for own in specimens] for name in columns}
+    shared = [name for name in columns if 1 < len(set(values[name])) < len(specimens)]
+    return _USUAL if _USUAL in columns else next(iter(shared), "")
+
+
+def _columns(specimens: Sequence[SpecimenAnswer]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for own in specimens for name in own.notes))
+
+
+def _overview(found: PooledDiagnosis) -> Section:
+    """List all specimens with their notes, errors and contact; a click on a heading sorts, so notes group."""
+    columns, group = _columns(found.specimens), grouping(found.specimens)
     table = Table(
         title="All specimens",
         header=(SPECIMEN_HEADER[0], *columns, *SPECIMEN_HEADER[1:]),
@@ -20,5 +59,227 @@ def pooled_section(found: PooledDiagnosis) -> Section:
         note="Frequency errors are means over the modes of a specimen: of the base model, with what was found, and "
         "where what specimens share is taken from the others. Odd: effects that a specimen has alone. A click on a "
         "heading sorts.",
+        link=tuple(f"#{_own_section(own).anchor}" for own in found.specimens),
+    ).without_empty_columns()
+    return Section(
+        title="All specimens at a glance",
+        blocks=(
+            error_picture(found.specimens, group),
+            table,
+            *(contact_picture(found.specimens, name, group) for name in ("G_f", "d_f")),
+        ),
     )
-    return Section(title="Answer", text=found.sentences, blocks=(table.without_empty_columns(),))
+
+
+def _own_section(own: SpecimenAnswer) -> Section:
+    """Show one specimen: its notes, what it alone has, and its contact at each torque."""
+    notes = "; ".join(f"{name}: {value}" for name, value in own.notes.items() if value)
+    odd = f"It alone has {', '.join(own.odd)}." if own.odd else "It has nothing that the others lack."
+    contact = f"{interval_text(own.G_f)}; {interval_text(own.d_f)}."
+    table = Table(
+        title="Contact at each torque",
+        header=("configuration", "pressure [kPa]", "G_f (95 %)", "d_f (95 %) [s/Pa]"),
+        rows=tuple(
+            (
+                state.name,
+                f"{1e-3 * state.pressure:g}",
+                f"{state.G_f.value:.0f} ({state.G_f.lower:.0f} to {state.G_f.upper:.0f})",
+                f"{state.d_f.value:.2g} ({state.d_f.lower:.2g} to {state.d_f.upper:.2g})",
+            )
+            for state in own.states
+        ),
+        note="From the frequencies and damping ratios of one torque alone, all else as it was found.",
+    )
+    text = (*((f"{notes}.",) if notes else ()), odd, contact)
+    return Section(title=f"Specimen {own.name}", text=text, blocks=(table,))
+
+
+def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
+    """Draw the error of each specimen before and after; those that are odd are marked."""
+    odd = [own.name for own in specimens if own.odd]
+    return Picture(
+        name="specimen_errors",
+        content=svg(_figure(lambda axes: _draw_errors(axes, specimens))),
+        form="svg",
+        data=as_csv(
+            ("specimen", group, "error before [1]", "error after [1]", "left out [1]", "odd"),
+            (
+                (
+                    own.name,
+                    own.notes.get(group, ""),
+                    own.base_error,
+                    own.error,
+                    own.left_out_error,
+                    " ".join(own.odd),
+                )
+                for own in specimens
+            ),
+        ),
+        alt=f"Frequency errors of {len(specimens)} specimens before and after; odd: {', '.join(odd) or 'none'}",
+        caption="Mean frequency error of each specimen with the base model and with what was found. "
+        + ("A diamond marks what is odd." if odd else "No specimen is odd."),
+        chart=_error_chart(specimens),
+    )
+
+
+def _error_series(
+    specimens: Sequence[SpecimenAnswer],
+) -> list[tuple[str, str, str, list[SpecimenAnswer], str]]:
+    """Return marker, colour and name of what is drawn for a specimen, those that have it, and of which error."""
+    found = [
+        ("circle", MEASURED, "base model", list(specimens), "base_error"),
+        ("circle", FITTED, "with what was found", list(specimens), "error"),
+    ]
+    odd = [own for own in specimens if own.odd]
+    return [*found, *([("diamond", ACCENT, "odd", odd, "error")] if odd else [])]
+
+
+def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
+    traces = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": name,
+            "x": [own.name for own in each],
+            "y": [100.0 * getattr(own, key) for own in each],
+            "text": [", ".join(own.odd) for own in each],
+            "marker": {"color": color, "symbol": symbol, "size": 9},
+            "hovertemplate": "%{x}: %{y:.3g} % %{text}<extra>" + name + "</extra>",
+        }
+        for symbol, color, name, each, key in _error_series(specimens)
+    ]
+    return chart(
+        traces,
+        {
+            "height": 300,
+            "yaxis": axis("mean frequency error [%]", rangemode="tozero"),
+            "xaxis": {"automargin": True, "type": "category"},
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 66},
+        },
+    )
+
+
+def _draw_errors(axes: Axes, specimens: Sequence[SpecimenAnswer]) -> None:
+    at = {own.name: k for k, own in enumerate(specimens)}
+    for own in specimens:
+        axes.plot([at[own.name]] * 2, [100.0 * own.base_error, 100.0 * own.error], color="0.8", zorder=1)
+    for symbol, color, name, each, key in _error_series(specimens):
+        axes.scatter(
+            [at[own.name] for own in each],
+            [100.0 * getattr(own, key) for own in each],
+            color=color,
+            marker={"circle": "o", "diamond": "D"}[symbol],
+            label=name,
+            zorder=2,
+        )
+    axes.set_xticks(list(at.values()), list(at), fontsize=8)
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("mean frequency error [%]")
+
+
+def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> Picture:
+    """Draw a contact parameter over pressure, a line for each specimen, coloured by its group."""
+    return Picture(
+        name=f"specimen_{name}",
+        content=svg(_figure(lambda axes: _draw_contact(axes, specimens, name, group))),
+        form="svg",
+        data=as_csv(
+            ("specimen", group, "configuration", "pressure [kPa]", f"{_LABEL[name]}", "lower", "upper"),
+            (
+                (
+                    own.name,
+                    own.notes.get(group, ""),
+                    state.name,
+                    1e-3 * state.pressure,
+                    *(
+                        float(f"{getattr(getattr(state, name), end):.6g}")
+                        for end in ("value", "lower", "upper")
+                    ),
+                )
+                for own in specimens
+                for state in own.states
+            ),
+        ),
+        alt=f"{_LABEL[name]} of {len(specimens)} specimens over pressure",
+        caption=f"{name} at each torque alone, with 95 % intervals; a line is a specimen"
+        + (f", its colour the {group}." if group else ".")
+        + " A law of pressure that was found is taken out.",
+        width="half",
+        chart=contact_chart(specimens, name, group),
+    )
+
+
+def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> str:
+    """Return a contact parameter over pressure as lines to be zoomed, one a specimen, coloured by a column of notes."""
+    colour, shown, traces = _colours(specimens, group), set[str](), []
+    for own in specimens:
+        x, y, down, up = _line(own, name)
+        value = own.notes.get(group, "")
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": own.name,
+                "legendgroup": value,
+                "legendgrouptitle": {"text": value or "not stated"} if group and value not in shown else {},
+                "x": x,
+                "y": y,
+                "error_y": {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "width": 0},
+                "line": {"color": colour[own.name]},
+                "hovertemplate": "%{x:g} kPa: %{y:.4g}<extra>" + f"{own.name} {value}" + "</extra>",
+            }
+        )
+        shown.add(value)
+    return chart(
+        traces,
+        {
+            "yaxis": axis(_LABEL[name], rangemode="tozero"),
+            "xaxis": axis("pressure [kPa]"),
+            "legend": {"groupclick": "toggleitem"},
+            "margin": {"r": 8, "t": 16},
+        },
+    )
+
+
+def _draw_contact(axes: Axes, specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> None:
+    colour, shown = _colours(specimens, group), set[str]()
+    for own in specimens:
+        x, y, down, up = _line(own, name)
+        value = own.notes.get(group, "") or "not stated"
+        label = "" if not group or value in shown else value
+        axes.errorbar(x, y, (down, up), color=colour[own.name], marker="o", markersize=3, label=label)
+        shown.add(value)
+    axes.set_xlabel("pressure [kPa]")
+    axes.set_ylabel(_LABEL[name])
+    axes.set_ylim(bottom=0.0)
+
+
+def _line(own: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float], list[float], list[float]]:
+    """Return pressures in kPa, the parameter there, and how far its interval goes down and up."""
+    states = sorted(own.states, key=lambda state: state.pressure)
+    values = [getattr(state, name) for state in states]
+    return (
+        [1e-3 * state.pressure for state in states],
+        [v.value for v in values],
+        [v.value - v.lower for v in values],
+        [v.upper - v.value for v in values],
+    )
+
+
+def _colours(specimens: Sequence[SpecimenAnswer], group: str) -> dict[str, str]:
+    """Return the colour of each specimen by name: one for each value of a column of the notes."""
+    values = list(dict.fromkeys(own.notes.get(group, "") for own in specimens))
+    return {own.name: _GROUPS[values.index(own.notes.get(group, "")) % len(_GROUPS)] for own in specimens}
+
+
+def _figure(draw: Callable[[Axes], None]) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.2), layout="constrained")
+    axes = figure.subplots()
+    draw(axes)
+    axes.spines[["top", "right"]].set_visible(False)
+    if axes.get_legend_handles_labels()[1]:
+        figure.legend(loc="outside upper left", ncols=4, frameon=False, fontsize=8)
+    return figure

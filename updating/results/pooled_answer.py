@@ -73,6 +73,26 @@ class PooledRanked:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ContactState:
+    """Contact parameters of a specimen from one torque alone.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    pressure : float
+        Nominal contact pressure, Pa.
+    G_f, d_f : ParameterEstimate
+        With 95 % intervals, all else as it was found.
+    """
+
+    name: str
+    pressure: float
+    G_f: ParameterEstimate
+    d_f: ParameterEstimate
+
+
+@dataclass(frozen=True, kw_only=True)
 class SpecimenAnswer:
     """What is said of one specimen.
 
@@ -90,6 +110,8 @@ class SpecimenAnswer:
         Mean relative errors of its frequencies: base model, best explanation, and predicted from the others.
     odd : tuple of str
         Effects that it alone has.
+    states : tuple of ContactState
+        Its contact at each torque.
     """
 
     name: str
@@ -101,6 +123,7 @@ class SpecimenAnswer:
     error: float
     left_out_error: float
     odd: tuple[str, ...]
+    states: tuple[ContactState, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
