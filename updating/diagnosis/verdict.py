@@ -9,7 +9,8 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import HELPS, MOST_JUDGED, SEPARATE, SHOWS, STRAINED
+from updating.diagnosis.calibration import HELPS, MOST_JUDGED, SEPARATE, SHOWS, SPOILS, STRAINED
+from updating.diagnosis.discrepancy import KINDS, Kind
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
@@ -55,8 +56,6 @@ def decide(found: Search) -> Decision:
     if anywhere is not None and anywhere.log_odds + np.log(0.5) > found.odds(own) + SEPARATE:
         # what is known of no effect explains more than the best that is known
         return Decision(verdict="unlike anything", left=(), steps=(base,), point=anywhere)
-    if _mimics(found, own):
-        return Decision(verdict="unlike anything", left=(), steps=(base,), point=point_change(evidence, base))
     left = _ambiguous(found, own)
     if too_large(evidence, own) or evidence.lacking:
         point = point_change(evidence, steps[-1])
@@ -65,14 +64,21 @@ def decide(found: Search) -> Decision:
 
 
 def _shown(found: Search) -> list[Explanation]:
-    """Return the most probable explanation that shows and helps, and others that do and are nearly as probable."""
+    """Return the most probable explanation that shows and helps, and others that do and are nearly as probable.
+
+    It is the part of each that would be named, beyond the error of its form, that must help.
+    """
     ordered = sorted(found.fitted, key=found.odds, reverse=True)
     shows = [own for own in ordered[:MOST_JUDGED] if found.odds(own) >= SHOWS]
-    first = next((own for own in shows if _helps(found, own)), None)
+
+    def helps(own: Explanation) -> bool:
+        return _helps(found, _beyond_its_form(found, _steps(found, own)))
+
+    first = next((own for own in shows if helps(own)), None)
     if first is None:
         return []
     near = (own for own in shows if 0.0 < found.odds(first) - found.odds(own) < SEPARATE)
-    return [first, *(own for own in near if _helps(found, own))]
+    return [first, *(own for own in near if helps(own))]
 
 
 def _helps(found: Search, own: Explanation) -> bool:
@@ -80,28 +86,37 @@ def _helps(found: Search, own: Explanation) -> bool:
 
     What changes between configurations alone, such as the law of pressure, predicts no mode better: without it, what
     is known of assembly and torque is strained. Nothing may predict clearly worse.
+
+    What no effect has is often met in shapes by two that have nothing to do with it: a side of the stack that is soft,
+    by contact lost in a corner and a mass at the shaker. One effect may be seen in shapes alone, several at once
+    hardly are.
     """
     before, after = (left_out(found.evidence, x) for x in (found.base, own))
-    if np.nansum(np.subtract(after.score, before.score)) < -SHOWS:
+    if (
+        np.nansum(np.subtract(after.score, before.score)) < -SHOWS
+        or after.frequency > SPOILS * before.frequency
+    ):
         return False
-    kinds = ("frequency", "damping", "shape")
+    physical = set(own.effects) - set(found.evidence.hypotheses)
+    if len(physical) > 1 and _between(found, found.base) - _between(found, own) <= STRAINED**2:
+        kinds: tuple[Kind, ...] = ("frequency", "damping")
+    else:
+        kinds = KINDS
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
     better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
-    return better or found.base.strain - own.strain > STRAINED**2
+    return better or _relieves(found, own)
 
 
-def _mimics(found: Search, own: Explanation) -> bool:
-    """Tell whether several effects meet shapes together and predict neither frequencies nor damping ratios better.
+def _relieves(found: Search, own: Explanation) -> bool:
+    """Tell whether an explanation relieves what is known of assembly and torque, or what else is far off.
 
-    What no effect has is often met by two that have nothing to do with it: a side of the stack that is soft, by contact
-    lost in a corner and a mass at the shaker. One effect may be seen in shapes alone, several at once hardly are; what
-    relieves the differences between torques predicts no mode better.
+    Of many values that are known, some are off by two deviations in every test.
     """
-    physical = set(own.effects) - set(found.evidence.hypotheses)
-    if len(physical) < 2 or _between(found, found.base) - _between(found, own) > STRAINED**2:
-        return False
-    before, after = (left_out(found.evidence, x) for x in (found.base, own))
-    return not (after.frequency < before.frequency or after.damping < before.damping)
+    held = np.isfinite(found.evidence.prior_std)
+    farthest = np.max(np.abs(found.base.nuisance[held] / found.evidence.prior_std[held]))
+    if farthest > STRAINED and found.base.strain - own.strain > STRAINED**2:
+        return True
+    return _between(found, found.base) - _between(found, own) > STRAINED**2
 
 
 def _between(found: Search, own: Explanation) -> float:
