@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from updating.diagnosis import verdict
-from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, STRAINED, VISIBLE
+from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, SPOILS, STRAINED, VISIBLE
 from updating.diagnosis.discrepancy import MEDIAN, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.held_out import LeftOut
@@ -20,7 +20,7 @@ PRICE = float(np.log(0.5 / len(EFFECTS)))
 
 def explanation(
     effects, odds, *, misfit=100.0, losses=0.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0,
-    at_a_point=0.0, between=0.0,
+    at_a_point=0.0, between=0.0, known=9.0,
 ):  # fmt: skip
     """An explanation with the logarithm of its odds against the base model, and so many times the usual size left.
 
@@ -37,7 +37,7 @@ def explanation(
         left_out=(*left_out, score),
         strain=strain,
         at_a_point=at_a_point,
-        nuisance=np.array([9.0, between]),
+        nuisance=np.array([known, between]),
     )
 
 
@@ -129,6 +129,8 @@ def test_unlike_anything_where_much_is_left_and_no_effect_shows():
         ({"left_out": (np.nan, np.nan, np.nan)}, True),  # where none can be left out, evidence decides
         ({"left_out": (1.0, 1.0, 1.0), "strain": 12.0 - STRAINED**2 - 0.1}, True),
         ({"left_out": (0.1, 1.0, 1.0), "score": -SHOWS - 0.1}, False),  # in all, it predicts worse
+        ({"left_out": (SPOILS - 0.01, 0.1, 1.0)}, True),
+        ({"left_out": (SPOILS + 0.01, 0.1, 0.1)}, False),
     ],
 )
 def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(given, helps):
@@ -146,13 +148,34 @@ def test_unlike_anything_where_a_change_at_one_point_explains_more_than_the_best
         assert (decision.point is None) == (expected == "identified")
 
 
+def test_what_every_test_strains_is_no_relief():
+    """Of what is known of steel and dimensions, some is off by two deviations; further off it asks for a reason."""
+    for known, expected in ((STRAINED - 0.1, "unlike anything"), (STRAINED + 0.1, "identified")):
+        base = explanation("", 0.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=20.0, known=known)
+        relieving = explanation("a", 50.0, left_out=(1.0, 1.0, 1.0), strain=12.0 - STRAINED**2 - 0.1)
+        assert decide(found(relieving, base=base)).verdict == expected
+
+
 @pytest.mark.parametrize(
     ("left_out", "expected"),
-    [((1.1, 1.1, 0.5), "unlike anything"), ((0.9, 1.1, 0.5), "identified"), ((1.1, 0.9, 0.5), "identified")],
+    [
+        ((1.1, 1.1, 0.5), "a"),
+        ((HELPS + 0.01, 1.1, 0.5), "a"),
+        ((HELPS - 0.01, 1.1, 0.5), "ab"),
+        ((1.1, HELPS - 0.01, 0.5), "ab"),
+    ],
 )
 def test_several_effects_that_meet_shapes_alone_are_met_by_chance(left_out, expected):
-    together = explanation("ab", SHOWS + 60.0, left_out=left_out)
-    assert decide(found(explanation("a", SHOWS + 30.0, misfit=1000.0), together)).verdict == expected
+    together = explanation("ab", SHOWS + 60.0, left_out=left_out, strain=12.0)
+    decision = decide(found(explanation("a", SHOWS + 30.0, misfit=1000.0), together))
+    assert names(decision.left) == [expected]
+
+
+def test_what_is_named_must_itself_help():
+    """Two effects help, but the second may be no more than the error of the first one's form, which does not."""
+    first = explanation("a", 500.0, misfit=1000.0, left_out=(1.0, 1.0, 0.9), strain=12.0)
+    both = explanation("ab", 530.0, misfit=300.0, left_out=(0.5, 1.0, 0.9), strain=12.0)
+    assert decide(found(first, both)).verdict == "unlike anything"
 
 
 def test_several_effects_may_relieve_what_differs_between_torques():
