@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from updating.diagnosis import verdict
-from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, SPOILS, STRAINED, VISIBLE
+from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, STRAINED, VISIBLE
 from updating.diagnosis.discrepancy import MEDIAN, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.held_out import LeftOut
@@ -129,8 +129,6 @@ def test_unlike_anything_where_much_is_left_and_no_effect_shows():
         ({"left_out": (np.nan, np.nan, np.nan)}, True),  # where none can be left out, evidence decides
         ({"left_out": (1.0, 1.0, 1.0), "strain": 12.0 - STRAINED**2 - 0.1}, True),
         ({"left_out": (0.1, 1.0, 1.0), "score": -SHOWS - 0.1}, False),  # in all, it predicts worse
-        ({"left_out": (SPOILS - 0.01, 0.1, 1.0)}, True),
-        ({"left_out": (SPOILS + 0.01, 0.1, 0.1)}, False),
     ],
 )
 def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(given, helps):

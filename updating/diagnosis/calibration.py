@@ -12,8 +12,6 @@ SHOWS = 5.0
 HELPS = 0.8
 """Ratio of the errors, of frequencies, damping ratios or shapes, of modes that are predicted from all others, below
 which an explanation helps to predict."""
-SPOILS = 1.5
-"""The same ratio for frequencies alone, above which it does not, whatever else it predicts better."""
 MOST_JUDGED = 8
 """Explanations that are judged by what they predict, the most probable first."""
 SEPARATE = 3.0

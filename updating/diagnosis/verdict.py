@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import HELPS, MOST_JUDGED, SEPARATE, SHOWS, SPOILS, STRAINED
+from updating.diagnosis.calibration import HELPS, MOST_JUDGED, SEPARATE, SHOWS, STRAINED
 from updating.diagnosis.discrepancy import KINDS, Kind
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
@@ -92,10 +92,7 @@ def _helps(found: Search, own: Explanation) -> bool:
     hardly are.
     """
     before, after = (left_out(found.evidence, x) for x in (found.base, own))
-    if (
-        np.nansum(np.subtract(after.score, before.score)) < -SHOWS
-        or after.frequency > SPOILS * before.frequency
-    ):
+    if np.nansum(np.subtract(after.score, before.score)) < -SHOWS:
         return False
     physical = set(own.effects) - set(found.evidence.hypotheses)
     if len(physical) > 1 and _between(found, found.base) - _between(found, own) <= STRAINED**2:
