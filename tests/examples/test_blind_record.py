@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from tests.recovery import pooled_study as pooled
 from tests.recovery import slipping_study as slipping
 from tests.recovery.other_worlds_study import RECORD, median_fall
 from tests.recovery.other_worlds_study import figures as figures_elsewhere
@@ -59,15 +58,6 @@ def test_the_table_of_slip_says_what_was_recorded():
     found = [own.row for own in slipping.figures(cases)]
     assert lines[start : start + len(found)] == found
     assert [(case.seed, case.slips) for case in cases] == slipping.planned(len(cases))
-
-
-def test_the_table_of_many_specimens_says_what_was_recorded():
-    lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
-    cases = pooled.recorded(pooled.RECORD)
-    start = lines.index(f"| figure | {len(cases)} campaigns of six specimens | target |") + 2
-    found = [own.row for own in pooled.figures(cases)]
-    assert lines[start : start + len(found)] == found
-    assert [(case.seed, case.kind) for case in cases] == pooled.planned(len(cases))
 
 
 def test_the_sentence_below_the_table_says_what_was_recorded():

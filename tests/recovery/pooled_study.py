@@ -23,8 +23,6 @@ from updating.pooled.diagnosis import diagnose_specimens
 from updating.pooled.specimen import Specimen
 from updating.results.pooled_answer import PooledDiagnosis
 
-RECORD = Path(__file__).parents[2] / "data" / "blind" / "pooled.jsonl"
-"""The cases of the published table."""
 FIRST_SEED = 720_000
 N_SPECIMEN = 6
 KINDS = ("rig", "group", "specimen", "null")

@@ -5,16 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.linalg as la
-from scipy.optimize import minimize
 
 from updating.diagnosis.discrepancy import CORRELATION, KINDS, MeasuredShape
 from updating.diagnosis.evidence import Rows
 from updating.diagnosis.residual import Spread
-from updating.pooled import fit as pooled_fit
 from updating.pooled.algebra import Block, Strengths, bounded, grams, joined, log_evidence, reduced
 from updating.pooled.common import latents_of, separated
-from updating.pooled.fit import Weighing
-from updating.pooled.linear import Scales
 
 N_OWN, N_LATENT, N_EFFECT = 4, 3, 2
 SIZE = (0.5, 0.8, 0.3)
@@ -68,8 +64,7 @@ def solved(blocks):
 def test_evidence_is_that_of_the_dense_problem():
     _, joint = solved(BLOCKS)
     m = joint.slope.size
-    least = joint.at(joint.step(np.full(3, -9.0), np.full(3, 9.0), 0.0))
-    found = log_evidence(joint, least, np.zeros(m))
+    found = log_evidence(joint, joint.step(np.full(3, -9.0), np.full(3, 9.0), 0.0), np.zeros(m))
     mean, covariance, _ = dense(BLOCKS)
     left = np.concatenate([b.value for b in BLOCKS]) - mean
     expected = -0.5 * (left @ np.linalg.solve(covariance, left) + np.linalg.slogdet(covariance)[1])
@@ -148,29 +143,3 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
     expected = np.diag(noise**2 - error**2) + same * np.outer(error, error)
     expected += 9e-6 * (CORRELATION * same + (1.0 - CORRELATION) * np.eye(4))
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-18)
-
-
-def test_a_fit_is_weighed_by_what_it_leaves_where_it_stands(monkeypatch):
-    """The misfit with own coordinates and those of terms held is the least of the dense problem by what is shared."""
-    monkeypatch.setattr(pooled_fit, "strengths", lambda *_: WEIGHED)
-    terms = [SimpleNamespace(precision=p) for p in PRIOR]
-    at = np.array([0.3, -0.2, 0.1])
-    linear = SimpleNamespace(block=BLOCKS, placed=lambda s, _: PLACE[s])
-    own = [reduced(b, WEIGHED, grams(b, SIZE)) for b in BLOCKS]
-    weighing = Weighing(None, linear, terms, at)
-    prior = 1.0 / np.concatenate([np.square(WEIGHED.mean), np.square(WEIGHED.latent)])
-
-    def left(shared):
-        total = shared @ (prior * shared) + at @ (PRIOR * at)
-        mean, latent = shared[: len(WEIGHED.mean)], shared[len(WEIGHED.mean) :]
-        for b in BLOCKS:
-            variance = 1.0 + np.array([SIZE[KINDS.index(k)] for k in b.kind]) ** 2 * b.growth
-            total += np.sum((b.value - b.shared @ latent) ** 2 / variance)
-            total += np.sum(((b.away - mean[b.mean]) / WEIGHED.own) ** 2)
-        return total
-
-    least = minimize(left, np.zeros(prior.size), tol=1e-12).fun
-    found = weighing.misfit(own, Scales())
-    assert found == pytest.approx(least, rel=1e-6)
-    joint = joined(own, WEIGHED, PLACE, (at, PRIOR))
-    assert found > joint.at(joint.step(np.full(3, -9.0), np.full(3, 9.0), 0.0))

@@ -255,20 +255,20 @@ def bounded(precision: Vector, slope: Vector, low: Vector, high: Vector) -> Vect
     return np.asarray(found.x / scale)
 
 
-def log_evidence(found: Joined, misfit: float, unseen: Vector) -> float:
+def log_evidence(found: Joined, coordinate: Vector, unseen: Vector) -> float:
     """Return the logarithm of the marginal likelihood by Laplace, up to a constant of the data.
 
     Parameters
     ----------
     found : Joined
         All specimens.
-    misfit : float
-        The least, such as `Joined.at` a `Joined.step`.
+    coordinate : (m,) float
+        Where the misfit is taken, such as `Joined.step`.
     unseen : (m,) float
         Precision of the volume that each coordinate has beforehand, which counts in determinants alone.
     """
     log_det = np.linalg.slogdet(found.precision + np.diag(unseen))[1] - np.sum(np.log(unseen[unseen > 0.0]))
-    return -0.5 * float(misfit + found.log_det + log_det)
+    return -0.5 * float(found.at(coordinate) + found.log_det + log_det)
 
 
 def grams(block: Block, size: Sequence[float]) -> list[tuple[Vector, float]]:

@@ -94,27 +94,13 @@ class Weighing:
         low, high = (np.array([getattr(own, end) for own in self._coordinates]) for end in ("lower", "upper"))
         return np.minimum(low - self._at, 0.0), np.maximum(high - self._at, 0.0)
 
-    def misfit(self, found: Sequence[Reduced], scales: Scales) -> float:
-        """Return the misfit where own coordinates and those of terms stay, and the least by what specimens share."""
-        weighed = strengths(self._bench, 0, scales)
-        prior = np.array([*weighed.mean, *weighed.latent]) ** -2.0
-        n = prior.size
-        held = sum(own.held[:n, :n] for own in found) + np.diag(prior)
-        slope = sum(own.held[:n, -1] for own in found)
-        constant = sum(own.held[-1, -1] for own in found)
-        known = sum(c.precision * z**2 for c, z in zip(self._coordinates, self._at, strict=True))
-        return float(constant - slope @ np.linalg.solve(held, slope) + known)
-
     def log_evidence(self, scales: Scales) -> float:
-        """Return the logarithm of the marginal likelihood, with the prior of the scales.
-
-        The misfit is that of the place itself: what a step from there promises, a fit that has ended did not keep.
-        """
-        every = self.reduced(scales)
-        found = self.joined(every, scales)
+        """Return the logarithm of the marginal likelihood, with the prior of the scales."""
+        found = self.joined(self.reduced(scales), scales)
+        step = found.step(*self.bounds(), TRUST)
         unseen = np.zeros(found.slope.size)
         unseen[found.slope.size - len(self._coordinates) :] = [own.unseen for own in self._coordinates]
-        return log_evidence(found, self.misfit(every, scales), unseen) + scales.log_prior
+        return log_evidence(found, step, unseen) + scales.log_prior
 
     def likeliest(self, scales: Scales, stated: Sequence[str] = ()) -> tuple[Scales, float]:
         """Return the scales of the largest evidence near some, and that; those that are stated stay."""
@@ -150,6 +136,15 @@ def stds(bench: Bench, own: Fitted) -> Vector:
     n = joint.slope.size - len(own.coordinates)
     unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
     return WIDER * np.asarray(np.sqrt(np.diag(np.linalg.inv(joint.precision + np.diag(unseen)))[n:]))
+
+
+def misfit_at(found: Sequence[Reduced], joint: Joined, n_coordinate: int, prior: Vector) -> float:
+    """Return the misfit where own coordinates and those of terms stay, and the least by what specimens share."""
+    n = joint.slope.size - n_coordinate
+    held = sum(own.held[:n, :n] for own in found) + np.diag(prior[:n])
+    slope = sum(own.held[:n, -1] for own in found)
+    constant = sum(own.held[-1, -1] for own in found)
+    return float(constant - slope @ np.linalg.solve(held, slope))
 
 
 def fit(
@@ -235,7 +230,10 @@ def _look(
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     found = weighing.reduced(scales)
     joint = weighing.joined(found, scales)
-    misfit = weighing.misfit(found, scales)
+    weighed = strengths(bench, 0, scales)
+    prior = np.array([*weighed.mean, *weighed.latent]) ** -2.0
+    own_prior = sum(c.precision * z**2 for c, z in zip(coordinates, at.coordinate, strict=True))
+    misfit = misfit_at(found, joint, len(coordinates), prior) + own_prior
     solution = joint.step(*weighing.bounds(), TRUST)
     return misfit, (
         own_steps(linear, found, coordinates, solution),

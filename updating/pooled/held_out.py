@@ -64,7 +64,7 @@ def specimens_left_out(bench: Bench, own: Fitted) -> SpecimensLeftOut:
 def _log_density(own: Fitted, joint: Joined, low: Vector, high: Vector) -> float:
     n = joint.slope.size - len(own.coordinates)
     unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
-    return log_evidence(joint, joint.at(joint.step(low, high, TRUST)), unseen)
+    return log_evidence(joint, joint.step(low, high, TRUST), unseen)
 
 
 def torques_left_out(bench: Bench, own: Fitted) -> Vector:

@@ -137,17 +137,15 @@ def _without_neutral(found: Found, executor: Executor | None) -> Found:
     Such a term led the fit to a better place, and brings nothing of its own there.
     """
     while (best := found.fitted[0]).terms:
-        std, at, away, places = stds(found.bench, best), 0, [], []
+        std, at, kept, coordinate = stds(found.bench, best), 0, [], []
         for term in best.terms:
             own = slice(at, at + len(coordinates_of(found.bench, term)))
             at = own.stop
-            away.append(float(np.max(np.abs(best.at.coordinate[own]) / std[own])))
-            places.append(best.at.coordinate[own])
-        weakest = int(np.argmin(away))
-        if away[weakest] > Z95:
+            if np.any(np.abs(best.at.coordinate[own]) > Z95 * std[own]):
+                kept.append(term)
+                coordinate.append(best.at.coordinate[own])
+        if len(kept) == len(best.terms):
             break
-        kept = [*best.terms[:weakest], *best.terms[weakest + 1 :]]
-        coordinate = [*places[:weakest], *places[weakest + 1 :]]
         start = Start(
             terms=tuple(kept),
             at=replace(best.at, coordinate=np.concatenate([np.zeros(0), *coordinate])),
@@ -202,15 +200,11 @@ def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
 
 
 def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
-    """Return what is worth a fit: the effects that promise most at their best levels, the first ones at others too.
-
-    An effect that each specimen has as much of as it will is not begun with, for each would go to a place of its own
-    that may be a wrong one: the look back tries it from where one value for all has led.
-    """
+    """Return what is worth a fit: the effects that promise most at their best levels, the first ones at others too."""
     chosen: list[Screened] = []
     of: dict[str, int] = {}
-    least = max((own.log_gain for own in beside if own.term.level.kind != "each"), default=0.0) - _BEHIND
-    for own in (one for one in beside if one.term.level.kind != "each"):
+    least = beside[0].log_gain - _BEHIND if beside else 0.0
+    for own in beside:
         n = of.get(own.term.effect, 0)
         is_first = not of or own.term.effect == next(iter(of))
         if (n == 0 and len(of) >= N_EFFECT) or n >= (N_LEVEL if is_first else 1):
