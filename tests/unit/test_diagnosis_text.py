@@ -254,7 +254,9 @@ def test_what_contradicts_the_measurement_comes_first():
     force = ForcePlace(
         stated=(0.21, 0.02), likely=(-0.21, 0.02), left=0.9, left_likely=0.01, factor=1.0, n_mode=6
     )
-    told = sentences(diagnosis("nothing missing", rig=(RigCheck(name="M1", sensor=0, reads=1.0, force=force),)))
+    told = sentences(
+        diagnosis("nothing missing", rig=(RigCheck(name="M1", sensor=0, reads=1.0, force=force),))
+    )
     assert told[0].startswith(
         "First of all: M1: the force does not act where the points file has it, at x = 210, y = 20 mm"
     )
