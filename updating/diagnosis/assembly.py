@@ -16,11 +16,20 @@ from model import Observation, ReducedEquations, ReducedSystem, contact_strain, 
 from updating.correlation.registration import register
 from updating.correlation.subspace import CLOSE, span_mac
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
-from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
+from updating.diagnosis.evidence import (
+    D_F_START,
+    DiagnosisScatter,
+    Evidence,
+    Shift,
+    Tested,
+    pair,
+    solved,
+    unit_shape,
+)
 from updating.diagnosis.hypotheses import measurement_hypotheses
 from updating.diagnosis.mode_space import ModeSpace
 from updating.diagnosis.residual import covariance_of, unit_shapes
-from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, place_slopes
+from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, motion, place_slopes
 from updating.diagnosis.slipping import AtLevel, silent_effects, strain_shares
 from updating.errors import FitError
 
@@ -231,8 +240,8 @@ def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[float, tuple[Vecto
             return USUAL if stated is None else stated, usual
         measured, point = tested.modes.shape, np.searchsorted(nodes, evidence.observed[c].node)
         column = np.argmax(mac(measured, base.shape), axis=1)
-        u, _, length = unit_shapes(measured, base.shape[:, column])
-        along = evidence.place_slope[c] @ base.coordinate[:, column] / length
+        u = unit_shape(measured)
+        along = evidence.place_slope[c] @ motion(base, u, base.shape, column)
         for r in used:
             slope = np.zeros((len(known), 2, nodes.size))
             slope[np.arange(len(known)), :, point] = along[:, :, r]
