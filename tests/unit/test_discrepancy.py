@@ -12,11 +12,12 @@ from updating.diagnosis.discrepancy import (
     Block,
     Discrepancy,
     MeasuredShape,
+    Mixing,
     Sizes,
     alike,
     block_of,
     log_density,
-    mixing_root,
+    mixing_of,
     shape_block,
 )
 
@@ -92,7 +93,7 @@ def test_a_shape_leans_as_wrong_stiffness_and_mass_make_it():
         moved[mode] = 0.0
         drawn.append(SHAPE @ moved / np.linalg.norm(SHAPE[:, mode]))
     expected = np.cov(np.array(drawn).T, bias=True) / size**2
-    root, _ = mixing_root(mode, FREQUENCY, SHAPE)
+    root = mixing_of(mode, FREQUENCY, SHAPE)[0].root
     np.testing.assert_allclose(root, root.T, atol=1e-12)
     found = root @ root.T
     np.testing.assert_allclose(found, expected, atol=0.06 * np.abs(expected).max())
@@ -101,17 +102,18 @@ def test_a_shape_leans_as_wrong_stiffness_and_mass_make_it():
 def test_modes_of_one_frequency_turn_into_each_other_at_a_finite_rate():
     frequency = np.array([240.0, 312.0, 312.0, 930.0])
     shape = SHAPE[:, :4]
-    root, length = mixing_root(1, frequency, shape)
+    mixing, length = mixing_of(1, frequency, shape)
+    root = mixing.root
     assert np.isfinite(root).all()
     other = shape[:, 2] / np.linalg.norm(shape[:, 2])
     lean = np.sqrt(other @ root @ root.T @ other) * np.linalg.norm(shape[:, 1]) / np.linalg.norm(shape[:, 2])
     assert lean == pytest.approx(CLOSEST, rel=1e-3)
-    apart = mixing_root(1, np.array([240.0, 312.0, 312.1, 930.0]), shape)
+    apart = mixing_of(1, np.array([240.0, 312.0, 312.1, 930.0]), shape)
     assert length == pytest.approx(apart[1], rel=1e-3)  # stated without how close a pair is
     assert length < 20.0
 
 
-def measured(row, mode, shape, std, slope=None, root=None):
+def measured(row, mode, shape, std, slope=None, mixing=None):
     n = len(shape)
     return MeasuredShape(
         row=np.asarray(row),
@@ -119,7 +121,7 @@ def measured(row, mode, shape, std, slope=None, root=None):
         shape=np.asarray(shape, dtype=float) / np.linalg.norm(shape),
         std=np.full(n, std),
         slope=np.zeros((n, 1)) if slope is None else slope,
-        root=np.eye(n) if root is None else root,
+        mixing=Mixing(root=np.eye(n), steady=np.eye(n)) if mixing is None else mixing,
     )
 
 
@@ -148,8 +150,8 @@ def test_one_mode_is_wrong_alike_in_all_configurations_however_its_sign_was_chos
     rng = np.random.default_rng(7)
     u, roots = rng.normal(size=4), [covariance(rng, 4) for _ in range(2)]
     own = [
-        measured(range(4), 5, u, 0.1, root=roots[0]),
-        measured(range(4, 8), 5, -u, 0.1, root=roots[1]),
+        measured(range(4), 5, u, 0.1, mixing=Mixing(root=roots[0], steady=roots[0])),
+        measured(range(4, 8), 5, -u, 0.1, mixing=Mixing(root=roots[1], steady=roots[1])),
         measured(range(8, 12), 6, u, 0.1),
     ]
     form = parts(shape_block(own))[1]
@@ -188,7 +190,21 @@ def test_modes_above_those_that_are_solved_take_part(mode):
             np.delete(shape, mode, axis=1) @ (lean / (own**2 - others**2)) / np.linalg.norm(shape[:, mode])
         )
         drawn.append(np.linalg.norm(outside.T @ turned))
-    root, _ = mixing_root(mode, frequency[:20], shape[:, :20])
+    root = mixing_of(mode, frequency[:20], shape[:, :20])[0].root
     assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(
         size * np.linalg.norm(outside.T @ root), rel=0.3
     )
+
+
+def test_close_modes_mix_otherwise_in_each_configuration_and_far_ones_alike():
+    """Two modes 1 % apart: what a shape is wrong by along the other says nothing of the next torque."""
+    mixing, _ = mixing_of(1, np.array([240.0, 312.0, 315.0, 600.0]), SHAPE[:, :4])
+    close, far = (la.null_space(np.delete(SHAPE[:, :4], [1, at], axis=1).T) for at in (2, 3))
+    shapes = [measured(np.arange(N_DOF) + N_DOF * c, 5, SHAPE[:, 1], 1e-3, mixing=mixing) for c in range(2)]
+    block = shape_block(shapes)
+    back = la.inv(block.rotation)
+    form = back @ np.diag(block.growth) @ back.T
+    own, other = form[:N_DOF, :N_DOF], form[:N_DOF, N_DOF:]
+    for space, least, most in ((close, 0.0, 0.05), (far, 0.8, CORRELATION)):
+        share = np.trace(space.T @ other @ space) / np.trace(space.T @ own @ space)
+        assert least <= share <= most + 1e-9

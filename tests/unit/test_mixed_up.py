@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from updating.diagnosis.discrepancy import Discrepancy, MeasuredShape, Sizes, mixing_root, shape_block
+from updating.diagnosis.discrepancy import Discrepancy, MeasuredShape, Mixing, Sizes, mixing_of, shape_block
 from updating.diagnosis.mixed_up import put_right
 
 N_DOF, N_MODE, NAMES = 16, 4, ("M1", "M2")
@@ -53,8 +53,10 @@ def shapes(seed):
     common = rng.normal(size=(N_DOF, N_MODE))
     for _ in NAMES:
         own = np.sqrt(0.9) * common + np.sqrt(0.1) * rng.normal(size=common.shape)
-        lean = [mixing_root(m, FREQUENCY, MODELLED) for m in range(N_MODE)]
-        leaning = np.column_stack([SIZE / n * (root @ own[:, m]) for m, (root, n) in enumerate(lean)])
+        lean = [mixing_of(m, FREQUENCY, MODELLED) for m in range(N_MODE)]
+        leaning = np.column_stack(
+            [SIZE / n * (mixing.root @ own[:, m]) for m, (mixing, n) in enumerate(lean)]
+        )
         found.append(MODELLED + leaning + STD * rng.normal(size=own.shape))
     return found
 
@@ -73,7 +75,7 @@ def evidence_of(measured, nodes=(NODE, NODE)):
                 shape=own[:, r] / np.linalg.norm(own[:, r]),
                 std=np.full(N_DOF, STD),
                 slope=np.zeros((N_DOF, 1)),
-                root=mixing_root(r, FREQUENCY, MODELLED)[0] / mixing_root(r, FREQUENCY, MODELLED)[1],
+                mixing=Mixing.over(*mixing_of(r, FREQUENCY, MODELLED)),
             )
             for c, own in enumerate(measured)
             for r in range(N_MODE)

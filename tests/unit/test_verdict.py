@@ -282,3 +282,19 @@ def test_a_mode_that_close_modes_of_the_model_span_is_not_lacking():
         used=(np.array([0, 3]), np.array([0, 2])), mixed=(np.array([1]), np.array([], dtype=int))
     )
     assert Evidence.lacking.fget(own) == ((0, 2), (1, 1))
+
+
+@pytest.mark.parametrize(
+    ("left", "stated", "strain", "expected"),
+    [
+        (0.45, None, 12.0, "nothing missing"),
+        (0.4, None, 12.0, "identified"),
+        (0.45, 1e-3, 12.0, "identified"),  # who states a discrepancy trusts the model that far
+        (0.45, None, 2.0, "identified"),  # what is known far better than the model is off by
+    ],
+)
+def test_what_takes_next_to_nothing_off_is_of_no_matter_however_sure(left, stated, strain, expected):
+    base = explanation("", 0.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=0.5)
+    given = found(explanation("a", 40.0, left=left, strain=strain), base=base)
+    given.evidence.scatter = DiagnosisScatter(frequency=stated)
+    assert decide(given).verdict == expected

@@ -12,6 +12,10 @@ SHOWS = 5.0
 HELPS = 0.8
 """Ratio of the errors, of frequencies, damping ratios or shapes, of modes that are predicted from all others, below
 which an explanation helps to predict."""
+NEGLIGIBLE = 0.25
+"""Share of what right models leave, in the median, of frequencies, damping ratios or shapes: an effect that takes less
+off what a model leaves is of no matter, however sure it seems. Where a model misses hundredths of a per cent, it does
+so alike in kindred modes, as some effect would."""
 MOST_JUDGED = 8
 """Explanations that are judged by what they predict, the most probable first."""
 SEPARATE = 3.0

@@ -42,6 +42,7 @@ CLOSEST = 2000.0
 """k_rs of modes so close that any mixture of them is possible."""
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
 _N_ABOVE = 200  # modes above those that are solved: further ones take no part
+_CHANGES = 16.0  # k_rs of modes 3 % apart: closer ones may mix otherwise in another configuration
 _ALONG = 10.0  # standard deviation of a shape along itself, over its length: its scale says nothing
 
 
@@ -137,8 +138,29 @@ def alike(n: int) -> Vector:
     return CORRELATION + (1.0 - CORRELATION) * np.eye(n)
 
 
-def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, float]:
-    """Return the symmetric square root of the covariance of a shape's discrepancy at unit size, and its usual length.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mixing:
+    """How a shape may be wrong along other modes.
+
+    Attributes
+    ----------
+    root : (n_dof, n_dof) float
+        Square root of the covariance of the discrepancy at unit size.
+    steady : (n_dof, n_dof) float
+        The same of what it has in common with other configurations: close modes mix otherwise in each, for as little
+        as changes their frequencies turns them, and past a crossing the other way round.
+    """
+
+    root: Vector
+    steady: Vector
+
+    def over(self, length: float) -> Mixing:
+        """Return the mixing of a discrepancy whose unit is so many times as large."""
+        return Mixing(root=self.root / length, steady=self.steady / length)
+
+
+def mixing_of(mode: int, frequency: Vector, shape: Vector) -> tuple[Mixing, float]:
+    """Return the mixing of a mode with m_rs and k_rs of 1, and the usual length of what it is wrong by.
 
     Parameters
     ----------
@@ -151,8 +173,7 @@ def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, fl
 
     Returns
     -------
-    root : (n_dof, n_dof) float
-        Of a discrepancy that turns the mode, at unit length, with m_rs and k_rs of 1.
+    mixing : Mixing
     length : float
         Root of the sum of its variances, modes closer than 10 % counting as if they were that far.
     """
@@ -161,11 +182,18 @@ def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, fl
     lean = _lean(own, frequency[other])
     columns = shape[:, other] / np.linalg.norm(shape[:, mode])
     seen = np.linalg.norm(columns, axis=0)
-    left, size, _ = la.svd(columns * lean, full_matrices=False)
     by_above = np.sum(_lean(own, _above(frequency)) ** 2) * np.mean(seen**2) / len(shape)
     above = float(np.sqrt(by_above))  # in every direction
-    root = (left * (np.hypot(size, above) - above)) @ left.T + above * np.eye(len(shape))
-    return root, float(np.linalg.norm(np.minimum(lean, _USUAL) * seen))
+    root, steady = (_root(columns * own_lean, above) for own_lean in (lean, lean * (lean < _CHANGES)))
+    return Mixing(root=root, steady=steady), float(np.linalg.norm(np.minimum(lean, _USUAL) * seen))
+
+
+def _root(columns: Vector, everywhere: float) -> Vector:
+    """Return the symmetric square root of what columns and a standard deviation in every direction give together."""
+    left, size, _ = la.svd(columns, full_matrices=False)
+    return np.asarray(
+        (left * (np.hypot(size, everywhere) - everywhere)) @ left.T + everywhere * np.eye(len(left))
+    )
 
 
 def _lean(own: float, others: Vector) -> Vector:
@@ -198,8 +226,8 @@ class MeasuredShape:
         Standard deviations of its components.
     slope : (n_dof, n_place) float
         Change by the errors of places that all shapes share, in standard deviations of these.
-    root : (n_dof, n_dof) float
-        Square root of the covariance of the discrepancy at unit size.
+    mixing : Mixing
+        Of the discrepancy at unit size.
     """
 
     row: NDArray[np.intp]
@@ -207,11 +235,11 @@ class MeasuredShape:
     shape: Vector
     std: Vector
     slope: Vector
-    root: Vector
+    mixing: Mixing
 
 
 def shape_block(shapes: Sequence[MeasuredShape]) -> Block:
-    """Return the block of all shapes: errors of places are the same in all, discrepancies in those of one mode."""
+    """Return the block of all shapes: errors of places are those of all, discrepancies alike in those of one mode."""
     noise = la.block_diag(
         *(np.diag(own.std**2) + _ALONG**2 * np.outer(own.shape, own.shape) for own in shapes)
     )
@@ -220,9 +248,11 @@ def shape_block(shapes: Sequence[MeasuredShape]) -> Block:
     form = np.zeros_like(noise)
     edge = np.concatenate([[0], np.cumsum([own.row.size for own in shapes])])
     for (i, one), (j, other) in itertools.product(enumerate(shapes), repeat=2):
-        same = one.mode == other.mode and one.row.size == other.row.size
-        if i == j or same:  # sensors differ in number where a channel was left out of one configuration
-            turned = 1.0 if i == j or one.shape @ other.shape >= 0.0 else -1.0
-            share = turned * (1.0 if i == j else CORRELATION)
-            form[edge[i] : edge[i + 1], edge[j] : edge[j + 1]] = share * one.root @ other.root.T
+        at = slice(edge[i], edge[i + 1]), slice(edge[j], edge[j + 1])
+        if i == j:
+            form[at] = one.mixing.root @ one.mixing.root.T
+        elif one.mode == other.mode and one.row.size == other.row.size:
+            # sensors differ in number where a channel was left out of one configuration
+            turned = 1.0 if one.shape @ other.shape >= 0.0 else -1.0
+            form[at] = turned * CORRELATION * one.mixing.steady @ other.mixing.steady.T
     return block_of(np.concatenate([own.row for own in shapes]), noise, form)

@@ -18,7 +18,7 @@ from updating.diagnosis.discrepancy import (
     MeasuredShape,
     alike,
     block_of,
-    mixing_root,
+    mixing_of,
     shape_block,
 )
 from updating.diagnosis.evidence import SHARED, Evidence, pair, solved, unit_shape
@@ -228,7 +228,7 @@ def spread_of(
         for i, (r, m) in enumerate(zip(used, own.column, strict=True)):
             uncertain = measured.shape_std[:, r] / np.linalg.norm(measured.shape[:, r])
             scattered = np.hypot(evidence.sensor_scatter[c][r], mesh[i]) / np.sqrt(len(own.u))
-            root, length = mixing_root(int(m), space.frequency, space.shape)
+            mixing, length = mixing_of(int(m), space.frequency, space.shape)
             slope = np.zeros((len(own.u), 2, nodes.size))
             slope[np.arange(len(own.u)), :, point] = evidence.point_place * own.slope[:, :, i]
             lengths.append(length)
@@ -239,14 +239,14 @@ def spread_of(
                     shape=own.u[:, i],
                     std=np.hypot(uncertain, scattered),
                     slope=slope.reshape(len(own.u), -1),
-                    root=root,
+                    mixing=mixing,
                 )
             )
     usual = float(np.median(lengths))
     return Spread(
         frequency=np.concatenate(std["frequency"]),
         damping=np.concatenate(std["damping"]),
-        shape=tuple(replace(own, root=own.root / usual) for own in shapes),
+        shape=tuple(replace(own, mixing=own.mixing.over(usual)) for own in shapes),
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import HELPS, MOST_JUDGED, SEPARATE, SHOWS, STRAINED
-from updating.diagnosis.discrepancy import KINDS, Kind
+from updating.diagnosis.calibration import HELPS, MOST_JUDGED, NEGLIGIBLE, SEPARATE, SHOWS, STRAINED
+from updating.diagnosis.discrepancy import KINDS, MEDIAN, Kind
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
 from updating.diagnosis.point_change import PointChange, point_change
@@ -91,6 +91,8 @@ def _helps(found: Search, own: Explanation) -> bool:
     by contact lost in a corner and a mass at the shaker. One effect may be seen in shapes alone, several at once
     hardly are.
     """
+    if not (_matters(found, own) or _relieves(found, own)):
+        return False
     before, after = (left_out(found.evidence, x) for x in (found.base, own))
     if np.nansum(np.subtract(after.score, before.score)) < -SHOWS:
         return False
@@ -102,6 +104,18 @@ def _helps(found: Search, own: Explanation) -> bool:
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
     better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
     return better or _relieves(found, own)
+
+
+def _matters(found: Search, own: Explanation) -> bool:
+    """Tell whether an explanation takes more off what the base model leaves than any model that is right may leave.
+
+    What a laboratory states of a discrepancy is no estimate that could fall.
+    """
+    if found.evidence.scatter.stated:
+        return True
+    before, after = (np.array([getattr(x.mean, kind) for kind in KINDS]) for x in (found.base, own))
+    usual = np.array([MEDIAN[kind] for kind in KINDS])
+    return bool(np.any(before**2 - after**2 > (NEGLIGIBLE * usual) ** 2))
 
 
 def _relieves(found: Search, own: Explanation) -> bool:

@@ -80,7 +80,7 @@ def latents_of(evidences: Sequence[Evidence], spreads: Sequence[Spread]) -> tupl
         for own in spread.shape:
             if own.mode not in shapes:
                 shapes[own.mode] = Latent(
-                    kind="shape", mode=own.mode, direction=_leading(own.root), shape=own.shape
+                    kind="shape", mode=own.mode, direction=_leading(own.mixing.steady), shape=own.shape
                 )
     return (*scalar.values(), *shapes.values())
 
@@ -120,7 +120,7 @@ def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> 
             for shape in spread.shape:
                 if shape.mode == latent.mode and shape.shape.size == latent.shape.size:
                     turned = 1.0 if shape.shape @ latent.shape >= 0.0 else -1.0
-                    column[shape.row] = turned * shape.root @ latent.direction
+                    column[shape.row] = turned * shape.mixing.steady @ latent.direction
         else:
             kind = "frequency" if latent.kind == "mesh" else latent.kind
             of = np.flatnonzero(rows.kind == kind)
