@@ -32,6 +32,12 @@ def roved(mass, *, scale=True, places=tuple((point,) for point in range(N)), ban
     drive = runs[run[FORCE]][1][FORCE] if scale else np.ones(N)
     shape = np.array([runs[k][1][point] * runs[k][1][FORCE] for point, k in enumerate(run)]) / drive
     frequency = np.array([f for f, _ in runs])[:, band]
+    inside = np.isin(np.arange(N), np.arange(N)[band])
+    rest = np.zeros((N, frequency.shape[1]))
+    for point, k in enumerate(run):
+        own, modes = (2.0 * np.pi * runs[k][0]) ** 2, runs[k][1]
+        beyond = (modes[point] * modes[FORCE])[~inside]
+        rest[point] = np.sum(beyond / (own[~inside] - own[band, None]), axis=1)
     return RovedModes(
         frequency=frequency,
         std=STD * frequency,
@@ -39,6 +45,7 @@ def roved(mass, *, scale=True, places=tuple((point,) for point in range(N)), ban
         run=run,
         drive=drive[band],
         drive_run=int(run[FORCE]) if scale else None,
+        rest=rest if scale else None,
     )
 
 
