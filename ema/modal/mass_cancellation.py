@@ -35,8 +35,9 @@ _SECOND_ORDER = 0.02
 """Part of the square of a shift by which it may be off for other reasons than noise."""
 _SHAPE_STD = 2e-3
 """Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies."""
-_UNCERTAIN = 5e-2
-"""The same where it is not known what modes beyond the band add at the force."""
+_UNCERTAIN = 1.0
+"""The same, over the largest shift of a mode, where it is not known what modes beyond the band add at the force: that is
+at most of the size of what sensors change by those of the band."""
 _HEAVIEST = 0.5
 """Largest share of a modal mass that sensors of one run may add; beyond it the modes of the band do not suffice."""
 
@@ -57,8 +58,8 @@ class RovedModes:
     run : (n_output,) int
         Row of `frequency` that each output belongs to.
     drive : (n_mode,) float
-        Shape at the force in the same unit as `shape`, as the run has it that measured the driving point; of no account
-        where none did.
+        Shape at the force in the same unit as `shape`, as the run has it that measured the driving point; where none
+        did, the modal constant of an output over its `shape`.
     drive_run : int or None
         That run.
     rest : (n_output, n_mode) float or None
@@ -185,6 +186,8 @@ class _Problem:
         Which modes each of the loads that are sought belongs to.
     rough : (n_run, n_mode) float
         Standard deviations of squared frequencies, relative, infinite where a run does not determine them.
+    rough_shape : (n_mode,) float
+        Standard deviations of shapes.
     unit : (n_mode,) float
         What modes above the band are thought to yield; 0 where loads are not masses in kg.
     size : (n_unknown,) float
@@ -197,6 +200,7 @@ class _Problem:
     given: NDArray[np.float64]
     sought: NDArray[np.float64]
     rough: NDArray[np.float64]
+    rough_shape: NDArray[np.float64]
     unit: NDArray[np.float64]
     size: NDArray[np.float64]
     pair: NDArray[np.int64]
@@ -222,7 +226,17 @@ class _Problem:
         each = np.tile(rms, len(modes.shape))
         size = np.concatenate([np.ones(n_mode), first, force, np.ones(len(pair)), each])
         unit = _unit_beyond(modes, square) if in_kg else np.zeros(n_mode)
-        return cls(modes=modes, given=given, sought=sought, rough=rough, unit=unit, size=size, pair=pair)
+        off = _SHAPE_STD if modes.rest is not None else np.hypot(_SHAPE_STD, _UNCERTAIN * shift)
+        return cls(
+            modes=modes,
+            given=given,
+            sought=sought,
+            rough=rough,
+            rough_shape=off * rms,
+            unit=unit,
+            size=size,
+            pair=pair,
+        )
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -293,7 +307,7 @@ class _Problem:
         known = load > 0.0
         unit = np.sqrt(np.where(known, load, 1.0))
         # times the mass, without a driving point: a load is the mass over the square at the force
-        force = np.where(known, 1.0 / unit**2, 0.0) if modes.drive_run is None else drive
+        force = np.where(known, modes.drive / unit**2, 0.0) if modes.drive_run is None else drive
         reference = force if modes.drive_run is None else modes.drive
         root, moves = self._moves(k, load * square * self.unit, beyond)
         predicted, turn = loaded(square, np.einsum("rab,br->ar", root, shape[own]) * np.sqrt(load))
@@ -304,9 +318,7 @@ class _Problem:
         if modes.rest is not None:
             there = there + predicted * load * np.sum(here * modes.rest[own], axis=0)
         ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
-        size = (_UNCERTAIN if modes.rest is None else _SHAPE_STD) * np.maximum(
-            np.sqrt(np.mean(modes.shape**2, axis=0)), 1e-300
-        )
+        size = self.rough_shape
         each = np.tile(size, (int(np.count_nonzero(own)), 1))
         if modes.drive_std is not None:
             size = np.hypot(size, modes.drive_std)
