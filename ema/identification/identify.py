@@ -214,7 +214,7 @@ def identify_frf(
     _require_lines(lines, frf, order, band, name)
     white = lines.convert(whitest(lines))
     fit, runs, left = _fitted(white, order, pole, band, name)
-    apart = pole is None and runs_apart(fit, runs, left)
+    apart = pole is None and runs_apart(fit, runs, left, band)
     followed = follow_runs(white, _functions(white), order, band, fit) if apart else None
     if followed is not None:
         white = replace(white, value=followed.value.reshape(white.value.shape))

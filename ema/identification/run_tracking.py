@@ -57,11 +57,14 @@ class Followed:
     left: Left
 
 
-def runs_apart(fit: Fit, runs: RunPoles, left: Left) -> bool:
-    """Whether runs differ by so much of the bandwidths that a fit by common poles may have missed or doubled modes."""
+def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) -> bool:
+    """Whether runs differ by so much of the bandwidths that a fit by common poles may have missed or doubled modes.
+
+    Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
+    """
     if runs.run.size == 1 or not runs.disagree():
         return False
-    known = np.isfinite(runs.frequency_std)
+    known = np.isfinite(runs.frequency_std) & inside(fit.pole, band)
     off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
     return bool(np.any(off > (SLIGHTLY if left else APART)))
 
@@ -94,7 +97,9 @@ def follow_runs(
     track = linked(alone)
     if track.shape[1] == 0:
         return None
-    track = _filled(data, numbers, track)
+    # What lies beyond the band would be sought in its last modes, differently in each run.
+    beyond = together.pole[~inside(together.pole, band)]
+    track = np.hstack([_filled(data, numbers, track), np.tile(beyond, (numbers.size, 1))])
     # Modes that no run shows alone are found in the first round and followed in the second.
     for _ in range(2):
         runs = run_poles(data, data.linear_fit(_centre(track)), track)
