@@ -36,8 +36,8 @@ _SECOND_ORDER = 0.02
 _SHAPE_STD = 2e-3
 """Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies."""
 _UNCERTAIN = 1.0
-"""The same, over the largest shift of a mode, where it is not known what modes beyond the band add at the force: that is
-at most of the size of what sensors change by those of the band."""
+"""The same, over the largest shift of a mode, where it is not known what modes beyond the band add at the force: no
+more than what sensors change by those of the band."""
 _HEAVIEST = 0.5
 """Largest share of a modal mass that sensors of one run may add; beyond it the modes of the band do not suffice."""
 
@@ -101,6 +101,9 @@ class BareModes:
         Its standard deviations; 0 where it was given.
     off : (n_run, n_mode) float
         By how much the frequencies of the loaded runs are off, as shares: measured less predicted.
+    off_as_measured : (n_run, n_mode) float
+        The same with the shapes as they were measured, where `off` has them as frequencies and modal constants together
+        tell: what mass explains without the help of shapes that are moved for it.
     """
 
     frequency: NDArray[np.float64]
@@ -109,6 +112,7 @@ class BareModes:
     load: NDArray[np.float64]
     load_std: NDArray[np.float64]
     off: NDArray[np.float64]
+    off_as_measured: NDArray[np.float64]
 
 
 def loaded(
@@ -288,6 +292,32 @@ class _Problem:
         runs = [self._run(k, square, load, drive, beyond, shape) for k in range(len(self.rough))]
         return np.concatenate([*runs, self._prior(x)])
 
+    def off(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the part of a misfit that squared frequencies are off by, as shares, (n_run, n_mode)."""
+        n_mode = self.rough.shape[1]
+        rough = np.where(np.isfinite(self.rough), self.rough, 0.0)
+        return np.asarray(-np.array([misfit[row : row + n_mode] for row in self.rows[:-1]]) * rough)
+
+    def as_measured(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a vector with its shapes moved by what their modal constants miss of those measured."""
+        n_mode = self.rough.shape[1]
+        moved = x.copy()
+        shape = moved[x.size - self.modes.shape.size :].reshape(self.modes.shape.shape)
+        for k, row in enumerate(self.rows[:-1]):
+            own = self.modes.run == k
+            size = n_mode * np.count_nonzero(own)
+            missed = misfit[row + n_mode : row + n_mode + size].reshape(-1, n_mode)
+            shape[own] -= missed * self._rough_shapes(own)
+        return moved
+
+    def _rough_shapes(self, own: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the standard deviations of the shapes of a run, (n_own, n_mode)."""
+        each = np.tile(self.rough_shape, (int(np.count_nonzero(own)), 1))
+        if self.modes.drive_std is not None:
+            at_force = np.flatnonzero(own) == self.modes.drive_output
+            each[at_force] = np.hypot(self.rough_shape, self.modes.drive_std)
+        return each
+
     def _prior(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         beyond, own = self.parts(x)[3], self.pair[:, 1] == self.pair[:, 2]
         mean = beyond[own].mean()
@@ -318,17 +348,13 @@ class _Problem:
         if modes.rest is not None:
             there = there + predicted * load * np.sum(here * modes.rest[own], axis=0)
         ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
-        size = self.rough_shape
-        each = np.tile(size, (int(np.count_nonzero(own)), 1))
-        if modes.drive_std is not None:
-            size = np.hypot(size, modes.drive_std)
-            each[np.flatnonzero(own) == modes.drive_output] = size
+        each = self._rough_shapes(own)
         off = [
             (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
             ((here * np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE) - modes.shape[own]) / each).reshape(-1),
         ]
         if modes.drive_run == k:
-            off.append((there - modes.drive) / size)
+            off.append((there - modes.drive) / np.hypot(self.rough_shape, _or_zero(modes.drive_std)))
         return np.concatenate(off)
 
     def _moves(
@@ -370,16 +396,18 @@ class _Problem:
         return np.asarray(matrix / (_DIFFERENCE * self.size))
 
 
+def _or_zero(std: NDArray[np.float64] | None) -> NDArray[np.float64] | float:
+    return 0.0 if std is None else std
+
+
 def _result(
     problem: _Problem, x: NDArray[np.float64], covariance: NDArray[np.float64], misfit: NDArray[np.float64]
 ) -> BareModes:
     """Return the modes of a vector and, from its covariance, their standard deviations."""
     n_mode = problem.rough.shape[1]
     square, load, _, _, shape = problem.parts(x)
-    rows = problem.rows
     known = np.isfinite(problem.rough)
-    rough = np.where(known, problem.rough, 0.0)
-    off = -np.array([misfit[row : row + n_mode] for row in rows[:-1]]) * rough
+    off = problem.off(misfit)
     n_load = problem.sought.shape[1]
     freedom = np.maximum(known.sum(axis=0) - 1.0 - n_load / n_mode, 1.0)
     scatter = np.sum(np.where(known, off / problem.rough, 0.0) ** 2, axis=0) / freedom
@@ -400,6 +428,7 @@ def _result(
         load=load,
         load_std=problem.sought @ std[n_mode : n_mode + n_load] * np.sqrt(max(float(scatter.mean()), 1.0)),
         off=0.5 * off,
+        off_as_measured=0.5 * problem.off(problem.misfit(problem.as_measured(x, misfit))),
     )
 
 

@@ -17,7 +17,7 @@ def roved(modal_model: ModalModel, run: NDArray[np.int64]) -> tuple[RovedModes, 
     phase = np.exp(0.5j * np.angle(np.sum(modal_model.shape**2, axis=0)))
     output = Dofs(node=modal_model.node, direction=modal_model.direction)
     pairs = driving_points(output, modal_model.input)
-    drive, drive_run = np.zeros(phase.size), None
+    drive, drive_run = _constant(modal_model, modal_model.shape / phase), None
     if pairs and modal_model.scaled.any():
         point, _, sign = pairs[0]
         at = sign * modal_model.shape[point]
@@ -39,6 +39,16 @@ def roved(modal_model: ModalModel, run: NDArray[np.int64]) -> tuple[RovedModes, 
         ),
         phase,
     )
+
+
+def _constant(modal_model: ModalModel, shape: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return what modal constants are over the shape, (n_mode,), of the force that all modes answer most to together.
+
+    It is the shape at that force over the modal mass, both in the unit of the shape.
+    """
+    constant = 2.0 * np.abs(modal_model.pole.imag) * np.abs(modal_model.residue)
+    size = np.sqrt(np.sum(constant**2, axis=0) / np.sum(np.abs(shape) ** 2, axis=0))
+    return np.asarray(size[int(np.argmax(np.sum(size**2, axis=1)))])
 
 
 def _beyond_band(modal_model: ModalModel, force: int) -> NDArray[np.float64]:

@@ -22,6 +22,8 @@ from ema.types.modal_model import ModalModel
 Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
 _EXPLAINED = 0.5
 """Share of the squared shifts that a cause must explain."""
+_TO_FIRST_ORDER = 0.25
+"""The same of a mass to first order, below which it is not asked what it explains altogether, which takes long."""
 _CHANCE = 0.01
 """Probability that scatter alone explains as much, below which a cause is named."""
 _EACH = 3  # runs whose modes are told one by one
@@ -75,7 +77,7 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
     whole = float(np.sum(weight * shift**2))
     best, least = _Pattern(cause="scatter", shift=np.zeros_like(shift), unknowns=0, text=""), np.log(whole)
     patterns = [*_patterns(shift, weight)]
-    if sensors_rove:
+    if sensors_rove and _falls_with_shape(modal_model, run, shift, weight) > _TO_FIRST_ORDER:
         patterns.append(_mass(modal_model, run, shift, weight))
     for pattern in patterns:
         left = float(np.sum(weight * (shift - pattern.shift) ** 2))
@@ -108,6 +110,21 @@ def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_
     return patterns
 
 
+def _falls_with_shape(
+    modal_model: ModalModel,
+    run: NDArray[np.int64],
+    shift: NDArray[np.float64],
+    weight: NDArray[np.float64],
+) -> float:
+    """Return the share of squared shifts that falls with the squared shapes at the sensors, a slope for each mode."""
+    felt = np.array([np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run])
+    around = felt - np.average(felt, axis=0, weights=weight)
+    stiffness = np.sum(weight * around**2, axis=0)
+    slope = -np.sum(weight * around * shift, axis=0) / np.where(stiffness > 0.0, stiffness, np.inf)
+    left = np.sum(weight * (shift + np.maximum(slope, 0.0) * around) ** 2)
+    return float(1.0 - left / np.sum(weight * shift**2))
+
+
 def _mass(
     modal_model: ModalModel,
     run: NDArray[np.int64],
@@ -119,7 +136,7 @@ def _mass(
     modes = roved(modal_model, run)[0]
     n_mode = shift.shape[1]
     bare = without_sensors(modes, None if scaled else np.full(n_mode, np.nan))
-    explained = np.where(weight > 0.0, shift - bare.off, 0.0)
+    explained = np.where(weight > 0.0, shift - bare.off_as_measured, 0.0)
     explained = explained - np.average(explained, axis=0, weights=weight)
     text = f"{1e3 * bare.load[0]:.2g} g each" if scaled else ""
     return _Pattern(cause="sensor mass", shift=explained, unknowns=1 if scaled else n_mode, text=text)
