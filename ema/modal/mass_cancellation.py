@@ -292,25 +292,7 @@ class _Problem:
         runs = [self._run(k, square, load, drive, beyond, shape) for k in range(len(self.rough))]
         return np.concatenate([*runs, self._prior(x)])
 
-    def off(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the part of a misfit that squared frequencies are off by, as shares, (n_run, n_mode)."""
-        n_mode = self.rough.shape[1]
-        rough = np.where(np.isfinite(self.rough), self.rough, 0.0)
-        return np.asarray(-np.array([misfit[row : row + n_mode] for row in self.rows[:-1]]) * rough)
-
-    def as_measured(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a vector with its shapes moved by what their modal constants miss of those measured."""
-        n_mode = self.rough.shape[1]
-        moved = x.copy()
-        shape = moved[x.size - self.modes.shape.size :].reshape(self.modes.shape.shape)
-        for k, row in enumerate(self.rows[:-1]):
-            own = self.modes.run == k
-            size = n_mode * np.count_nonzero(own)
-            missed = misfit[row + n_mode : row + n_mode + size].reshape(-1, n_mode)
-            shape[own] -= missed * self._rough_shapes(own)
-        return moved
-
-    def _rough_shapes(self, own: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def rough_shapes(self, own: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the standard deviations of the shapes of a run, (n_own, n_mode)."""
         each = np.tile(self.rough_shape, (int(np.count_nonzero(own)), 1))
         if self.modes.drive_std is not None:
@@ -339,7 +321,7 @@ class _Problem:
         # times the mass, without a driving point: a load is the mass over the square at the force
         force = np.where(known, modes.drive / unit**2, 0.0) if modes.drive_run is None else drive
         reference = force if modes.drive_run is None else modes.drive
-        root, moves = self._moves(k, load * square * self.unit, beyond)
+        root, moves = _moves(self.pair, k, load * square * self.unit, beyond)
         predicted, turn = loaded(square, np.einsum("rab,br->ar", root, shape[own]) * np.sqrt(load))
         # load times squared shape counts, whatever the unit of a mode
         here, there = (shape[own] * unit) @ turn / unit, (force * unit) @ turn / unit
@@ -348,7 +330,7 @@ class _Problem:
         if modes.rest is not None:
             there = there + predicted * load * np.sum(here * modes.rest[own], axis=0)
         ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
-        each = self._rough_shapes(own)
+        each = self.rough_shapes(own)
         off = [
             (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
             ((here * np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE) - modes.shape[own]) / each).reshape(-1),
@@ -356,25 +338,6 @@ class _Problem:
         if modes.drive_run == k:
             off.append((there - modes.drive) / np.hypot(self.rough_shape, _or_zero(modes.drive_std)))
         return np.concatenate(off)
-
-    def _moves(
-        self, k: int, size: NDArray[np.float64], beyond: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return by what sensors of a run move more than the modes of the band, (n_mode, n_own, n_own), and its root.
-
-        With flexibilities R between them the masses m move by the inverse of I - omega**2 m R, and modes feel m times
-        that (as of one point, m / (1 - omega**2 m R)).
-        """
-        own = self.pair[:, 0] == k
-        a, b = self.pair[own, 1], self.pair[own, 2]
-        matrix = np.zeros((a.max() + 1, a.max() + 1))
-        matrix[a, b] = matrix[b, a] = beyond[own]
-        value, vector = np.linalg.eigh(matrix)
-        moves = 1.0 / (1.0 - np.clip(size[:, None] * value, -_MOST_YIELDING, _MOST_YIELDING))
-        root, whole = (
-            np.einsum("ai,ri,bi->rab", vector, factor, vector) for factor in (np.sqrt(moves), moves)
-        )
-        return root, whole
 
     def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives of the misfit; a shape or flexibility of one run concerns that run alone."""
@@ -396,8 +359,48 @@ class _Problem:
         return np.asarray(matrix / (_DIFFERENCE * self.size))
 
 
+def _moves(
+    pair: NDArray[np.int64], k: int, size: NDArray[np.float64], beyond: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return by what sensors of a run move more than the modes of the band, (n_mode, n_own, n_own), and its root.
+
+    With flexibilities R between them the masses m move by the inverse of I - omega**2 m R, and modes feel m times
+    that (as of one point, m / (1 - omega**2 m R)).
+    """
+    own = pair[:, 0] == k
+    a, b = pair[own, 1], pair[own, 2]
+    matrix = np.zeros((a.max() + 1, a.max() + 1))
+    matrix[a, b] = matrix[b, a] = beyond[own]
+    value, vector = np.linalg.eigh(matrix)
+    moves = 1.0 / (1.0 - np.clip(size[:, None] * value, -_MOST_YIELDING, _MOST_YIELDING))
+    root, whole = (np.einsum("ai,ri,bi->rab", vector, factor, vector) for factor in (np.sqrt(moves), moves))
+    return root, whole
+
+
 def _or_zero(std: NDArray[np.float64] | None) -> NDArray[np.float64] | float:
     return 0.0 if std is None else std
+
+
+def _off(problem: _Problem, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the part of a misfit that squared frequencies are off by, as shares, (n_run, n_mode)."""
+    n_mode = problem.rough.shape[1]
+    rough = np.where(np.isfinite(problem.rough), problem.rough, 0.0)
+    return np.asarray(-np.array([misfit[row : row + n_mode] for row in problem.rows[:-1]]) * rough)
+
+
+def _as_measured(
+    problem: _Problem, x: NDArray[np.float64], misfit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a vector with its shapes moved by what their modal constants miss of those measured."""
+    n_mode = problem.rough.shape[1]
+    moved = x.copy()
+    shape = moved[x.size - problem.modes.shape.size :].reshape(problem.modes.shape.shape)
+    for k, row in enumerate(problem.rows[:-1]):
+        own = problem.modes.run == k
+        size = n_mode * np.count_nonzero(own)
+        missed = misfit[row + n_mode : row + n_mode + size].reshape(-1, n_mode)
+        shape[own] -= missed * problem.rough_shapes(own)
+    return moved
 
 
 def _result(
@@ -407,7 +410,7 @@ def _result(
     n_mode = problem.rough.shape[1]
     square, load, _, _, shape = problem.parts(x)
     known = np.isfinite(problem.rough)
-    off = problem.off(misfit)
+    off = _off(problem, misfit)
     n_load = problem.sought.shape[1]
     freedom = np.maximum(known.sum(axis=0) - 1.0 - n_load / n_mode, 1.0)
     scatter = np.sum(np.where(known, off / problem.rough, 0.0) ** 2, axis=0) / freedom
@@ -428,7 +431,7 @@ def _result(
         load=load,
         load_std=problem.sought @ std[n_mode : n_mode + n_load] * np.sqrt(max(float(scatter.mean()), 1.0)),
         off=0.5 * off,
-        off_as_measured=0.5 * problem.off(problem.misfit(problem.as_measured(x, misfit))),
+        off_as_measured=0.5 * _off(problem, problem.misfit(_as_measured(problem, x, misfit))),
     )
 
 
