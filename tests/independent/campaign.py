@@ -26,6 +26,8 @@ STACK = Path(__file__).parents[2] / "data" / "hidden_effect" / "stack.toml"
 N_STATION = 11
 SENSORS = 2
 SHAKER = 45
+SHAKER_PLACE = (-0.210, 0.020)
+"""Along x and y, m; it drives the lower face."""
 AVERAGES = 10
 RIGID = 1.0
 """Hz, below which a mode is one of the rigid body."""
@@ -96,6 +98,8 @@ class Plan:
         Relative to the FRF, common to a run, and relative to the r.m.s. of a channel.
     n_mode : int
         Modes that make the FRFs, the rigid-body ones among them.
+    shaker : (float, float)
+        Its place along x and y, m.
     disturbances : tuple of str
         Of `DISTURBANCES`.
     """
@@ -117,6 +121,7 @@ class Plan:
     force_noise: float = 5e-4
     response_noise: float = 1e-3
     n_mode: int = 46
+    shaker: tuple[float, float] = SHAKER_PLACE
     disturbances: tuple[str, ...] = ()
 
 
@@ -215,19 +220,19 @@ def draw(seed: int, kind: Kind, model_key: str) -> Plan:
     )
 
 
-def nominal_points(bench: Bench) -> Array:
+def nominal_points(bench: Bench, shaker: tuple[float, float] = SHAKER_PLACE) -> Array:
     """Return the places (45, 3), m: eleven stations on the four long edges, then the shaker's point."""
     half = np.array([bench.length, bench.width, bench.height]) / 2.0
     corner = np.array([[-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) * half[1:]
     edges = [[x, *one] for x in np.linspace(-half[0], half[0], N_STATION) for one in corner]
-    return np.array([*edges, [-0.210, 0.020, -half[2]]])
+    return np.array([*edges, [*shaker, -half[2]]])
 
 
 def simulate(plan: Plan, second_model: SecondModel) -> Simulated:
     """Return the test as simulated on a second model."""
     rng = np.random.default_rng([plan.seed, KINDS.index(plan.kind), 1])
     stated = read_bench(plan.stack)
-    nominal = nominal_points(stated)
+    nominal = nominal_points(stated, plan.shaker)
     stack, point = deviating(plan, stated, nominal, rng)
     benches = [tightened(plan, stack, i, rng) for i in range(len(plan.configurations))]
     modes = [_damped(second_model.modes(bench, plan.n_mode)) for bench in benches]

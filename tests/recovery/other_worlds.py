@@ -8,15 +8,12 @@ import numpy as np
 
 import ema
 from ema.types.geometry import Dofs, Geometry
-from tests.independent.campaign import SHAKER, Plan, TableNoise, draw, modal_tables, simulate
-
-BAND = (100.0, 1150.0)
-"""Hz: eight to fourteen modes of the stack of `data/hidden_effect`."""
+from tests.independent.campaign import SHAKER, Plan, TableNoise, modal_tables, simulate
 
 
 def simulated(test: Plan, second_model, noise: TableNoise | None = None):
     """Return what is simulated, and of each configuration name, stated pressure and identified modes."""
-    made = simulate(replace(test, band=BAND, step=25.0), second_model)
+    made = simulate(replace(test, step=25.0), second_model)
     geometry = Geometry(
         node=np.arange(1, SHAKER + 1),
         coordinate=made.nominal,
@@ -24,12 +21,12 @@ def simulated(test: Plan, second_model, noise: TableNoise | None = None):
     )
     tables = modal_tables(made, noise or TableNoise())
     return made, [
-        (table.configuration.name, table.configuration.pressure, modal_model(table, geometry))
+        (table.configuration.name, table.configuration.pressure, modal_model(table, geometry, test.band))
         for table in tables
     ]
 
 
-def modal_model(table, geometry):
+def modal_model(table, geometry, band):
     """Return a table of modes as an identification gives it."""
     n_dof, n = table.shape.shape
     largest = np.abs(table.shape).max(axis=0)
@@ -55,7 +52,7 @@ def modal_model(table, geometry):
         direction=upwards,
         sensor=np.arange(n_dof) % 2,
         input=Dofs(node=np.array([SHAKER]), direction=np.array([[0.0, 0.0, 1.0]])),
-        band=BAND,
+        band=band,
         geometry=geometry,
         quantity="accelerance",
         covariance=np.eye(2 * n),
@@ -71,4 +68,4 @@ def modal_model(table, geometry):
     )
 
 
-__all__ = ["BAND", "draw", "modal_model", "simulated"]
+__all__ = ["modal_model", "simulated"]

@@ -19,9 +19,10 @@ from threadpoolctl import threadpool_limits
 import model
 from model.stack.effect import PRESSURE_REFERENCE as REFERENCE
 from tests.independent.bench import read_bench
-from tests.independent.campaign import STACK, Simulated, draw
+from tests.independent.campaign import Simulated
 from tests.independent.effects import PRESSURE_REFERENCE, SAME, TABLE
 from tests.independent.layered import Layered
+from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
 from tests.recovery.other_worlds import simulated
 from updating.diagnosis.assembly import Assembled, assemble_evidence
@@ -37,7 +38,9 @@ from updating.diagnosis.verdict import decide
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "other_worlds.jsonl"
 """The cases of the published table."""
-FIRST_SEED = 720_100
+STACKS_RECORD = RECORD.with_name("three_stacks.jsonl")
+"""Those of three stacks in turn, with later rules."""
+FIRST_SEED, FIRST_OF_STACKS = 720_100, 780_100
 """Of the published cases; thresholds were set on seeds below 10,000 of the other model."""
 MIXTURE = ("null", "single", "single", "lacking", "pair", "disturbed")
 """Kinds of cases in their turn."""
@@ -100,6 +103,8 @@ class OtherCase:
         the first named explanation has is planted.
     covered : tuple of bool
         Whether 90 % intervals of parameters of the true effects hold the truth, where they mean the same.
+    stack : str
+        Of `SETUPS`.
     """
 
     seed: int
@@ -121,6 +126,7 @@ class OtherCase:
     real: float
     whole: float | None
     covered: tuple[bool, ...]
+    stack: str = "shipped"
 
     @property
     def leads(self) -> str:
@@ -144,13 +150,13 @@ def _world(key: str) -> Solid | Layered:
     return Solid() if key == "solid" else Layered()
 
 
-def run(seed: int, kind: str, world: str) -> OtherCase:
+def run(seed: int, kind: str, world: str, stack: str = "shipped") -> OtherCase:
     """Draw, simulate, diagnose and score one case."""
     with threadpool_limits(1, user_api="blas"):
-        test = draw(seed, kind, world)
+        test = SETUPS[stack].draw(seed, kind, world)
         made, tested = simulated(test, _world(world))
-        stack = model.read_stack(STACK)
-        candidates = cached_model(stack, instruments_of(tested[0][2]), model.catalogue(), aids())
+        stated = model.read_stack(test.stack)
+        candidates = cached_model(stated, instruments_of(tested[0][2]), model.catalogue(), aids())
         truth = tuple(name for key in test.planted if (name := TABLE[key].catalogue) is not None)
         singles = [(name,) for name in truth if len(truth) > 1]
         found = search(assemble_evidence(candidates, tested), asked=[truth, *singles] if truth else [])
@@ -177,6 +183,7 @@ def run(seed: int, kind: str, world: str) -> OtherCase:
         real=_real(found.evidence, first),
         whole=_whole(found.evidence, first, made),
         covered=_covered(true, test.planted) if truth else (),
+        stack=stack,
     )
 
 
@@ -267,6 +274,11 @@ def planned(number: int, first: int = FIRST_SEED) -> list[tuple[int, str]]:
     return [(first + i, MIXTURE[i % len(MIXTURE)]) for i in range(number)]
 
 
+def stack_of(seed: int) -> str:
+    """Return which of three stacks a case is of: each has the whole mixture of kinds before the next."""
+    return ("wide", "long", "shipped")[(seed - FIRST_OF_STACKS) // len(MIXTURE) % len(SETUPS)]
+
+
 def recorded(record: Path) -> list[OtherCase]:
     """Read the cases that are done; a line that was cut off is none."""
     text = record.read_text(encoding="utf-8") if record.exists() else ""
@@ -281,14 +293,18 @@ def _case(given: dict) -> OtherCase:
 
 
 def study(
-    cases: Sequence[tuple[int, str]], world: str, record: Path, say: Callable[[str], None] = print
+    cases: Sequence[tuple[int, str]],
+    world: str,
+    record: Path,
+    say: Callable[[str], None] = print,
+    stack: Callable[[int], str] = lambda _: "shipped",
 ) -> list[OtherCase]:
     """Run the cases that are not recorded yet, each written as soon as it is done, and return all of them."""
     done = {(case.seed, case.kind): case for case in recorded(record)}
     left = [case for case in cases if case not in done]
     record.parent.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor() as pool, record.open("a", encoding="utf-8") as file:
-        futures = [pool.submit(run, seed, kind, world) for seed, kind in left]
+        futures = [pool.submit(run, seed, kind, world, stack(seed)) for seed, kind in left]
         for i, future in enumerate(as_completed(futures)):
             case = future.result()
             done[case.seed, case.kind] = case

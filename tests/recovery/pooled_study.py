@@ -16,6 +16,7 @@ import model
 from tests.independent.bench import SecondModel
 from tests.independent.campaign import STACK, Plan
 from tests.independent.effects import TABLE, draw_strength
+from tests.independent.setups import SETUPS
 from tests.recovery.other_worlds import simulated
 from tests.recovery.other_worlds_study import Share
 from updating.diagnosis.candidates import CandidateModel, candidate_model
@@ -122,6 +123,7 @@ def specimens_of(
             model_key="layered",
             kind="single",
             planted=planted if s in members else {},
+            band=SETUPS["shipped"].band,
         )
         note = {"treatment": "lacquered" if s in treated else "none"}
         found.append(

@@ -15,7 +15,7 @@ import model
 from ema.types.geometry import Geometry
 from model.effects.contact_slip import STRAIN
 from tests.independent.campaign import SHAKER, STACK
-from tests.independent.slipping_modes import STATE, SlippingTest, slipping_test
+from tests.independent.slipping_modes import BAND, STATE, SlippingTest, slipping_test
 from tests.recovery.other_worlds import modal_model
 from tests.recovery.other_worlds_study import Share
 from updating.diagnosis.assembly import assemble_evidence
@@ -107,7 +107,7 @@ def _levels(test: SlippingTest) -> list:
         node=np.arange(1, SHAKER + 1), coordinate=test.nominal, line=np.empty((0, 2), dtype=int)
     )
     return [
-        (table.configuration.name, table.configuration.pressure, modal_model(table, geometry))
+        (table.configuration.name, table.configuration.pressure, modal_model(table, geometry, BAND))
         for table in test.level
     ]
 

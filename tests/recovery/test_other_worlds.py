@@ -5,10 +5,20 @@ from dataclasses import asdict
 
 import pytest
 
-from tests.recovery.other_worlds_study import OtherCase, figures, median_fall, planned, recorded, run, study
+from tests.recovery.other_worlds_study import (
+    FIRST_OF_STACKS,
+    OtherCase,
+    figures,
+    median_fall,
+    planned,
+    recorded,
+    run,
+    stack_of,
+    study,
+)
 
-OUT = "out/blind/other_worlds.jsonl"
-NUMBER = 300
+OUT, OUT_STACKS = "out/blind/other_worlds.jsonl", "out/blind/three_stacks.jsonl"
+NUMBER, NUMBER_OF_STACKS = 300, 90
 
 
 def case(kind="single", **given):
@@ -60,4 +70,14 @@ def test_other_worlds(capsys, request):
         cases = study(planned(NUMBER), "layered", request.config.rootpath / OUT)
         print("\n".join(own.row for own in figures(cases)))
         print(f"median ratio of the left-out error after what leads over before: {median_fall(cases):.2f}")
+    assert share("a wrong name", cases)[0] <= 0.15 * share("a wrong name", cases)[1]
+
+
+@pytest.mark.blind
+def test_three_stacks(capsys, request):
+    """The same on stacks of other dimensions, clamps and pressures, in turn with the shipped one."""
+    with capsys.disabled():
+        cases = planned(NUMBER_OF_STACKS, FIRST_OF_STACKS)
+        cases = study(cases, "layered", request.config.rootpath / OUT_STACKS, stack=stack_of)
+        print("\n".join(own.row for own in figures(cases)))
     assert share("a wrong name", cases)[0] <= 0.15 * share("a wrong name", cases)[1]

@@ -170,3 +170,25 @@ def test_what_changes_between_configurations_is_known_better_than_what_is_common
     common, change = np.ones(n) / np.sqrt(n), np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
     assert common @ whole @ common == pytest.approx(size**2 * (1.0 + 2.0 * CORRELATION), rel=1e-2)
     assert change @ whole @ change == pytest.approx(size**2 * (1.0 - CORRELATION), rel=1e-2)
+
+
+@pytest.mark.parametrize("mode", [5, 12, 18])
+def test_modes_above_those_that_are_solved_take_part(mode):
+    """Of 120 modes, as dense everywhere, 20 are solved; the rest is seen where none of these reaches."""
+    rng, n, n_dof, size = np.random.default_rng(7), 120, 60, 1e-3
+    frequency = 100.0 * np.arange(1, n + 1) * (1.0 + 0.1 * rng.normal(size=n) / np.arange(1, n + 1))
+    shape = rng.normal(size=(n_dof, n))
+    outside = la.null_space(shape[:, :20].T)
+    drawn = []
+    for _ in range(400):
+        stiffness, mass = (size * rng.normal(size=n) / np.sqrt(2.0) for _ in range(2))
+        own, others = frequency[mode], np.delete(frequency, mode)
+        lean = np.delete(stiffness, mode) * own * others - np.delete(mass, mode) * own**2
+        turned = (
+            np.delete(shape, mode, axis=1) @ (lean / (own**2 - others**2)) / np.linalg.norm(shape[:, mode])
+        )
+        drawn.append(np.linalg.norm(outside.T @ turned))
+    root, _ = mixing_root(mode, frequency[:20], shape[:, :20])
+    assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(
+        size * np.linalg.norm(outside.T @ root), rel=0.3
+    )

@@ -1,13 +1,14 @@
 """Measured points that are not where the file has them, on a bar whose shapes and slopes are known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.linalg as la
 
 from model import Observation, observe, read_stack, reduce
-from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, place_slopes
+from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, motion, place_slopes
 
 LENGTH, N_DOF, N_MEASURED, N_REACHED = 0.3, 30, 6, 10
 PLACE = np.linspace(-0.49, 0.49, N_DOF) * LENGTH
@@ -97,3 +98,16 @@ def test_slopes_are_those_of_displacements_and_points_at_an_edge_move_inwards(tm
         np.testing.assert_allclose(slope[0, axis], expected, atol=1e-2 * np.abs(expected).max())
     inwards = (moved(0.0) - moved(np.array([-1e-4, 0.0, 0.0])))[1] / 1e-4
     np.testing.assert_allclose(slope[1, 0], inwards, atol=2e-2 * np.abs(inwards).max())
+
+
+def test_close_modes_are_measured_in_the_mixture_that_they_make():
+    """Two of them mixed by 45 degrees, one alone and turned; each with a little of a far one, which is no mixture."""
+    rng, root = np.random.default_rng(2), np.sqrt(0.5)
+    shape = la.orth(rng.normal(size=(N_DOF, 4))) * [1.0, 2.0, 3.0, 4.0]
+    modes = SimpleNamespace(frequency=np.array([100.0, 240.0, 241.0, 400.0]), coordinate=np.eye(4))
+    unit = shape / np.linalg.norm(shape, axis=0)
+    mixed = unit @ np.array([[0.0, root, root, 0.01], [-1.0, 0.0, 0.0, 0.01]]).T
+    found = motion(modes, mixed, shape, np.array([1, 0]))
+    np.testing.assert_allclose(
+        found.T, [[0.0, root / 2.0, root / 3.0, 0.0], [-1.0, 0.0, 0.0, 0.0]], atol=1e-12
+    )

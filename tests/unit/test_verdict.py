@@ -273,5 +273,12 @@ def test_the_way_goes_by_the_effect_that_raises_the_odds_most():
 
 def test_a_mode_counts_as_lacking_amid_those_that_the_model_has():
     """Above the last one that it has, the model may just not reach."""
-    own = SimpleNamespace(used=(np.array([0, 1, 3]), np.array([0, 1]), np.array([], dtype=int)))
+    own = SimpleNamespace(used=(np.array([0, 1, 3]), np.array([0, 1]), np.array([], dtype=int)), mixed=())
     assert Evidence.lacking.fget(own) == ((0, 2),)
+
+
+def test_a_mode_that_close_modes_of_the_model_span_is_not_lacking():
+    own = SimpleNamespace(
+        used=(np.array([0, 3]), np.array([0, 2])), mixed=(np.array([1]), np.array([], dtype=int))
+    )
+    assert Evidence.lacking.fget(own) == ((0, 2), (1, 1))

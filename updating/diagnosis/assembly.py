@@ -14,12 +14,22 @@ from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
 from model import Observation, ReducedEquations, ReducedSystem, contact_strain, observe, solve_modes
 from updating.correlation.registration import register
+from updating.correlation.subspace import CLOSE, span_mac
 from updating.diagnosis.candidates import EXTRAPOLATED, G_F_RANGE, N_MODEL, CandidateModel
-from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Evidence, Shift, Tested, pair, solved
+from updating.diagnosis.evidence import (
+    D_F_START,
+    DiagnosisScatter,
+    Evidence,
+    Shift,
+    Tested,
+    pair,
+    solved,
+    unit_shape,
+)
 from updating.diagnosis.hypotheses import measurement_hypotheses
 from updating.diagnosis.mode_space import ModeSpace
 from updating.diagnosis.residual import covariance_of, unit_shapes
-from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, place_slopes
+from updating.diagnosis.sensor_place import USUAL, Seen, error_of_places, motion, place_slopes
 from updating.diagnosis.slipping import AtLevel, silent_effects, strain_shares
 from updating.errors import FitError
 
@@ -27,6 +37,9 @@ Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
 
 _MAC_USED = 0.6  # from which a measured mode counts as one that the model has
+_MAC_MIXED = (
+    0.9  # the same of what close modes of the model span: it has the mode, mixed too much to be compared
+)
 _MAC_SAME = 0.9  # from which the mesh does to its shape what it does to the model's
 _TURNED = 0.05  # difference of two meshes' shapes that is no error but two close modes turned into each other
 _FREE = 0.2  # of the directions of shapes that no mode may reach, from which sensors' scatter shows
@@ -227,8 +240,8 @@ def _sensor_scatter(evidence: Assembled, G_f: float) -> tuple[float, tuple[Vecto
             return USUAL if stated is None else stated, usual
         measured, point = tested.modes.shape, np.searchsorted(nodes, evidence.observed[c].node)
         column = np.argmax(mac(measured, base.shape), axis=1)
-        u, _, length = unit_shapes(measured, base.shape[:, column])
-        along = evidence.place_slope[c] @ base.coordinate[:, column] / length
+        u = unit_shape(measured)
+        along = evidence.place_slope[c] @ motion(base, u, base.shape, column)
         for r in used:
             slope = np.zeros((len(known), 2, nodes.size))
             slope[np.arange(len(known)), :, point] = along[:, :, r]
@@ -309,7 +322,7 @@ def _started(evidence: Assembled) -> Assembled:
     """Scan G_f for the value that explains most modes, and keep the measured modes that the model has there."""
     rough = evidence.rough
     G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _matched(rough, trial)[0])
-    used = _matched(evidence, G_f)[1]
+    _, used, mixed = _matched(evidence, G_f)
     unlike = [own.name for own, u in zip(evidence.tested, used, strict=True) if not u.size]
     if unlike:
         message = (
@@ -319,20 +332,31 @@ def _started(evidence: Assembled) -> Assembled:
         raise FitError(message)
     start = np.zeros(len(evidence.nuisances))
     if not evidence.touching:
-        return replace(evidence, used=used, start=start)
+        return replace(evidence, used=used, mixed=mixed, start=start)
     start[0] = np.log(G_f / evidence.stack.contact.G_f)
     start[1] = np.log(D_F_START / evidence.stack.contact.d_f) if evidence.stack.contact.d_f > 0 else 0.0
-    return replace(evidence, used=used, start=start)
+    return replace(evidence, used=used, mixed=mixed, start=start)
 
 
-def _matched(evidence: Evidence, G_f: float) -> tuple[float, tuple[NDArray[np.int64], ...]]:
-    """Return how far the measured modes are from the base model's in all, and those that it has."""
-    cost, used = 0.0, []
+def _matched(
+    evidence: Evidence, G_f: float
+) -> tuple[float, tuple[NDArray[np.int64], ...], tuple[NDArray[np.int64], ...]]:
+    """Return how far the measured modes are from the base model's in all, those that it has, and those that it mixes.
+
+    Of two close modes the smallest error of a model makes mixtures: one that it has so is no mode that it lacks.
+    """
+    cost, used, mixed = 0.0, [], []
     for c, tested in enumerate(evidence.tested):
         modes = solved(evidence, c, {"G_f": G_f, "d_f": D_F_START}, (), N_MODEL)
         row, column = pair(tested.modes.shape, tested.modes.frequency, modes.shape, modes.frequency)
         alike = mac(tested.modes.shape, modes.shape)[row, column]
         far = np.log(tested.modes.frequency[row] / modes.frequency[column])
         cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
+        near = [np.abs(np.log(modes.frequency / modes.frequency[j])) < CLOSE for j in column]
+        spanned = [
+            span_mac(tested.modes.shape[:, [r]], modes.shape[:, own])[0]
+            for r, own in zip(row, near, strict=True)
+        ]
         used.append(row[alike >= _MAC_USED])
-    return cost, tuple(used)
+        mixed.append(row[(alike < _MAC_USED) & (np.array(spanned) >= _MAC_MIXED)])
+    return cost, tuple(used), tuple(mixed)

@@ -8,7 +8,8 @@ Roeck and Lombaert, Mech. Syst. Signal Process. 56-57, 2015). Its structure is k
 - A mode is missed by nearly the same in all configurations of a stack, so what changes between them is known best.
 - A shape is wrong along other modes, by c_rs = a k_rs with k_rs = w_r w_s / (w_r**2 - w_s**2) where stiffness is wrong
   and w_r**2 / (w_s**2 - w_r**2) where mass is (Fox and Kapoor, AIAA J. 6, 1968). So modes close to each other are
-  compared as the subspace that they span, and no threshold says what is close.
+  compared as the subspace that they span, and no threshold says what is close. The modes above those that are solved
+  take part too: what a model misses at a clamp or an edge is theirs, and the higher a mode, the more of it.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ RANGE = (1.0 / 60.0, 20.0)
 CLOSEST = 2000.0
 """k_rs of modes so close that any mixture of them is possible."""
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
+_N_ABOVE = 200  # modes above those that are solved: further ones take no part
 _ALONG = 10.0  # standard deviation of a shape along itself, over its length: its scale says nothing
 
 
@@ -155,14 +157,29 @@ def mixing_root(mode: int, frequency: Vector, shape: Vector) -> tuple[Vector, fl
         Root of the sum of its variances, modes closer than 10 % counting as if they were that far.
     """
     other = np.arange(frequency.size) != mode
-    own, others = frequency[mode], frequency[other]
+    own = frequency[mode]
+    lean = _lean(own, frequency[other])
+    columns = shape[:, other] / np.linalg.norm(shape[:, mode])
+    seen = np.linalg.norm(columns, axis=0)
+    left, size, _ = la.svd(columns * lean, full_matrices=False)
+    by_above = np.sum(_lean(own, _above(frequency)) ** 2) * np.mean(seen**2) / len(shape)
+    above = float(np.sqrt(by_above))  # in every direction
+    root = (left * (np.hypot(size, above) - above)) @ left.T + above * np.eye(len(shape))
+    return root, float(np.linalg.norm(np.minimum(lean, _USUAL) * seen))
+
+
+def _lean(own: float, others: Vector) -> Vector:
+    """Return by how much a mode turns into others where stiffness and mass are wrong alike."""
     away = others**2 - own**2
     away = np.where(np.abs(away) < own**2 / CLOSEST, own**2 / CLOSEST, away)
-    lean = np.hypot(own**2 / away, own * others / away) / np.sqrt(2.0)
-    columns = shape[:, other] / np.linalg.norm(shape[:, mode])
-    usual = np.minimum(lean, _USUAL) * np.linalg.norm(columns, axis=0)
-    left, size, _ = la.svd(columns * lean, full_matrices=False)
-    return (left * size) @ left.T, float(np.linalg.norm(usual))
+    return np.asarray(np.hypot(own**2 / away, own * others / away) / np.sqrt(2.0))
+
+
+def _above(frequency: Vector) -> Vector:
+    """Return frequencies of the modes above some, which go on as densely as the upper half of these."""
+    elastic = np.sort(frequency[frequency > 0.0])
+    apart = (elastic[-1] - elastic[elastic.size // 2]) / max(elastic.size - 1 - elastic.size // 2, 1)
+    return np.asarray(elastic[-1] + max(apart, elastic[-1] / elastic.size / 10.0) * np.arange(1, _N_ABOVE))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -246,6 +246,8 @@ class Evidence:
         The configurations.
     used : tuple of (n,) int
         For each configuration, the measured modes that the model has.
+    mixed : tuple of (n,) int
+        For each configuration, the measured modes that close modes of the model span, and that are not compared.
     equations : ReducedEquations
         The model with all `effects`.
     observed : tuple of Observed
@@ -297,6 +299,7 @@ class Evidence:
     sensor: tuple[NDArray[np.int64], ...]
     n_gain: int
     shift: tuple[Shift, ...]
+    mixed: tuple[NDArray[np.int64], ...] = ()
     places: tuple[str, ...] = ()
     identity: tuple[NDArray[np.int64], ...] = ()
     sensor_scatter: tuple[Vector, ...] = ()
@@ -324,10 +327,11 @@ class Evidence:
     @property
     def lacking(self) -> tuple[tuple[int, int], ...]:
         """Configuration and number, from 0, of measured modes that the model lacks amid those that it has."""
+        mixed = self.mixed or (np.arange(0),) * len(self.used)
         return tuple(
             (c, r)
-            for c, used in enumerate(self.used)
-            for r in np.setdiff1d(np.arange(used.max(initial=0)), used).tolist()
+            for c, (used, spanned) in enumerate(zip(self.used, mixed, strict=True))
+            for r in np.setdiff1d(np.arange(used.max(initial=0)), np.union1d(used, spanned)).tolist()
         )
 
     @cached_property

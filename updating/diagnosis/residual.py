@@ -23,6 +23,7 @@ from updating.diagnosis.discrepancy import (
 )
 from updating.diagnosis.evidence import SHARED, Evidence, pair, solved, unit_shape
 from updating.diagnosis.mode_space import ModeSpace
+from updating.diagnosis.sensor_place import motion
 from updating.diagnosis.slipping import Slipped, slip_effect, slipped
 
 Vector = NDArray[np.float64]
@@ -77,8 +78,8 @@ class _Compared:
     """One configuration beside the model at some coordinates: differences and derivatives, not whitened.
 
     `frequency` and `damping` are (n_mode,), `shape` (n_mode, n_dof), with Jacobians of one axis more; `u` are the
-    measured shapes and `v` the modelled ones at unit length, (n_dof, n_mode), and `slope` is the change of these as
-    points move along x and y, (n_dof, 2, n_mode), 1/m.
+    measured shapes and `v` the modelled ones at unit length, (n_dof, n_mode), and `slope` is the change of the former
+    as points move along x and y, (n_dof, 2, n_mode), 1/m.
     """
 
     frequency: tuple[Vector, Vector]
@@ -337,7 +338,7 @@ def _compared(
     damping_rows[:, len(evidence.nuisances) :] -= by_slip / least[:, None]
     damping_rows[:, n_common - 1] = -by_decay[column] / least
     u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
-    along = gain[:, None, None] * (evidence.place_slope[c] @ modes.coordinate[:, column]) / length
+    along = gain[:, None, None] * (evidence.place_slope[c] @ motion(modes, u, shape, column))
     v = v + shift.mesh_shape[:, used] + moved * along[:, 0]
     rows = []
     for i, m in enumerate(column):

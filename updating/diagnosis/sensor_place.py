@@ -16,7 +16,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Observation, ReducedSystem, observe
+from model import Modes, Observation, ReducedSystem, observe
+from updating.correlation.subspace import CLOSE
 
 Vector = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ _STEP = 1e-3  # m, over which slopes are taken
 _TRIED = np.array([0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5, 4.0])  # errors of places, over the usual
 _SPREAD = np.log(3.0)  # standard deviation of the logarithm of the error of places
 _FAR = 3.0  # of its expected square, from which a shape scatters more than all others
+_ALIKE = 1e-2  # of the largest singular value of close shapes, below which they look alike at the points
 _SCATTER = np.array([1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1])  # of a shape, beside it: calibration
 
 
@@ -45,6 +47,31 @@ def place_slopes(system: ReducedSystem, observation: Observation) -> Vector:
         (before, low), (after, high) = ends
         found.append((high - low) / (after - before)[:, None])
     return np.stack(found, axis=1)
+
+
+def motion(modes: Modes, measured: Vector, shape: Vector, column: NDArray[np.int64]) -> Vector:
+    """Return the motion in which measured shapes were measured, as coordinates of the basis, (n_basis, n_measured).
+
+    It is that of their modes of the model, and where others are close, of the mixture of these that comes nearest: how
+    a point's reading changes as it moves is a matter of what was measured, and close modes mix otherwise there.
+
+    Parameters
+    ----------
+    modes : Modes
+        Of the model.
+    measured : (n_dof, n_measured)
+        Measured shapes.
+    shape : (n_dof, n_mode)
+        Those of the model as the sensors see them.
+    column : (n_measured,) int
+        The modes of the model that they are.
+    """
+    found = []
+    for u, m in zip(measured.T, column, strict=True):
+        close = np.abs(np.log(modes.frequency / modes.frequency[m])) < CLOSE
+        share = la.lstsq(shape[:, close], u, cond=_ALIKE)[0]
+        found.append(modes.coordinate[:, close] @ share)
+    return np.column_stack(found)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
