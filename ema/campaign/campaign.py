@@ -156,7 +156,7 @@ class Campaign:
         In the order of the file.
     identification : IdentificationOptions
         Band and order.
-    format : {"uff", "csv", "mat", "hdf5"} or None
+    format : {"uff", "csv", "mat", "hdf5", "numpy"} or None
         Format of the FRF files; None decides by the suffix.
     unit : Unit or None
         Unit of the FRFs, which overrides what the files say.
@@ -226,7 +226,7 @@ def read_campaign(path: str | Path) -> Campaign:
         lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
         without_coordinates = [99]             # measured points that are not in the list; others are refused
         [measurement]
-        format = "uff"                         # or "csv", "mat", "hdf5"; left out, the suffix decides
+        format = "uff"                         # or "csv", "mat", "hdf5", "numpy"; left out, the suffix decides
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
@@ -329,10 +329,10 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
     if "csv" in formats and (given.table is None or not stated):
         message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
         raise CampaignError(message)
-    if formats & {"mat", "hdf5"} and (given.variables is None or given.unit is None):
+    if formats & {"mat", "hdf5", "numpy"} and (given.variables is None or given.unit is None):
         message = (
-            f"{path}: measurement: MATLAB and HDF5 files need 'unit' and [measurement.variables] with what their "
-            "variables hold"
+            f"{path}: measurement: MATLAB, HDF5 and NumPy files need 'unit' and [measurement.variables] with what "
+            "their variables hold"
         )
         raise CampaignError(message)
 

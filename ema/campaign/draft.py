@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.campaign.named_files import SUFFIXES, format_of, natural
+from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
 from ema.io.contents import Code, Contents
 from ema.io.guess_table import guess_table
 from ema.io.guess_variables import guess_variables
@@ -89,8 +89,8 @@ def draft(folder: Path) -> Draft:
     if not configurations:
         said = f" ({'; '.join(left_out)})" if left_out else ""
         message = (
-            f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5 and "
-            f"text files ({', '.join((*SUFFIXES, *_TEXT_SUFFIXES))})"
+            f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5, "
+            f"NumPy and text files ({', '.join((*SUFFIXES, *_TEXT_SUFFIXES))})"
         )
         raise CampaignError(message)
     stack = folder / "stack.toml"
@@ -106,6 +106,8 @@ def draft(folder: Path) -> Draft:
 def _contents(file: Path, left_out: list[str]) -> Contents | None:
     """Return what a file holds, None where it is no measurement."""
     suffix = file.suffix.lower()
+    if suffix in NOT_READ:
+        left_out.append(f"{file}: is {NOT_READ[suffix]}")
     if file.name.startswith(".") or suffix not in (*SUFFIXES, *_TEXT_SUFFIXES):
         return None
     try:

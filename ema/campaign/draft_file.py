@@ -126,7 +126,10 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
     for key, value in described[0].keys.items():
         unknown = value == UNKNOWN
         if unknown:
-            missing.append(f"measurement.{section}.{key}: nothing in {described[0].file.name} looks like it")
+            said = f"nothing in {described[0].file.name} looks like it"
+            if key == "frf" and described[0].guesses:
+                said = f"{described[0].guesses[0]}; name the one that holds FRFs"
+            missing.append(f"measurement.{section}.{key}: {said}")
         yield f"{key} = {_toml(value)}{'  # to be filled in' if unknown else ''}"
 
 

@@ -146,7 +146,7 @@ def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFun
         functions, odd = read_uff_functions(file, campaign.unit)
         notes += odd
         return functions
-    if kind in ("mat", "hdf5"):
+    if kind in ("mat", "hdf5", "numpy"):
         assert campaign.variables is not None
         return read_variables(file, campaign.variables, campaign.unit, matlab=kind == "mat")
     if campaign.table is None:

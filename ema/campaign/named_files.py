@@ -9,14 +9,28 @@ from typing import Literal
 
 from ema.types.errors import CampaignError
 
-Format = Literal["uff", "csv", "mat", "hdf5"]
+Format = Literal["uff", "csv", "mat", "hdf5", "numpy"]
 SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".uff", ".unv", ".uf", ".uf3", ".ufb", ".bunv", ".uff58", ".univ"), "uff"),
     ".mat": "mat",
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), "hdf5"),
+    **dict.fromkeys((".npy", ".npz"), "numpy"),
 }  # fmt: skip
 """Formats by suffix; whatever has another one is text."""
 _SHOWN = 60  # characters of a name that is none
+
+NOT_READ = {
+    ".lvm": "a LabVIEW file: write what the Python package lvm_read reads of it as CSV or MATLAB file",
+    ".tdms": "a LabVIEW file: write what the Python package npTDMS reads of it as CSV or MATLAB file",
+    ".frf": "a format of one program: export its FRFs as a universal file (58)",
+    ".lms": "a format of one program: export its FRFs as a universal file (58)",
+    ".pkl": "a Python object: write its arrays with numpy.savez",
+    ".p": "a Python object: write its arrays with numpy.savez",
+    ".xlsx": "a workbook: save its sheet as CSV",
+    ".xls": "a workbook: save its sheet as CSV",
+    ".zip": "an archive: unpack it",
+}
+"""What to do with files of measurements that are not read, by suffix."""
 
 
 def format_of(file: Path, stated: Format | None = None) -> Format:

@@ -22,6 +22,7 @@ from ema.identification.references import check_references
 from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
+from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.shapes import shapes_from_residues
 from ema.identification.stabilization import highest_order, stabilization
@@ -213,6 +214,11 @@ def identify_frf(
     _require_lines(lines, frf, order, band, name)
     white = lines.convert(whitest(lines))
     fit, runs, left = _fitted(white, order, pole, band, name)
+    apart = pole is None and runs_apart(fit, runs, left, band)
+    followed = follow_runs(white, _functions(white), order, band, fit) if apart else None
+    if followed is not None:
+        white = replace(white, value=followed.value.reshape(white.value.shape))
+        fit, runs, left = followed.fit, followed.runs, followed.left
     model = _model(fit, runs, white, lines.quantity, geometry, name, band)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
@@ -451,6 +457,7 @@ def _model(
         run_damping_std=runs.damping_std[:, :n_mode],
         run_probability=runs.probability[:, :n_mode],
         decay_rate=frf.decay_rate,
+        run_outside_pole=runs.pole[:, n_mode:] if runs.followed else None,
     )
 
 

@@ -139,7 +139,11 @@ def try_peak(
     """
     around = surroundings(data, fit, peak)
     if _share_left(data, around, around.without, peak) < LEAST_SHARE * min(peak.share, 1.0):
-        return Refusal(reason="the modes explain it where the lines around it are fitted alone", listed=False)
+        # Such lines count for little beside resonances; but what anyone sees there is in no mode of the result.
+        return Refusal(
+            reason="the modes explain it where the lines around it are fitted alone, but not beside all others",
+            listed=peak.visible and peak.share > LISTED,
+        )
     best: tuple[float, NDArray[np.complex128]] | None = None
     refusal = Refusal(reason="no pole of the fit comes to rest there")
     for pole in start:
@@ -165,11 +169,13 @@ def _objections(
     gain = 2.0 * (around.without.objective - extended.objective)
     threshold = float(special.chdtri(2 * n_function + 2, FALSE_ALARM / around.frequency.size))
     verdicts = judge(around.frequency, extended, data.quantity)
+    far = gain > FAR_FROM_NOISE * threshold
     if gain < threshold * inflation(extended.whitened):
         reason = f"the likelihood rises by {0.5 * gain:.3g} of the {0.5 * threshold:.3g} that noise may bring"
-        yield Refusal(reason=reason, listed=gain > FAR_FROM_NOISE * threshold)
+        yield Refusal(reason=reason, listed=far)
     if verdicts.statistic[-1] < verdicts.threshold:
-        listed = gain > FAR_FROM_NOISE * threshold
+        # Where both the summed power and the likelihood stand out of the noise, each function need not.
+        listed = far or (peak.visible and peak.share > LEAST_SHARE)
         yield Refusal(reason="its residues do not stand out of the noise", listed=listed)
     if apart[-1] > spacing * max(2.0 * peak.half_width, 1.0):
         yield Refusal(reason="no pole of the fit comes to rest there")

@@ -48,6 +48,8 @@ class RunPoles:
     probability : (n_run, n_mode) float
         Probability that noise alone would make any run's frequency of any mode differ this much from those of
         the other runs (Bonferroni's bound); 1 where there is nothing to compare.
+    followed : bool
+        Whether the residues of the fit are those of runs at their own poles (`ema.identification.run_tracking`).
     """
 
     run: NDArray[np.int64]
@@ -58,6 +60,7 @@ class RunPoles:
     damping_std: NDArray[np.float64]
     enlargement: NDArray[np.float64]
     probability: NDArray[np.float64]
+    followed: bool = False
 
     def disagree(self) -> bool:
         """Whether any run differs significantly from the others."""
@@ -119,7 +122,7 @@ def variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float
     )
 
 
-def run_poles(data: Functions, fit: Fit) -> RunPoles:
+def run_poles(data: Functions, fit: Fit, start: NDArray[np.complex128] | None = None) -> RunPoles:
     """Refine the poles of a fit run by run and compare the runs.
 
     Parameters
@@ -128,6 +131,8 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
         What was fitted.
     fit : Fit
         Fit of all functions together; its weights hold for the runs too.
+    start : (n_run, n_mode) complex, optional
+        Where each run's poles are sought, rad/s; at those of the fit where not given.
     """
     numbers, n_mode = np.unique(data.run), fit.pole.size
     if numbers.size == 1:
@@ -149,7 +154,7 @@ def run_poles(data: Functions, fit: Fit) -> RunPoles:
     residue, alone = np.empty(fit.residue.shape, dtype=complex), []
     for k, number in enumerate(numbers):
         own = weighted.of_run(number)
-        pole[k], std[0, k], std[1, k] = _refined_alone(own, fit.pole)
+        pole[k], std[0, k], std[1, k] = _refined_alone(own, fit.pole if start is None else start[k])
         alone.append(_linear_fit(own, pole[k]))
         residue[data.run == number] = alone[k].residue
     enlarged = enlargement(
@@ -189,7 +194,7 @@ def _refined_alone(
     visible = _visible(at_all)
     while True:
         # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
-        rest = run.value - _response(run, pole[~visible], at_all.residue[:, ~visible])
+        rest = run.value - response(run, pole[~visible], at_all.residue[:, ~visible])
         own = refine(run.frequency, rest, pole[visible], run.quantity, run.weight)
         stds, inflation = _stds(own), variance_inflation(run.frequency, own)
         determined = _determined(own.pole, pole[visible], np.sqrt(inflation) * stds[0])
@@ -222,10 +227,10 @@ def _determined(
     return certain & (np.abs(pole - start) < 0.05 * np.abs(pole))
 
 
-def _response(
+def response(
     run: Functions, pole: NDArray[np.complex128], residue: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return what modes add to the functions of a run, ``(n_function, n_frequency)``."""
+    """Return what modes, (n_mode,) poles and (n_function, n_mode) residues, add to functions over their lines."""
     parts = mode_basis(run.frequency, pole, run.quantity) @ _stacked(residue)
     return (parts[: run.frequency.size] + 1j * parts[run.frequency.size :]).T
 

@@ -23,6 +23,8 @@ OVER_NOISE = 8.0
 LEAST_HIDDEN = 0.2
 """The same where only what is left has a peak: less is a misfit of the modes beside it."""
 _NOISE_LINES = 50
+_BLOCKS = 4  # lines that are averaged, then its powers
+_FEWEST_BLOCKS = 64
 _MEDIAN_NORMAL = 0.6745
 _FLOOR = 1e-12
 
@@ -87,7 +89,7 @@ def unexplained_peaks(data: Functions, fit: Fit) -> list[Peak]:
     """
     each, rest = powers(data, fit)
     power, left = each.sum(axis=0), rest.sum(axis=0)
-    seen = [(*place, True) for place in _peaks(power, VISIBLE)]
+    seen = [(*place, True) for place in _peaks_of_any_width(power, VISIBLE)]
     hidden = [(*place, False) for place in _peaks(left, PROMINENCE)]
     found: list[Peak] = []
     for line, first, last, visible in seen + hidden:
@@ -107,6 +109,23 @@ def unexplained_peaks(data: Functions, fit: Fit) -> list[Peak]:
         if not known and peak.share > least:
             found.append(peak)
     return sorted(found, key=lambda peak: -left[peak.line])
+
+
+def _peaks_of_any_width(power: NDArray[np.float64], prominence: float) -> list[tuple[int, int, int]]:
+    """Return `_peaks`, then those that stand out of the noise where the power of several lines is averaged.
+
+    A resonance that is wide beside the spacing of the lines is seen in noise from which no single line stands out.
+    """
+    found = _peaks(power, prominence)
+    width = _BLOCKS
+    while power.size >= _FEWEST_BLOCKS * width:
+        block = power[: power.size // width * width].reshape(-1, width).mean(axis=1)
+        for line, first, last in _peaks(block, prominence):
+            start, stop = width * first, width * (last + 1)
+            if not any(own_first < stop and start <= own_last for _, own_first, own_last in found):
+                found.append((width * line + width // 2, start, stop - 1))
+        width *= _BLOCKS
+    return found
 
 
 def _peaks(power: NDArray[np.float64], prominence: float) -> list[tuple[int, int, int]]:

@@ -1,15 +1,16 @@
-"""Named arrays of numbers in MATLAB and HDF5 files: the one door to h5py and to SciPy's MATLAB reader."""
+"""Named arrays of numbers in MATLAB, HDF5 and NumPy files: the one door to h5py and to SciPy's MATLAB reader."""
 
 from __future__ import annotations
 
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from ema.types.errors import MeasurementError
 LARGEST = 100_000_000
 """Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""
 _LISTED = 20  # names of a file that a message lists
+_NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"  # first bytes of files of numpy.save, and of numpy.savez
 _COMPLEX_FIELDS = ("real", "imag")  # of complex numbers as MATLAB stores them in HDF5
 
 
@@ -49,7 +51,8 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     Parameters
     ----------
     path : Path
-        MATLAB file of any version (7.3 is HDF5) or HDF5 file.
+        MATLAB file of any version (7.3 is HDF5), HDF5 file, or file of `numpy.save` or `numpy.savez`. The array of
+        `numpy.save` has no name and is called ``array``.
     matlab : bool
         Whether MATLAB wrote it: then fields of structures are named ``data.H`` and axes come in its order, which
         in HDF5 it reverses. Else groups are named ``data/H``.
@@ -63,19 +66,22 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     import h5py  # here: it takes long to import, and most tests come as universal files
 
     try:
-        with path.open("rb"):
-            pass
+        with path.open("rb") as file:
+            begin = file.read(6)
     except (OSError, ValueError) as error:
         message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
         raise MeasurementError(message) from error
     is_hdf5 = h5py.is_hdf5(path)
-    if not is_hdf5 and not matlab:
+    is_numpy = begin == _NPY or begin[:4] == _ZIP
+    if not is_hdf5 and not matlab and not is_numpy:
         message = f"{path}: is not an HDF5 file"
         raise MeasurementError(message)
     try:
         if is_hdf5:
             with h5py.File(path, "r") as file:
                 yield _in_hdf5(file, matlab=matlab)
+        elif is_numpy:
+            yield _in_numpy(path, single=begin == _NPY)
         else:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of a name that is there twice: the last one is taken
@@ -83,7 +89,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     except MeasurementError:
         raise
     except Exception as error:  # of a damaged file both libraries raise whatever they stumble over
-        kind = "MATLAB" if matlab else "HDF5"
+        kind = "NumPy" if is_numpy else "MATLAB" if matlab else "HDF5"
         message = f"{path}: cannot be read as a {kind} file, it is damaged or of another kind: {error}"
         raise MeasurementError(message) from error
 
@@ -148,6 +154,39 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
 
     file.visititems(visit)
     return found
+
+
+def _in_numpy(path: Path, *, single: bool) -> dict[str, ArrayInFile]:
+    """Return the arrays of a file of `numpy.save` or `numpy.savez`; objects, which could be programs, are not read."""
+    if single:
+        shape, kind = _numpy_header(path.open("rb"))
+        read = partial(np.load, path, allow_pickle=False)
+        return {"array": ArrayInFile(shape=shape, read=read)} if kind in "fiubc" else {}
+    found: dict[str, ArrayInFile] = {}
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.namelist():
+            if member.endswith(".npy"):
+                shape, kind = _numpy_header(archive.open(member))
+                name = member.removesuffix(".npy")
+                if kind in "fiubc":
+                    found[name] = ArrayInFile(shape=shape, read=partial(_in_archive, path, name))
+    return found
+
+
+def _numpy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], str]:
+    """Return the shape of an array in a file of NumPy and the kind of its values."""
+    with stream:
+        version = np.lib.format.read_magic(stream)
+        read = (
+            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        )
+        shape, _, dtype = read(stream)
+    return shape, dtype.kind
+
+
+def _in_archive(path: Path, name: str) -> NDArray[Any]:
+    with np.load(path, allow_pickle=False) as archive:
+        return np.asarray(archive[name])
 
 
 def _in_mat(path: Path) -> dict[str, ArrayInFile]:

@@ -1,4 +1,4 @@
-"""Which variables of a MATLAB or HDF5 file seem to hold FRFs."""
+"""Which variables of a MATLAB, HDF5 or NumPy file seem to hold FRFs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LISTED = 6  # names of variables in a comment
 
 
 def guess_variables(path: Path, *, matlab: bool) -> Contents:
-    """Return what a MATLAB or HDF5 file seems to hold, with `UNKNOWN` for what nothing in it looks like.
+    """Return what a MATLAB, HDF5 or NumPy file seems to hold, with `UNKNOWN` for what nothing in it looks like.
 
     The FRFs are the complex arrays that are called so, such as ``H1_2``, else the largest that is not called a
     spectrum, or two real ones whose names say so. Their frequencies are an ascending vector as long as one of their

@@ -18,12 +18,26 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-_MAX_STEP = 200
-_SHARE = 0.5
-"""Of a step that is taken: near a node of a mode at the force, whole steps overshoot and come back for ever."""
-_CONVERGED = 1e-12  # of the squared frequencies
-_MOST_AT_FORCE = 2.0
-"""Factor by which sensors may change the shape at the force: next to its nodes the modes of the band tell no more."""
+_MAX_STEP = 100
+_CONVERGED = 1e-11  # of the unknowns, relative
+_DIFFERENCE = 1e-6  # of an unknown, for derivatives
+_MOST_AT_FORCE = 10.0
+"""Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
+_MOST_YIELDING = 0.5
+"""Share of the motion of a sensor's mass that may be the yielding of its point."""
+_ABOVE = 30
+"""Modes above the band that are thought to let a point yield."""
+_FEW_SENSORS = 4
+"""Sensors of a run up to which it counts that a force at one lets the point of another yield."""
+_UNEVEN = 0.5
+"""By how much, relative to their mean, the flexibilities that modes above the band have differ from place to place."""
+_SECOND_ORDER = 0.02
+"""Part of the square of a shift by which it may be off for other reasons than noise."""
+_SHAPE_STD = 2e-3
+"""Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies."""
+_UNCERTAIN = 1.0
+"""The same, over the largest shift of a mode, where it is not known what modes beyond the band add at the force: no
+more than what sensors change by those of the band."""
 _HEAVIEST = 0.5
 """Largest share of a modal mass that sensors of one run may add; beyond it the modes of the band do not suffice."""
 
@@ -44,10 +58,17 @@ class RovedModes:
     run : (n_output,) int
         Row of `frequency` that each output belongs to.
     drive : (n_mode,) float
-        Shape at the force in the same unit as `shape`, as the run has it that measured the driving point; of no account
-        where none did.
+        Shape at the force in the same unit as `shape`, as the run has it that measured the driving point; where none
+        did, the modal constant of an output over its `shape`.
     drive_run : int or None
         That run.
+    rest : (n_output, n_mode) float or None
+        What the modes beyond the band add to the receptance between each output and the force at the frequency of each
+        mode, m/N; None where that is not known.
+    drive_output : int or None
+        Output at the driving point.
+    drive_std : (n_mode,) float or None
+        Standard deviation of the shape at the force; None where it is as certain as the shapes.
     """
 
     frequency: NDArray[np.float64]
@@ -56,6 +77,9 @@ class RovedModes:
     run: NDArray[np.int64]
     drive: NDArray[np.float64]
     drive_run: int | None
+    rest: NDArray[np.float64] | None = None
+    drive_output: int | None = None
+    drive_std: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,6 +101,9 @@ class BareModes:
         Its standard deviations; 0 where it was given.
     off : (n_run, n_mode) float
         By how much the frequencies of the loaded runs are off, as shares: measured less predicted.
+    off_as_measured : (n_run, n_mode) float
+        The same with the shapes as they were measured, where `off` has them as frequencies and modal constants together
+        tell: what mass explains without the help of shapes that are moved for it.
     """
 
     frequency: NDArray[np.float64]
@@ -85,6 +112,7 @@ class BareModes:
     load: NDArray[np.float64]
     load_std: NDArray[np.float64]
     off: NDArray[np.float64]
+    off_as_measured: NDArray[np.float64]
 
 
 def loaded(
@@ -115,7 +143,8 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
     """Return the modes that the structure has without the sensors of any run.
 
     From a first guess, each run is loaded by its own sensors (`loaded`); what its poles and modal constants then differ
-    from the measured ones by corrects the guess. That is a Gauss-Newton iteration, for a load is small.
+    from the measured ones by corrects the guess, by Gauss-Newton steps with Levenberg-Marquardt damping. Modes above
+    the band let the points of the sensors yield, by a flexibility for each run that the shifts tell as far as they can.
 
     Parameters
     ----------
@@ -124,32 +153,318 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
         Mass of one sensor in the unit of the shapes; NaN for a mode where the shifts from run to run are to tell it,
         None where they tell one mass for all modes.
     """
-    free = np.isnan(load) if load is not None else np.zeros(modes.drive.size, dtype=bool)
-    weight = np.where(np.isfinite(modes.std), modes.std, np.inf) ** -2.0
-    measured = (2.0 * np.pi * modes.frequency) ** 2
-    square = np.average(measured, axis=0, weights=weight)
-    shape, drive = modes.shape.copy(), modes.drive.copy()
-    own_load = np.zeros(square.size) if load is None else np.where(free, 0.0, load)
+    problem = _Problem.of(modes, load)
+    x, damping = problem.start(), 1e-3
+    misfit = problem.misfit(x)
     for _ in range(_MAX_STEP):
-        off, constant, at_force, felt = _differences(modes, measured, square, shape, drive, own_load)
-        step = _steps(off / measured, felt, weight * modes.frequency**2, None if load is None else free)
-        square = square * (1.0 + _SHARE * step[0])
-        own_load = np.clip(own_load + _SHARE * step[1], 0.0, _HEAVIEST / np.maximum(felt.max(axis=0), 1e-300))
-        shape = shape + _SHARE * constant
-        drive = drive + _SHARE * at_force
-        if np.max(np.abs(step[0])) < _CONVERGED:
+        jacobian = problem.jacobian(x, misfit)
+        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        normal, gradient = (jacobian / scale).T @ (jacobian / scale), (jacobian / scale).T @ misfit
+        while damping < 1e8:
+            step = -np.linalg.solve(normal + damping * np.eye(scale.size), gradient) / scale
+            proposed = problem.misfit(problem.limited(x + step))
+            if proposed @ proposed <= misfit @ misfit:
+                break
+            damping *= 10.0
+        else:
             break
+        x, misfit, damping = problem.limited(x + step), proposed, max(damping / 10.0, 1e-9)
+        if np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size)) < _CONVERGED:
+            break
+    return _result(problem, x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Problem:
+    """Unknowns of the structure without sensors, in one vector, and what they miss of the measured runs.
+
+    The vector holds logarithms of the squared frequencies, the loads that are sought, the shape at the force,
+    the flexibilities above the band between the sensors of each run over what they are thought to be, and the shapes.
+
+    Attributes
+    ----------
+    modes : RovedModes
+    given : (n_mode,) float
+        Loads that are known, 0 for others.
+    sought : (n_mode, n_load) float
+        Which modes each of the loads that are sought belongs to.
+    rough : (n_run, n_mode) float
+        Standard deviations of squared frequencies, relative, infinite where a run does not determine them.
+    rough_shape : (n_mode,) float
+        Standard deviations of shapes.
+    unit : (n_mode,) float
+        What modes above the band are thought to yield; 0 where loads are not masses in kg.
+    size : (n_unknown,) float
+        Sizes of the unknowns, for differences.
+    pair : (n_pair, 3) int
+        Run and sensors in it, by their place there, that each flexibility belongs to.
+    """
+
+    modes: RovedModes
+    given: NDArray[np.float64]
+    sought: NDArray[np.float64]
+    rough: NDArray[np.float64]
+    rough_shape: NDArray[np.float64]
+    unit: NDArray[np.float64]
+    size: NDArray[np.float64]
+    pair: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, modes: RovedModes, load: NDArray[np.float64] | None) -> _Problem:
+        """Lay out the unknowns for loads as `without_sensors` takes them."""
+        n_run, n_mode = modes.frequency.shape
+        if load is None:
+            given, sought = np.zeros(n_mode), np.ones((n_mode, 1))
+        else:
+            given, sought = np.nan_to_num(load), np.eye(n_mode)[:, np.isnan(load)]
+        known = np.isfinite(modes.std)
+        low, high = (f(np.where(known, modes.frequency, np.nan), axis=0) for f in (np.nanmin, np.nanmax))
+        shift = 2.0 * (high / low - 1.0)
+        rough = 2.0 * np.hypot(modes.std / modes.frequency, _SECOND_ORDER * shift**2)
+        in_kg = modes.drive_run is not None and (load is None or not np.isnan(load).any())
+        rms = np.maximum(np.sqrt(np.mean(modes.shape**2, axis=0)), 1e-300)
+        square = np.average((2.0 * np.pi * modes.frequency) ** 2, axis=0, weights=modes.std**-2.0)
+        first = _first_load(modes, sought)
+        force = rms if modes.drive_run is not None else np.zeros(0)
+        pair = _pairs(modes.run, n_run)
+        each = np.tile(rms, len(modes.shape))
+        size = np.concatenate([np.ones(n_mode), first, force, np.ones(len(pair)), each])
+        unit = _unit_beyond(modes, square) if in_kg else np.zeros(n_mode)
+        off = _SHAPE_STD if modes.rest is not None else np.hypot(_SHAPE_STD, _UNCERTAIN * shift)
+        return cls(
+            modes=modes,
+            given=given,
+            sought=sought,
+            rough=rough,
+            rough_shape=off * rms,
+            unit=unit,
+            size=size,
+            pair=pair,
+        )
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """First row of the misfit of each run, and the one after the last, (n_run + 1,)."""
+        n_run, n_mode = self.rough.shape
+        count = [np.count_nonzero(self.modes.run == k) + (self.modes.drive_run == k) for k in range(n_run)]
+        return np.asarray(n_mode * np.cumsum([0, *(1 + n for n in count)]), dtype=np.int64)
+
+    def parts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return squared frequencies, loads, shape at the force, flexibilities and shapes of a vector."""
+        n_mode = self.rough.shape[1]
+        n_drive = 0 if self.modes.drive_run is None else n_mode
+        ends = np.cumsum([n_mode, self.sought.shape[1], n_drive, len(self.pair)])
+        square, load, drive, beyond, shape = np.split(x, ends)
+        return [
+            np.exp(square),
+            self.given + self.sought @ load,
+            drive,
+            beyond,
+            shape.reshape(self.modes.shape.shape),
+        ]
+
+    def start(self) -> NDArray[np.float64]:
+        """Return the first guess: what was measured, as if loads had changed no shape."""
+        n_run, n_mode = self.rough.shape
+        square = np.average((2.0 * np.pi * self.modes.frequency) ** 2, axis=0, weights=self.rough**-2.0)
+        first = self.size[n_mode : n_mode + self.sought.shape[1]]
+        felt = np.array([np.sum(self.modes.shape[self.modes.run == k] ** 2, axis=0) for k in range(n_run)])
+        load = self.given + self.sought @ first
+        square = square * (1.0 + load * np.average(felt, axis=0, weights=self.rough**-2.0))
+        drive = self.modes.drive if self.modes.drive_run is not None else np.zeros(0)
+        return np.concatenate(
+            [np.log(square), first, drive, np.zeros(len(self.pair)), self.modes.shape.reshape(-1)]
+        )
+
+    def limited(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a vector with loads that are no less than nothing and not beyond what modes of the band can tell."""
+        n_mode, n_load = self.sought.shape
+        most = _HEAVIEST / np.maximum(np.sum(self.modes.shape**2, axis=0) / len(self.rough), 1e-300)
+        bound = np.array([most[own > 0.0].min() for own in self.sought.T])
+        limited = x.copy()
+        loads = slice(n_mode, n_mode + n_load)
+        limited[loads] = np.clip(x[loads], 1e-9 * self.size[loads], bound)
+        return limited
+
+    def misfit(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what a structure misses of the runs, and of what flexibilities are thought to be, over its size."""
+        square, load, drive, beyond, shape = self.parts(x)
+        runs = [self._run(k, square, load, drive, beyond, shape) for k in range(len(self.rough))]
+        return np.concatenate([*runs, self._prior(x)])
+
+    def rough_shapes(self, own: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the standard deviations of the shapes of a run, (n_own, n_mode)."""
+        each = np.tile(self.rough_shape, (int(np.count_nonzero(own)), 1))
+        if self.modes.drive_std is not None:
+            at_force = np.flatnonzero(own) == self.modes.drive_output
+            each[at_force] = np.hypot(self.rough_shape, self.modes.drive_std)
+        return each
+
+    def _prior(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        beyond, own = self.parts(x)[3], self.pair[:, 1] == self.pair[:, 2]
+        mean = beyond[own].mean()
+        return np.concatenate([[mean], (beyond - np.where(own, mean, 0.0)) / _UNEVEN])
+
+    def _run(
+        self,
+        k: int,
+        square: NDArray[np.float64],
+        load: NDArray[np.float64],
+        drive: NDArray[np.float64],
+        beyond: NDArray[np.float64],
+        shape: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return what is missed of the frequencies, the modal constants and the driving point of one run."""
+        modes, own = self.modes, self.modes.run == k
+        known = load > 0.0
+        unit = np.sqrt(np.where(known, load, 1.0))
+        # times the mass, without a driving point: a load is the mass over the square at the force
+        force = np.where(known, modes.drive / unit**2, 0.0) if modes.drive_run is None else drive
+        reference = force if modes.drive_run is None else modes.drive
+        root, moves = _moves(self.pair, k, load * square * self.unit, beyond)
+        predicted, turn = loaded(square, np.einsum("rab,br->ar", root, shape[own]) * np.sqrt(load))
+        # load times squared shape counts, whatever the unit of a mode
+        here, there = (shape[own] * unit) @ turn / unit, (force * unit) @ turn / unit
+        moved = np.einsum("rab,br->ar", moves, here)
+        here = moved / np.sqrt(1.0 + load * np.sum(moved * (moved - here), axis=0))
+        if modes.rest is not None:
+            there = there + predicted * load * np.sum(here * modes.rest[own], axis=0)
+        ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
+        each = self.rough_shapes(own)
+        off = [
+            (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
+            ((here * np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE) - modes.shape[own]) / each).reshape(-1),
+        ]
+        if modes.drive_run == k:
+            off.append((there - modes.drive) / np.hypot(self.rough_shape, _or_zero(modes.drive_std)))
+        return np.concatenate(off)
+
+    def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of the misfit; a shape or flexibility of one run concerns that run alone."""
+        n_mode, rows = self.rough.shape[1], self.rows
+        common = x.size - self.modes.shape.size - len(self.pair)
+        run = np.concatenate([self.pair[:, 0], np.repeat(self.modes.run, n_mode)])
+        matrix = np.zeros((misfit.size, x.size))
+        for j in range(x.size):
+            moved = x.copy()
+            moved[j] += _DIFFERENCE * self.size[j]
+            if j < common:
+                matrix[:, j] = self.misfit(moved) - misfit
+                continue
+            k = int(run[j - common])
+            square, load, drive, beyond, shape = self.parts(moved)
+            block = slice(rows[k], rows[k + 1])
+            matrix[block, j] = self._run(k, square, load, drive, beyond, shape) - misfit[block]
+            matrix[rows[-1] :, j] = self._prior(moved) - misfit[rows[-1] :]
+        return np.asarray(matrix / (_DIFFERENCE * self.size))
+
+
+def _moves(
+    pair: NDArray[np.int64], k: int, size: NDArray[np.float64], beyond: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return by what sensors of a run move more than the modes of the band, (n_mode, n_own, n_own), and its root.
+
+    With flexibilities R between them the masses m move by the inverse of I - omega**2 m R, and modes feel m times
+    that (as of one point, m / (1 - omega**2 m R)).
+    """
+    own = pair[:, 0] == k
+    a, b = pair[own, 1], pair[own, 2]
+    matrix = np.zeros((a.max() + 1, a.max() + 1))
+    matrix[a, b] = matrix[b, a] = beyond[own]
+    value, vector = np.linalg.eigh(matrix)
+    moves = 1.0 / (1.0 - np.clip(size[:, None] * value, -_MOST_YIELDING, _MOST_YIELDING))
+    root, whole = (np.einsum("ai,ri,bi->rab", vector, factor, vector) for factor in (np.sqrt(moves), moves))
+    return root, whole
+
+
+def _or_zero(std: NDArray[np.float64] | None) -> NDArray[np.float64] | float:
+    return 0.0 if std is None else std
+
+
+def _off(problem: _Problem, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the part of a misfit that squared frequencies are off by, as shares, (n_run, n_mode)."""
+    n_mode = problem.rough.shape[1]
+    rough = np.where(np.isfinite(problem.rough), problem.rough, 0.0)
+    return np.asarray(-np.array([misfit[row : row + n_mode] for row in problem.rows[:-1]]) * rough)
+
+
+def _as_measured(
+    problem: _Problem, x: NDArray[np.float64], misfit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a vector with its shapes moved by what their modal constants miss of those measured."""
+    n_mode = problem.rough.shape[1]
+    moved = x.copy()
+    shape = moved[x.size - problem.modes.shape.size :].reshape(problem.modes.shape.shape)
+    for k, row in enumerate(problem.rows[:-1]):
+        own = problem.modes.run == k
+        size = n_mode * np.count_nonzero(own)
+        missed = misfit[row + n_mode : row + n_mode + size].reshape(-1, n_mode)
+        shape[own] -= missed * problem.rough_shapes(own)
+    return moved
+
+
+def _result(
+    problem: _Problem, x: NDArray[np.float64], covariance: NDArray[np.float64], misfit: NDArray[np.float64]
+) -> BareModes:
+    """Return the modes of a vector and, from its covariance, their standard deviations."""
+    n_mode = problem.rough.shape[1]
+    square, load, _, _, shape = problem.parts(x)
+    known = np.isfinite(problem.rough)
+    off = _off(problem, misfit)
+    n_load = problem.sought.shape[1]
+    freedom = np.maximum(known.sum(axis=0) - 1.0 - n_load / n_mode, 1.0)
+    scatter = np.sum(np.where(known, off / problem.rough, 0.0) ** 2, axis=0) / freedom
+    std = np.sqrt(np.diag(covariance))
+    lost = np.abs(
+        np.average((2.0 * np.pi * problem.modes.frequency) ** 2, axis=0, weights=problem.rough**-2.0) / square
+        - 1.0
+    )
+    unsure = (1.0 if problem.modes.rest is None else _UNEVEN) * _beyond_band(
+        square, np.where(load > 0.0, lost, 0.0)
+    )
     frequency = np.sqrt(square) / (2.0 * np.pi)
-    std, load_std = _stds(off / measured, felt, weight * modes.frequency**2, None if load is None else free)
-    lost = np.abs(np.average(measured, axis=0, weights=weight) / square - 1.0)
+    noise = 0.5 * std[:n_mode] * np.sqrt(np.maximum(scatter, 1.0))
     return BareModes(
         frequency=frequency,
-        frequency_std=np.hypot(std, _beyond_band(square, np.where(own_load > 0.0, lost, 0.0))) * frequency,
+        frequency_std=np.hypot(noise, unsure) * frequency,
         shape=shape,
-        load=own_load,
-        load_std=load_std,
-        off=0.5 * off / measured,
+        load=load,
+        load_std=problem.sought @ std[n_mode : n_mode + n_load] * np.sqrt(max(float(scatter.mean()), 1.0)),
+        off=0.5 * off,
+        off_as_measured=0.5 * _off(problem, problem.misfit(_as_measured(problem, x, misfit))),
     )
+
+
+def _pairs(run: NDArray[np.int64], n_run: int) -> NDArray[np.int64]:
+    """Return run and sensors, by their place in it, between which there are flexibilities; with many, each alone."""
+    found = []
+    for k in range(n_run):
+        n = int(np.count_nonzero(run == k))
+        found += [(k, a, b) for a in range(n) for b in range(a + 1) if a == b or n <= _FEW_SENSORS]
+    return np.array(found, dtype=np.int64).reshape(-1, 3)
+
+
+def _first_load(modes: RovedModes, sought: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the loads that shifts tell to first order, (n_load,), more than nothing."""
+    weight = modes.std**-2.0 * modes.frequency**2
+    shift = np.log(modes.frequency / np.average(modes.frequency, axis=0, weights=weight))
+    felt = np.array([np.sum(modes.shape[modes.run == k] ** 2, axis=0) for k in range(len(shift))])
+    around = felt - np.average(felt, axis=0, weights=weight)
+    pull = sought.T @ np.sum(-2.0 * weight * around * shift, axis=0)
+    stiffness = sought.T @ np.sum(weight * around**2, axis=0)
+    most = _HEAVIEST / np.maximum(sought.T @ felt.max(axis=0), 1e-300)
+    return np.clip(pull / np.maximum(stiffness, 1e-300), 1e-3 * most, most)
+
+
+def _unit_beyond(modes: RovedModes, square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what modes above the band are thought to yield at a sensor per unit force at each mode, m/N, (n_mode,).
+
+    They go on as far apart as those of the band are, and are felt as they are: the sum of phi**2 / (lambda_s - lambda).
+    """
+    own = np.sqrt(square)
+    apart = np.ptp(own) / (own.size - 1) if own.size > 1 else 0.5 * own[0]
+    above = own.max() + apart * np.arange(1, _ABOVE + 1)
+    return np.asarray(np.mean(modes.shape**2) * np.sum(1.0 / (above[:, None] ** 2 - square), axis=0))
 
 
 def _beyond_band(square: NDArray[np.float64], lost: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,74 +486,3 @@ def _beyond_band(square: NDArray[np.float64], lost: NDArray[np.float64]) -> NDAr
     ends = np.array([end for end in (own[0] - apart, own[-1] + apart) if end > 0.0])
     near = np.abs(1.0 - ends[:, None] ** 2 / square)
     return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
-
-
-def _differences(
-    modes: RovedModes,
-    measured: NDArray[np.float64],
-    square: NDArray[np.float64],
-    shape: NDArray[np.float64],
-    drive: NDArray[np.float64],
-    load: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Measured less predicted squared frequencies, shapes and shape at the force, and the squared shapes under load."""
-    off, felt = np.zeros((2, *measured.shape))
-    constant, at_force = np.zeros_like(shape), np.zeros_like(drive)
-    known = load > 0.0
-    unit = np.sqrt(np.where(known, load, 1.0))
-    if modes.drive_run is None:
-        drive = np.where(
-            known, 1.0 / unit**2, 0.0
-        )  # times the mass: a load is the mass over the square at the force
-    reference = drive if modes.drive_run is None else modes.drive
-    for k in range(len(measured)):
-        own = modes.run == k
-        predicted, turn = loaded(square, shape[own] * np.sqrt(load))
-        off[k] = measured[k] - predicted
-        felt[k] = np.sum(shape[own] ** 2, axis=0)
-        # load times squared shape counts, whatever the unit of a mode
-        here, force = (shape[own] * unit) @ turn / unit, (drive * unit) @ turn / unit
-        if modes.drive_run == k:
-            at_force = modes.drive - force
-        ratio = np.divide(force, reference, out=np.ones_like(force), where=known & (reference != 0.0))
-        ratio = np.clip(ratio, 1.0 / _MOST_AT_FORCE, _MOST_AT_FORCE)
-        constant[own] = modes.shape[own] - here * ratio
-    return off, constant, at_force, felt
-
-
-def _steps(
-    off: NDArray[np.float64],
-    felt: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    free: NDArray[np.bool_] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Relative steps of the squared frequencies and steps of the loads that runs which are off ask for."""
-    middle = np.average(off, axis=0, weights=weight)
-    around = felt - np.average(felt, axis=0, weights=weight)
-    pull = -np.sum(weight * around * (off - middle), axis=0)
-    stiffness = np.sum(weight * around**2, axis=0)
-    if free is None:
-        load = np.full(middle.size, pull.sum() / stiffness.sum())
-    else:
-        load = np.where(free & (stiffness > 0.0), pull / np.where(stiffness > 0.0, stiffness, 1.0), 0.0)
-    return middle + load * np.average(felt, axis=0, weights=weight), load
-
-
-def _stds(
-    off: NDArray[np.float64],
-    felt: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    free: NDArray[np.bool_] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Relative standard deviations of the frequencies, and those of the loads, from what is off in the end."""
-    known = np.count_nonzero(weight, axis=0)
-    unknown = 1.0 + (np.zeros(known.size) if free is None else free)
-    scatter = np.sum(weight * (0.5 * off) ** 2, axis=0) / np.maximum(known - unknown, 1.0)
-    variance = np.maximum(scatter, 1.0) / weight.sum(axis=0)
-    mean = np.average(felt, axis=0, weights=weight)
-    stiffness = 0.25 * np.sum(weight * (felt - mean) ** 2, axis=0) / np.maximum(scatter, 1.0)
-    if free is None:
-        load = np.full(known.size, stiffness.sum() ** -0.5)
-    else:
-        load = np.where(free, np.maximum(stiffness, 1e-300) ** -0.5, 0.0)
-    return np.sqrt(variance + (0.5 * mean * load) ** 2), load

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.modal.mass_cancellation import BareModes, RovedModes, without_sensors
+from ema.modal.roved import roved, usable
 from ema.modal.run_changes import RunChanges
 from ema.modal.run_scatter import run_scatter, std_with_scatter
-from ema.types.geometry import Dofs, driving_points
 from ema.types.modal_model import ModalModel
 
 _CERTAIN = 3.0
@@ -45,7 +45,7 @@ def over_runs(
     load = np.where(known, sensor_mass, np.nan if told else 0.0)
     if not load.any():
         return modal_model if changes.cause == "none" else _medians(modal_model)
-    modes, phase = _roved(modal_model, run)
+    modes, phase = roved(modal_model, run)
     bare = _certain(modes, None if common else load)
     mass = float(bare.load[0]) if common else sensor_mass
     damping, damping_std = _damping(modal_model, bare)
@@ -81,8 +81,8 @@ def _medians(modal_model: ModalModel) -> ModalModel:
     """Return a model of the medians over the runs, weighted."""
     free = modal_model.run_pole + modal_model.decay_rate
     both = (
-        (np.abs(free) / (2.0 * np.pi), _usable(modal_model.run_frequency_std, modal_model.frequency_std)),
-        (-free.real / np.abs(free), _usable(modal_model.run_damping_std, modal_model.damping_std)),
+        (np.abs(free) / (2.0 * np.pi), usable(modal_model.run_frequency_std, modal_model.frequency_std)),
+        (-free.real / np.abs(free), usable(modal_model.run_damping_std, modal_model.damping_std)),
     )
     value, std = [], []
     for own, noise in both:
@@ -102,38 +102,6 @@ def _weighted_median(value: NDArray[np.float64], weight: NDArray[np.float64]) ->
     return np.take_along_axis(value, rank, axis=0)[middle, np.arange(value.shape[1])]
 
 
-def _roved(modal_model: ModalModel, run: NDArray[np.int64]) -> tuple[RovedModes, NDArray[np.complex128]]:
-    """Return the modes of each run, real ones, and the phases of their shapes, (n_mode,)."""
-    phase = np.exp(0.5j * np.angle(np.sum(modal_model.shape**2, axis=0)))
-    output = Dofs(node=modal_model.node, direction=modal_model.direction)
-    pairs = driving_points(output, modal_model.input)
-    drive, drive_run = np.zeros(phase.size), None
-    if pairs and modal_model.scaled.any():
-        point, _, sign = pairs[0]
-        at = sign * modal_model.shape[point]
-        phase = np.where(modal_model.scaled & (np.real(at / phase) < 0.0), -phase, phase)
-        drive = np.where(modal_model.scaled, np.real(at / phase), 0.0)
-        drive_run = int(np.searchsorted(modal_model.run, run[point]))
-    free = modal_model.run_pole + modal_model.decay_rate
-    return (
-        RovedModes(
-            frequency=np.abs(free) / (2.0 * np.pi),
-            std=_usable(modal_model.run_frequency_std, modal_model.frequency_std),
-            shape=np.real(modal_model.shape / phase),
-            run=np.searchsorted(modal_model.run, run),
-            drive=drive,
-            drive_run=drive_run,
-        ),
-        phase,
-    )
-
-
-def _usable(run_std: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return standard deviations of runs; where no run alone determines a mode, each stands for the pole of all."""
-    nowhere = ~np.isfinite(run_std).any(axis=0)
-    return np.where(nowhere, std * np.sqrt(len(run_std)), run_std)
-
-
 def _certain(modes: RovedModes, load: NDArray[np.float64] | None) -> BareModes:
     """Take the mass out, the scatter that it does not explain in the weights, and not where its size is uncertain."""
     bare = without_sensors(modes, load)
@@ -149,7 +117,7 @@ def _damping(modal_model: ModalModel, bare: BareModes) -> tuple[NDArray[np.float
     free = modal_model.run_pole + modal_model.decay_rate
     lowered = bare.frequency / (np.abs(free) / (2.0 * np.pi))
     value = -free.real / np.abs(free) * np.where(bare.load > 0.0, lowered, 1.0)
-    std = _usable(modal_model.run_damping_std, modal_model.damping_std)
+    std = usable(modal_model.run_damping_std, modal_model.damping_std)
     scatter = run_scatter(value, std)
     weight = 1.0 / (std**2 + scatter**2)
     noise = np.sum(std**-2.0, axis=0) ** -0.5

@@ -15,11 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from ema.modal.mass_cancellation import without_sensors
+from ema.modal.roved import roved
 from ema.types.modal_model import ModalModel
 
 Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
 _EXPLAINED = 0.5
 """Share of the squared shifts that a cause must explain."""
+_TO_FIRST_ORDER = 0.25
+"""The same of a mass to first order, below which it is not asked what it explains altogether, which takes long."""
 _CHANCE = 0.01
 """Probability that scatter alone explains as much, below which a cause is named."""
 _EACH = 3  # runs whose modes are told one by one
@@ -71,11 +75,11 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
     shift = shift - np.average(shift, axis=0, weights=weight)
     freedom = np.count_nonzero(weight) - shift.shape[1]
     whole = float(np.sum(weight * shift**2))
-    felt = sensors_rove * np.array(
-        [np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run]
-    )
     best, least = _Pattern(cause="scatter", shift=np.zeros_like(shift), unknowns=0, text=""), np.log(whole)
-    for pattern in _patterns(shift, weight, felt, modal_model.scaled):
+    patterns = [*_patterns(shift, weight)]
+    if sensors_rove and _falls_with_shape(modal_model, run, shift, weight) > _TO_FIRST_ORDER:
+        patterns.append(_mass(modal_model, run, shift, weight))
+    for pattern in patterns:
         left = float(np.sum(weight * (shift - pattern.shift) ** 2))
         spare = freedom - pattern.unknowns
         if spare < 1 or left > (1.0 - _EXPLAINED) * whole:
@@ -89,16 +93,9 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
     return RunChanges(cause=best.cause, finding=f"{_size(modal_model, differs)}; {_cause(best)}")
 
 
-def _patterns(
-    shift: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    felt: NDArray[np.float64],
-    scaled: NDArray[np.bool_],
-) -> list[_Pattern]:
-    """Return what each cause can explain of shifts of zero mean."""
+def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_Pattern]:
+    """Return what drifts and common shifts can explain of shifts of zero mean."""
     patterns = []
-    if felt.any():  # one mass must explain all modes wherever their scale is known
-        patterns.append((_one_mass if scaled.all() else _mass_of_each_mode)(shift, weight, felt))
     order = np.broadcast_to(np.arange(len(shift), dtype=float)[:, None], shift.shape)
     line = order - np.average(order, axis=0, weights=weight)
     slope = float(np.sum(weight * line * shift) / np.sum(weight * line**2))
@@ -113,25 +110,36 @@ def _patterns(
     return patterns
 
 
-def _mass_of_each_mode(
-    shift: NDArray[np.float64], weight: NDArray[np.float64], felt: NDArray[np.float64]
-) -> _Pattern:
-    """Return the shifts by masses, over modal masses that nobody knows."""
+def _falls_with_shape(
+    modal_model: ModalModel,
+    run: NDArray[np.int64],
+    shift: NDArray[np.float64],
+    weight: NDArray[np.float64],
+) -> float:
+    """Return the share of squared shifts that falls with the squared shapes at the sensors, a slope for each mode."""
+    felt = np.array([np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run])
     around = felt - np.average(felt, axis=0, weights=weight)
     stiffness = np.sum(weight * around**2, axis=0)
-    load = -2.0 * np.sum(weight * around * shift, axis=0) / np.where(stiffness > 0.0, stiffness, np.inf)
-    pattern = -0.5 * np.maximum(load, 0.0) * around
-    return _Pattern(cause="sensor mass", shift=pattern, unknowns=shift.shape[1], text="")
+    slope = -np.sum(weight * around * shift, axis=0) / np.where(stiffness > 0.0, stiffness, np.inf)
+    left = np.sum(weight * (shift + np.maximum(slope, 0.0) * around) ** 2)
+    return float(1.0 - left / np.sum(weight * shift**2))
 
 
-def _one_mass(shift: NDArray[np.float64], weight: NDArray[np.float64], felt: NDArray[np.float64]) -> _Pattern:
-    """Return the shifts of mass-normalised modes by one mass at each sensor."""
-    around = felt - np.average(felt, axis=0, weights=weight)
-    stiffness = float(np.sum(weight * around**2))
-    mass = max(0.0, -2.0 * float(np.sum(weight * around * shift)) / stiffness)
-    return _Pattern(
-        cause="sensor mass", shift=-0.5 * mass * around, unknowns=1, text=f"{1e3 * mass:.2g} g each"
-    )
+def _mass(
+    modal_model: ModalModel,
+    run: NDArray[np.int64],
+    shift: NDArray[np.float64],
+    weight: NDArray[np.float64],
+) -> _Pattern:
+    """Return the shifts by the mass of the sensors: one of all modes, or each over a modal mass that nobody knows."""
+    scaled = bool(modal_model.scaled.all())
+    modes = roved(modal_model, run)[0]
+    n_mode = shift.shape[1]
+    bare = without_sensors(modes, None if scaled else np.full(n_mode, np.nan))
+    explained = np.where(weight > 0.0, shift - bare.off_as_measured, 0.0)
+    explained = explained - np.average(explained, axis=0, weights=weight)
+    text = f"{1e3 * bare.load[0]:.2g} g each" if scaled else ""
+    return _Pattern(cause="sensor mass", shift=explained, unknowns=1 if scaled else n_mode, text=text)
 
 
 def _cause(pattern: _Pattern) -> str:

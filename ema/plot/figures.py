@@ -14,7 +14,7 @@ from ema.modal.comparison import Comparison
 from ema.modal.mac import real_shape
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
-from ema.types.modal_model import ModalModel, synthesize
+from ema.types.modal_model import ModalModel, synthesize_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Fig
     from matplotlib.figure import Figure
 
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
-    fitted = synthesize(modal_model, lines.frequency, lines.quantity)
+    fitted = synthesize_runs(modal_model, lines.frequency, lines.quantity, lines.run)
     chosen = np.unique(np.linspace(0, lines.output.node.size - 1, n_function).round().astype(int))
     figure = Figure(figsize=(7.5, 1.2 + 1.7 * chosen.size), layout="constrained")
     rows = figure.subplots(2 * chosen.size, 1, sharex=True, height_ratios=[2, 1] * chosen.size, squeeze=False)

@@ -13,7 +13,7 @@ from ema.quality.verdict import Verdict
 from ema.types.arrays import readonly
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
-from ema.types.modal_model import ModalModel, synthesize
+from ema.types.modal_model import ModalModel, synthesize_runs
 
 WARN, FAIL = 0.9, 0.7
 """Shares of the power explained below which a set is warned of, and below which its identification has failed."""
@@ -63,7 +63,7 @@ def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     """Compare what was identified, at the outputs and inputs of the model, with what the model stands for."""
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
     lines = lines.convert(whitest(lines))
-    rest = np.abs(lines.value - synthesize(modal_model, lines.frequency, lines.quantity)) ** 2
+    rest = np.abs(lines.value - synthesize_runs(modal_model, lines.frequency, lines.quantity, lines.run)) ** 2
     power = np.abs(lines.value) ** 2
     middle = 0.5 * (modal_model.frequency[1:] + modal_model.frequency[:-1])
     edge = np.concatenate([modal_model.band[:1], middle, modal_model.band[1:]])

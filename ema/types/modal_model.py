@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,10 @@ class ModalModel(Shown):
         nothing was taken out; 0 for modes that the sensors are not known to move.
     sensor_mass : float
         Mass of one sensor that was taken out, kg; 0 where it is not known.
+    run_outside_pole : (n_run, n_outside) complex or None
+        Where runs are so far apart that modes were followed from run to run: poles that each run has of the modes just
+        outside. Residues are then those of each run at its own poles, made those of the mean poles (`synthesize_runs`).
+        None where one set of poles serves all runs.
     """
 
     name: str
@@ -158,6 +162,7 @@ class ModalModel(Shown):
     decay_rate: float = 0.0
     sensor_shift: tuple[float, ...] = ()
     sensor_mass: float = 0.0
+    run_outside_pole: NDArray[np.complex128] | None = None
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)
@@ -193,6 +198,11 @@ class ModalModel(Shown):
         }
         for name, (shape, dtype) in expected.items():
             object.__setattr__(self, name, readonly("ModalModel", name, getattr(self, name), shape, dtype))
+        if self.run_outside_pole is not None:
+            own = readonly(
+                "ModalModel", "run_outside_pole", self.run_outside_pole, (n_run, n_outside), complex
+            )
+            object.__setattr__(self, "run_outside_pole", own)
 
     @property
     def free_pole(self) -> NDArray[np.complex128]:
@@ -247,3 +257,36 @@ def synthesize(
     modes = residue @ (s**exponent / (s - pole)) + residue.conj() @ (s**exponent / (s - pole.conj()))
     lower = modal_model.lower[..., None] * s ** (exponent - 2)
     return modes + lower + modal_model.upper[..., None] * s**exponent
+
+
+def synthesize_runs(
+    modal_model: ModalModel,
+    frequency: NDArray[np.float64],
+    quantity: Quantity,
+    run: NDArray[np.int64],
+) -> NDArray[np.complex128]:
+    """Evaluate the functions that were measured, each as its own run has it.
+
+    That is `synthesize` where one set of poles serves all runs. Modal constants stay, a residue is one of them over its
+    frequency. The parameters and errors are those of `synthesize`, beside
+
+    Parameters
+    ----------
+    run : (n_output,) int
+        Run of each output.
+    """
+    value = synthesize(modal_model, frequency, quantity)
+    if modal_model.run_outside_pole is None:
+        return value
+    for k, number in enumerate(modal_model.run):
+        inside, outside = modal_model.run_pole[k], modal_model.run_outside_pole[k]
+        moved = replace(
+            modal_model,
+            pole=inside,
+            residue=modal_model.residue * (modal_model.pole.imag / inside.imag),
+            outside_pole=outside,
+            outside_residue=modal_model.outside_residue * (modal_model.outside_pole.imag / outside.imag),
+        )
+        own = run == number
+        value[own] = synthesize(moved, frequency, quantity)[own]
+    return value

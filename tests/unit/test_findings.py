@@ -7,23 +7,37 @@ import pytest
 
 from ema import Verdict
 from ema.modal.run_changes import run_changes
+from ema.types.geometry import Dofs
 from updating.results.quality import quality
 
 MODES = np.array([100.0, 200.0, 300.0])
 
 
 def roved(shift, *, shape=None, scaled=False, std=1e-6):
-    """Modes of runs that are off by shares of their frequencies, (n_run, n_mode); one output a run."""
+    """Modes of runs that are off by shares of frequencies, (n_run, n_mode); an output a run, no driving point."""
     shift = np.array(shift)
     n_run, n_mode = shift.shape
     frequency = MODES[:n_mode]
+    pole = 2.0 * np.pi * frequency * (1j - 0.005)
+    run_std = np.full(shift.shape, std) * frequency
+    up = np.tile([0.0, 0.0, 1.0], (n_run, 1))
+    shape = np.ones(shift.shape) if shape is None else np.array(shape)
     return SimpleNamespace(
+        node=np.arange(n_run),
+        direction=up,
+        input=Dofs(node=[n_run], direction=up[:1]),
         run=np.arange(n_run),
         frequency=frequency,
+        frequency_std=run_std.min(axis=0) / np.sqrt(n_run),
+        pole=pole,
+        residue=(shape / (2j * pole.imag))[:, None, :],
+        run_pole=pole * (1.0 + shift),
+        run_frequency_std=run_std,
+        decay_rate=0.0,
         run_frequency=frequency * (1.0 + shift),
-        resolved_run_std=np.full(shift.shape, std) * frequency,
+        resolved_run_std=run_std,
         disagreeing_runs=lambda: np.abs(shift - np.median(shift, axis=0)) > 5.0 * std,
-        shape=np.ones(shift.shape) if shape is None else np.array(shape),
+        shape=shape,
         scaled=np.full(n_mode, scaled),
         sensor_mass=0.0,
     )

@@ -1,5 +1,7 @@
 """Roving masses taken out of the modes of a chain whose equations are solved with and without them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -32,6 +34,12 @@ def roved(mass, *, scale=True, places=tuple((point,) for point in range(N)), ban
     drive = runs[run[FORCE]][1][FORCE] if scale else np.ones(N)
     shape = np.array([runs[k][1][point] * runs[k][1][FORCE] for point, k in enumerate(run)]) / drive
     frequency = np.array([f for f, _ in runs])[:, band]
+    inside = np.isin(np.arange(N), np.arange(N)[band])
+    rest = np.zeros((N, frequency.shape[1]))
+    for point, k in enumerate(run):
+        own, modes = (2.0 * np.pi * runs[k][0]) ** 2, runs[k][1]
+        beyond = (modes[point] * modes[FORCE])[~inside]
+        rest[point] = np.sum(beyond / (own[~inside] - own[band, None]), axis=1)
     return RovedModes(
         frequency=frequency,
         std=STD * frequency,
@@ -39,6 +47,7 @@ def roved(mass, *, scale=True, places=tuple((point,) for point in range(N)), ban
         run=run,
         drive=drive[band],
         drive_run=int(run[FORCE]) if scale else None,
+        rest=rest if scale else None,
     )
 
 
@@ -73,6 +82,29 @@ def test_shapes_without_a_scale_do_for_the_frequencies():
     np.testing.assert_allclose(bare.frequency, chain()[0], rtol=1e-6)
     # the load is the mass over the square of the shape at the force: what scales the modes
     np.testing.assert_allclose(bare.load, 0.05 / chain()[1][FORCE] ** 2, rtol=1e-4)
+
+
+def test_shapes_of_any_unit_do_where_their_modal_constants_are_known():
+    constants, bare = roved(0.05, scale=False), chain()
+    unit = np.geomspace(0.1, 10.0, N)
+    measured = replace(constants, shape=constants.shape * unit, drive=1.0 / unit)
+    found = without_sensors(measured, np.full(N, np.nan))
+    np.testing.assert_allclose(found.frequency, bare[0], rtol=1e-6)
+    np.testing.assert_allclose(
+        found.shape, bare[1] * bare[1][FORCE] * unit, atol=1e-4 * np.abs(found.shape).max()
+    )
+
+
+def test_shapes_are_not_moved_for_shifts_that_no_mass_makes():
+    # 5 % were allowed to each shape whatever the shifts, so that scatter bent them all
+    measured = roved(0.005, scale=False)
+    shift = measured.frequency / measured.frequency.mean(axis=0) - 1.0
+    scatter = 0.03 * np.abs(shift).max() * np.random.default_rng(0).standard_normal(shift.shape)
+    odd = replace(measured, frequency=measured.frequency * (1.0 + scatter))
+    found, sound = (without_sensors(own, np.full(N, np.nan)) for own in (odd, measured))
+    moved = np.abs(found.shape - sound.shape) / np.sqrt(np.mean(sound.shape**2, axis=0))
+    assert moved.max() < 0.05
+    assert np.std(found.off_as_measured) > 0.5 * np.std(scatter)
 
 
 def test_runs_that_do_not_determine_a_mode_do_not_count():

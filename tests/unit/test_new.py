@@ -371,3 +371,24 @@ def test_dofs_in_a_text(text, names):
 )
 def test_a_unit_in_a_header(text, unit):
     assert unit_in(text) == unit
+
+
+def test_files_that_are_not_read_are_named_with_a_way_out(tmp_path):
+    (tmp_path / "hammer.lvm").write_text("LabVIEW Measurement")
+    with pytest.raises(CampaignError, match=r"hammer\.lvm: is a LabVIEW file: .* lvm_read .* CSV"):
+        draft(tmp_path)
+
+
+def test_a_numpy_file_with_frfs_is_looked_into(tmp_path):
+    np.savez(tmp_path / "frf.npz", frf=VALUE, freq=FREQUENCY)
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    assert 'frf = "frf"' in text
+    assert 'frequency = "freq"' in text
+
+
+def test_a_complex_variable_called_a_spectrum_is_named_where_frfs_are_missing(tmp_path):
+    savemat(tmp_path / "a.mat", {"yspec": VALUE})
+    assert "complex variables 'yspec' look like spectra; name the one that holds FRFs" in " ".join(
+        new(tmp_path).split()
+    )

@@ -8,7 +8,7 @@ import pytest
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
 from ema.identification.residual_search import Refusal, try_peak
-from ema.identification.unexplained import unexplained_peaks
+from ema.identification.unexplained import _peaks, _peaks_of_any_width, unexplained_peaks
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.noise_colour import noise_slope, whitest
 from ema.types.errors import IdentificationError
@@ -57,6 +57,26 @@ def identified(frf, **options):
 
 def beam(n, n_mode):
     return np.cos(np.pi * np.outer(np.linspace(0, 1, n), np.arange(2, n_mode + 2))) + 0.1
+
+
+def test_wide_peaks_are_seen_in_noise_that_often_hides_each_line():
+    frequency = np.arange(0.0, 2000.0)
+    bump = 1.0 + 2.0 / (1.0 + ((frequency - 1200.0) / 60.0) ** 2)
+    by_line, by_any = 0, 0
+    for seed in range(50):
+        power = bump * np.random.default_rng(seed).gamma(5.0, 0.2, frequency.size)
+        by_line += any(abs(line - 1200) < 60 for line, _, _ in _peaks(power, 1.0))
+        by_any += any(abs(line - 1200) < 60 for line, _, _ in _peaks_of_any_width(power, 1.0))
+    assert by_line < 0.5 * 50
+    assert by_any > 0.95 * 50
+
+
+def test_averaged_lines_add_few_peaks_that_are_noise():
+    more = 0
+    for seed in range(200):
+        noise = np.random.default_rng(seed).gamma(10.0, 1.0, 2000)
+        more += len(_peaks_of_any_width(noise, 1.0)) - len(_peaks(noise, 1.0))
+    assert more <= 0.05 * 200
 
 
 @pytest.mark.parametrize("band", [(20, 500), (340, 460), (150, 480)])

@@ -254,7 +254,7 @@ def test_a_campaign_of_arrays(folder):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('unit = "m/s2/N"', "", "MATLAB and HDF5 files need 'unit' and .measurement.variables."),
+        ('unit = "m/s2/N"', "", "MATLAB, HDF5 and NumPy files need 'unit' and .measurement.variables."),
         (
             '[measurement.variables]\nfrf = "H"\nfrequency = "f"',
             "",
@@ -295,3 +295,24 @@ def test_several_variables_that_do_not_fit(tmp_path, content, said):
     coherence = ["coh"] if "coh" in content else None
     with pytest.raises(MeasurementError, match=said):
         read(tmp_path, "mat", content, frf=["H", "G"], frequency="first column", coherence=coherence)
+
+
+def test_files_of_numpy_are_read(tmp_path):
+    np.savez(tmp_path / "a.npz", H=VALUE, f=FREQUENCY, what=np.array([{"an": "object"}], dtype=object))
+    np.save(tmp_path / "b.npy", VALUE)
+    with array_files.arrays_in(tmp_path / "a.npz", matlab=False) as arrays:
+        assert list(arrays) == ["H", "f"]  # objects could be programs
+        np.testing.assert_array_equal(arrays["H"].read(), VALUE)
+    with array_files.arrays_in(tmp_path / "b.npy", matlab=False) as arrays:
+        assert arrays["array"].shape == VALUE.shape
+        np.testing.assert_array_equal(arrays["array"].read(), VALUE)
+
+
+def test_a_damaged_file_of_numpy_is_said_to_be_one(tmp_path):
+    np.save(tmp_path / "b.npy", VALUE)
+    (tmp_path / "b.npy").write_bytes((tmp_path / "b.npy").read_bytes()[:30])
+    with (
+        pytest.raises(MeasurementError, match="as a NumPy file"),
+        array_files.arrays_in(tmp_path / "b.npy", matlab=False),
+    ):
+        pass

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ema.modal.mac import frac
 from ema.plot.figures import ACCENT, FITTED, MEASURED, UNIT
 from ema.types.frf import FRF
-from ema.types.modal_model import ModalModel, synthesize
+from ema.types.modal_model import ModalModel, synthesize_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
 def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, NDArray[np.complex128]]:
     """Return the functions within the identified band and those that the modes stand for there."""
     lines = frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
-    return lines, synthesize(measured, lines.frequency, lines.quantity)
+    return lines, synthesize_runs(measured, lines.frequency, lines.quantity, lines.run)
 
 
 def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], output: int) -> None:

@@ -1,0 +1,236 @@
+"""Modes followed from run to run where roving sensors or a drift move them by more than their bandwidths.
+
+A fit of all runs by one pole then has a pole for each run, or none. So every run is first identified by itself, its
+poles are linked to those of the other runs one to one, by frequency, and each run's functions are moved to common
+poles: what the run's own modes answer is replaced by what modes of the same modal constants at the mean poles answer.
+All runs together are then functions of one structure, with the noise that was measured, and are selected and fitted as
+such. A mode that a run alone does not show, as its sensors sit near nodes, starts there from the pole of another run
+that explains its functions best: a sensor at a node does not move a mode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from ema.identification.functions import Functions, inside
+from ema.identification.maximum_likelihood import Fit, linear_fit
+from ema.identification.residual_search import Left
+from ema.identification.run_poles import RunPoles, response, run_poles
+from ema.identification.selection import select_modes
+from ema.identification.stabilization import stabilization
+from ema.types.frf import FRF
+
+REACH = 0.06
+"""Largest share by which a mode of one run may be off the median of the others."""
+APART, SLIGHTLY = 1.0, 0.3
+"""Half bandwidths by which runs must differ for their modes to be followed, and where peaks stay unexplained: less,
+and one pole serves all."""
+WORTH = 0.5
+"""Share of what common poles leave of the power that poles of each run may leave, to be worth their number."""
+_ROUNDS = 4
+_FEWEST = 2  # runs that show a mode by themselves
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Followed:
+    """Runs moved to common poles.
+
+    Attributes
+    ----------
+    value : (n_function, n_frequency) complex
+        The functions as all runs would have them at the common poles.
+    fit : Fit
+        Fit of them; its residual is that of each run at its own poles.
+    runs : RunPoles
+        The poles of each run.
+    left : tuple of (Peak, str)
+        Peaks that stay unexplained.
+    """
+
+    value: NDArray[np.complex128]
+    fit: Fit
+    runs: RunPoles
+    left: Left
+
+
+def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) -> bool:
+    """Whether runs differ by so much of the bandwidths that a fit by common poles may have missed or doubled modes.
+
+    Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
+    """
+    if runs.run.size == 1 or not runs.disagree():
+        return False
+    known = np.isfinite(runs.frequency_std) & inside(fit.pole, band)
+    off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
+    return bool(np.any(off > (SLIGHTLY if left else APART)))
+
+
+def follow_runs(
+    frf: FRF, data: Functions, order: int, band: tuple[float, float], together: Fit
+) -> Followed | None:
+    """Identify each run, link the poles, and fit all runs moved to common ones.
+
+    Parameters
+    ----------
+    frf : FRF
+        The functions, on the lines of the band.
+    data : Functions
+        The same as rows.
+    order : int
+        Highest model order.
+    band : (float, float)
+        Where modes are wanted, Hz.
+    together : Fit
+        Fit by common poles.
+
+    Returns
+    -------
+    Followed or None
+        None where that is not likelier than the fit by common poles, each pole of a run counted (Akaike).
+    """
+    numbers = np.unique(data.run)
+    alone = [_alone(frf, data, int(number), order, band) for number in numbers]
+    track = linked(alone)
+    if track.shape[1] == 0:
+        return None
+    # What lies beyond the band would be sought in its last modes, differently in each run.
+    beyond = together.pole[~inside(together.pole, band)]
+    track = np.hstack([_filled(data, numbers, track), np.tile(beyond, (numbers.size, 1))])
+    # Modes that no run shows alone are found in the first round and followed in the second.
+    for _ in range(2):
+        runs = run_poles(data, data.linear_fit(_centre(track)), track)
+        value = _moved(data, runs, _mean(runs))
+        moved = replace(frf, value=value.reshape(frf.value.shape))
+        candidates = np.concatenate([_mean(runs), stabilization(moved, order=order).chosen])
+        fit, _, left = select_modes(replace(data, value=value), candidates, band)
+        track = _carried(fit, runs)
+    runs = run_poles(data, fit, track)
+    value = _moved(data, runs, _mean(runs))
+    fit = linear_fit(data.frequency, value, _mean(runs), data.quantity, fit.weight)
+    found = Followed(value=value, fit=fit, runs=replace(runs, followed=True), left=left)
+    return found if _worth(data, found, together) else None
+
+
+def _worth(data: Functions, found: Followed, together: Fit) -> bool:
+    """Whether poles of each run explain more power, and are likelier, each counted (Akaike)."""
+    power = np.sum(np.abs(data.value) ** 2, axis=1)
+    mine, theirs = (
+        np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (found.fit, together)
+    )
+    more = 2 * found.fit.pole.size * (found.runs.run.size - 1)
+    unknowns = 2 * (found.fit.pole.size - together.pole.size) * (1 + data.value.shape[0])
+    likelier = found.fit.objective + more + unknowns < together.objective
+    return bool(mine < WORTH * theirs and likelier)
+
+
+def _alone(
+    frf: FRF, data: Functions, number: int, order: int, band: tuple[float, float]
+) -> NDArray[np.complex128]:
+    """Return the poles of the band that a run shows by itself."""
+    own = frf.outputs(frf.run == number)
+    fit, _, _ = select_modes(data.of_run(number), stabilization(own, order=order).chosen, band)
+    return fit.pole[inside(fit.pole, band)]
+
+
+def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+    """Link the poles of runs one to one.
+
+    Tracks begin as the poles of the run that shows most. Each run's poles go to the nearest tracks, the sum of squared
+    distances least, which keeps their order; those that find none begin tracks of their own. Then medians are taken
+    and all are assigned again.
+
+    Parameters
+    ----------
+    poles : list of (n_pole,) complex
+        Poles of each run, rad/s.
+
+    Returns
+    -------
+    (n_run, n_mode) complex
+        Poles of each mode, ascending, NaN where a run does not show it; modes that one run alone shows left out.
+    """
+    centre = np.log(np.abs(max(poles, key=len)))
+    for _ in range(_ROUNDS):
+        row: list[dict[int, complex]] = [{} for _ in centre]
+        for k, own in enumerate(poles):
+            for i, t in _pairs(np.log(np.abs(own)), centre):
+                row[t][k] = complex(own[i])
+            for i in set(range(own.size)) - {i for i, _ in _pairs(np.log(np.abs(own)), centre)}:
+                row.append({k: complex(own[i])})
+                centre = np.append(centre, np.log(abs(own[i])))
+        shown = [own for own in row if own]
+        centre = np.array([np.median(np.log(np.abs(list(own.values())))) for own in shown])
+    kept = sorted(
+        (own for own in shown if len(own) >= _FEWEST),
+        key=lambda own: float(np.median(np.abs(list(own.values())))),
+    )
+    track = np.full((len(poles), len(kept)), complex(np.nan, np.nan))
+    for r, members in enumerate(kept):
+        for k, pole in members.items():
+            track[k, r] = pole
+    return track
+
+
+def _pairs(own: NDArray[np.float64], centre: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Assign logarithms of frequencies to those of tracks, none beyond reach."""
+    square = (own[:, None] - centre) ** 2
+    cost = np.where(square < REACH**2, square, 10.0 * REACH**2)
+    row, column = linear_sum_assignment(cost)
+    return [(int(i), int(t)) for i, t in zip(row, column, strict=True) if square[i, t] < REACH**2]
+
+
+def _centre(track: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return np.asarray(np.nanmedian(track.real, axis=0) + 1j * np.nanmedian(track.imag, axis=0))
+
+
+def _filled(
+    data: Functions, numbers: NDArray[np.int64], track: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Give a run that does not show a mode the pole of that other run which explains its functions best."""
+    filled = track.copy()
+    centre = _centre(track)
+    for k, number in enumerate(numbers):
+        own = data.of_run(number)
+        missing = np.isnan(track[k])
+        filled[k, missing] = centre[missing]
+        for r in np.flatnonzero(missing):
+            tried = track[~np.isnan(track[:, r]), r]
+            misfit = []
+            for pole in tried:
+                filled[k, r] = pole
+                misfit.append(own.linear_fit(filled[k]).objective)
+            filled[k, r] = tried[int(np.argmin(misfit))]
+    return filled
+
+
+def _mean(runs: RunPoles) -> NDArray[np.complex128]:
+    """Return the means of the poles of all runs, each weighing as it is certain."""
+    std = np.where(np.isfinite(runs.frequency_std).any(axis=0), runs.frequency_std, 1.0)
+    return np.average(runs.pole, axis=0, weights=std**-2.0)
+
+
+def _moved(data: Functions, runs: RunPoles, pole: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Move the functions of each run from its own poles to common ones, modal constants kept."""
+    value = data.value.copy()
+    for number, own in zip(runs.run, runs.pole, strict=True):
+        which = data.run == number
+        residue = runs.residue[which]
+        there = response(data, own, residue)
+        here = response(data, pole, residue * (own.imag / pole.imag))
+        value[which] += here - there
+    return value
+
+
+def _carried(fit: Fit, runs: RunPoles) -> NDArray[np.complex128]:
+    """Return where each run has the poles of a fit: those that were followed as far off the fit as they were."""
+    centre = _mean(runs)
+    track = np.tile(fit.pole, (runs.run.size, 1))
+    row, column = linear_sum_assignment(np.abs(fit.pole[:, None] - centre))
+    for r, t in zip(row, column, strict=True):
+        if abs(fit.pole[r] - centre[t]) < -(fit.pole[r].real + centre[t].real):
+            track[:, r] += runs.pole[:, t] - centre[t]
+    return track
