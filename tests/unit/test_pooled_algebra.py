@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from updating.diagnosis.discrepancy import CORRELATION, KINDS, MeasuredShape
+from updating.diagnosis.discrepancy import CORRELATION, KINDS, MeasuredShape, Mixing
 from updating.diagnosis.evidence import Rows
 from updating.diagnosis.residual import Spread
 from updating.pooled.algebra import Block, Strengths, bounded, grams, joined, log_evidence, reduced
@@ -123,7 +123,12 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
     noise = np.array([1e-4, 2e-4, 3e-4, 1e-4])
     shapes = tuple(
         MeasuredShape(
-            row=row, mode=i, shape=np.ones(1), std=np.ones(1), slope=np.zeros((1, 1)), root=np.ones((1, 1))
+            row=row,
+            mode=i,
+            shape=np.ones(1),
+            std=np.ones(1),
+            slope=np.zeros((1, 1)),
+            mixing=Mixing(root=np.ones((1, 1)), steady=np.ones((1, 1))),
         )
         for (_, i), row in rows.shape.items()
     )

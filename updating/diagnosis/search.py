@@ -44,6 +44,7 @@ N_NEAR, N_FIRST_STEPS, N_FOLLOWED, N_FULL_STEPS = 5, 6, 5, 20
 evaluations of a full fit."""
 _STIFF, _LOSSY = ("frequency", "shape"), ("damping",)  # kinds of data in which a form is wrong together
 _FAR_OFF = 0.02  # frequency error of the best single effect, beyond which steps from the base model mislead
+_ASTRAY = 0.2  # frequency error of the base model, beyond which its shapes say nothing of single points
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
 _ELSEWHERE = (
@@ -232,7 +233,7 @@ def _with_asked(
 def _in_order(evidence: Assembled, base: Explanation) -> tuple[Assembled, Explanation, tuple[MixedUp, ...]]:
     """Put points right that were mixed up, and fit the base model again."""
     found: list[MixedUp] = []
-    while len(found) < MOST:
+    while len(found) < MOST and base.residual.frequency_error < _ASTRAY:
         right, mixed_up = put_right(evidence, base.residual)
         if mixed_up is None:
             break
