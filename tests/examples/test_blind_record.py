@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tests.recovery import slipping_study as slipping
-from tests.recovery.other_worlds_study import RECORD, median_fall
+from tests.recovery.other_worlds_study import FIRST_OF_STACKS, RECORD, STACKS_RECORD, median_fall, stack_of
 from tests.recovery.other_worlds_study import figures as figures_elsewhere
 from tests.recovery.other_worlds_study import planned as planned_elsewhere
 from tests.recovery.other_worlds_study import recorded as recorded_elsewhere
@@ -49,6 +49,16 @@ def test_the_table_of_other_worlds_says_what_was_recorded():
     assert lines[start : start + len(found)] == found
     assert f"(median ratio {median_fall(cases):.2f})" in " ".join(text.split())
     assert sorted((c.seed, c.kind) for c in cases) == planned_elsewhere(len(cases))
+
+
+def test_the_table_of_three_stacks_says_what_was_recorded():
+    lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
+    cases = recorded_elsewhere(STACKS_RECORD)
+    start = lines.index(f"| figure | {len(cases)} cases of three stacks | target |") + 2
+    found = [own.row for own in figures_elsewhere(cases)]
+    assert lines[start : start + len(found)] == found
+    assert sorted((c.seed, c.kind) for c in cases) == planned_elsewhere(len(cases), FIRST_OF_STACKS)
+    assert all(c.stack == stack_of(c.seed) for c in cases)
 
 
 def test_the_table_of_slip_says_what_was_recorded():

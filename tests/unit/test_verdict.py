@@ -298,3 +298,13 @@ def test_what_takes_next_to_nothing_off_is_of_no_matter_however_sure(left, state
     given = found(explanation("a", 40.0, left=left, strain=strain), base=base)
     given.evidence.scatter = DiagnosisScatter(frequency=stated)
     assert decide(given).verdict == expected
+
+
+@pytest.mark.parametrize(("strain", "expected"), [(2.0, "unlike anything"), (-10.0, "identified")])
+def test_what_a_hypothesis_about_the_measurement_frees_is_no_merit_of_the_effects_beside_it(strain, expected):
+    """Here ``s`` supposes a gain; with two effects beside it nothing is predicted better."""
+    supposed = explanation("s", 4.0, left_out=(1.0, 1.0, 1.0), strain=2.0, left=20.0, misfit=9000.0)
+    beside = explanation("sab", 60.0, left_out=(1.1, 1.1, 0.5), strain=strain, left=0.5, misfit=10.0)
+    given = found(supposed, beside)
+    given.evidence.hypotheses = {"s": {}}
+    assert decide(given).verdict == expected

@@ -82,52 +82,62 @@ def _shown(found: Search) -> list[Explanation]:
 
 
 def _helps(found: Search, own: Explanation) -> bool:
-    """Tell whether an explanation predicts modes that it has not seen better than the base model, or relieves it.
+    """Tell whether an explanation predicts modes that it has not seen better than without it, or relieves others.
 
     What changes between configurations alone, such as the law of pressure, predicts no mode better: without it, what
-    is known of assembly and torque is strained. Nothing may predict clearly worse.
+    is known of assembly and torque is strained. Nothing may predict clearly worse. Beside a hypothesis about the
+    measurement, the effects must help where that is supposed: what it frees is no merit of theirs.
 
     What no effect has is often met in shapes by two that have nothing to do with it: a side of the stack that is soft,
     by contact lost in a corner and a mass at the shaker. One effect may be seen in shapes alone, several at once
     hardly are.
     """
-    if not (_matters(found, own) or _relieves(found, own)):
+    base = _supposing_alone(found, own)
+    if not (_matters(found, base, own) or _relieves(found, base, own)):
         return False
-    before, after = (left_out(found.evidence, x) for x in (found.base, own))
+    before, after = (left_out(found.evidence, x) for x in (base, own))
     if np.nansum(np.subtract(after.score, before.score)) < -SHOWS:
         return False
     physical = set(own.effects) - set(found.evidence.hypotheses)
-    if len(physical) > 1 and _between(found, found.base) - _between(found, own) <= STRAINED**2:
+    if len(physical) > 1 and _between(found, base) - _between(found, own) <= STRAINED**2:
         kinds: tuple[Kind, ...] = ("frequency", "damping")
     else:
         kinds = KINDS
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
     better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
-    return better or _relieves(found, own)
+    return better or _relieves(found, base, own)
 
 
-def _matters(found: Search, own: Explanation) -> bool:
-    """Tell whether an explanation takes more off what the base model leaves than any model that is right may leave.
+def _supposing_alone(found: Search, own: Explanation) -> Explanation:
+    """Return what is supposed of the measurement in an explanation, without its effects; else the base model."""
+    supposed = set(own.effects) & set(found.evidence.hypotheses)
+    if supposed == set(own.effects):
+        return found.base
+    return next((x for x in found.fitted if set(x.effects) == supposed), found.base)
+
+
+def _matters(found: Search, base: Explanation, own: Explanation) -> bool:
+    """Tell whether an explanation takes more off what is left without it than any model that is right may leave.
 
     What a laboratory states of a discrepancy is no estimate that could fall.
     """
     if found.evidence.scatter.stated:
         return True
-    before, after = (np.array([getattr(x.mean, kind) for kind in KINDS]) for x in (found.base, own))
+    before, after = (np.array([getattr(x.mean, kind) for kind in KINDS]) for x in (base, own))
     usual = np.array([MEDIAN[kind] for kind in KINDS])
     return bool(np.any(before**2 - after**2 > (NEGLIGIBLE * usual) ** 2))
 
 
-def _relieves(found: Search, own: Explanation) -> bool:
+def _relieves(found: Search, base: Explanation, own: Explanation) -> bool:
     """Tell whether an explanation relieves what is known of assembly and torque, or what else is far off.
 
     Of many values that are known, some are off by two deviations in every test.
     """
     held = np.isfinite(found.evidence.prior_std)
-    farthest = np.max(np.abs(found.base.nuisance[held] / found.evidence.prior_std[held]))
-    if farthest > STRAINED and found.base.strain - own.strain > STRAINED**2:
+    farthest = np.max(np.abs(base.nuisance[held] / found.evidence.prior_std[held]))
+    if farthest > STRAINED and base.strain - own.strain > STRAINED**2:
         return True
-    return _between(found, found.base) - _between(found, own) > STRAINED**2
+    return _between(found, base) - _between(found, own) > STRAINED**2
 
 
 def _between(found: Search, own: Explanation) -> float:
