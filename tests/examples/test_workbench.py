@@ -169,9 +169,10 @@ def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
     page.mouse.click(box["x"] + 0.97 * box["width"], box["y"] + 0.03 * box["height"])
     page.wait_for_function(f"document.querySelector('#pair').textContent !== {before!r}")
     assert "Measured mode 1 " in page.locator("#pair").text_content()
-    both = "document.querySelector('#shapes').contentDocument?.querySelector('canvas[data-what=both]')"
-    first = page.wait_for_function(f"{both}?.toDataURL()").json_value()
-    page.wait_for_function(f"({both}?.toDataURL() ?? {first!r}) !== {first!r}")
+    plot = "document.querySelector('#shapes').contentDocument?.querySelector('.plot')"
+    drawn = f"{plot}?.data?.find((t) => t.text)"
+    first = page.wait_for_function(f"{drawn}?.z.join()").json_value()
+    page.wait_for_function(f"({drawn}?.z.join() ?? {first!r}) !== {first!r}")
 
 
 def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder):

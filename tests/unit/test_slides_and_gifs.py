@@ -20,8 +20,8 @@ def alone():
     x = np.linspace(-0.2, 0.2, 4)
     moved = np.outer(x / 0.2, [0.0, 0.0, 1.0])
     return ShapePair(
-        measured_frequency=100.0, model_frequency=np.nan, mac=np.nan, coordinate=np.outer(x, [1.0, 0.0, 0.0]),
-        line=[[0, 1], [1, 2], [2, 3]], measured=moved, model=0.0 * moved,
+        measured_frequency=100.0, model_frequency=np.nan, mac=np.nan, node=[1, 2, 3, 4],
+        coordinate=np.outer(x, [1.0, 0.0, 0.0]), line=[[0, 1], [1, 2], [2, 3]], measured=moved, model=0.0 * moved,
     )  # fmt: skip
 
 

@@ -36,8 +36,10 @@ class ShapePair:
         Natural frequencies, Hz; NaN for a model that there is not.
     mac : float
         Their MAC; NaN likewise.
+    node : (n_point,) int
+        Numbers of the points that were measured.
     coordinate : (n_point, 3) float
-        The points that were measured, m.
+        Where they are, m.
     line : (n_line, 2) int
         Rows of points that trace lines join.
     measured : (n_point, 3) complex
@@ -49,6 +51,7 @@ class ShapePair:
     measured_frequency: float
     model_frequency: float
     mac: float
+    node: NDArray[np.int64]
     coordinate: NDArray[np.float64]
     line: NDArray[np.int64]
     measured: NDArray[np.complex128]
@@ -59,6 +62,7 @@ class ShapePair:
         for name, dtype in (("coordinate", float), ("measured", complex), ("model", float)):
             array = readonly("ShapePair", name, getattr(self, name), (n, 3), dtype)
             object.__setattr__(self, name, array)
+        object.__setattr__(self, "node", readonly("ShapePair", "node", self.node, (n,), np.int64))
         object.__setattr__(self, "line", readonly("ShapePair", "line", self.line, (None, 2), np.int64))
 
     @property
@@ -118,6 +122,7 @@ def _shape_pair(
         measured_frequency=float(measured.frequency[r]),
         model_frequency=frequency,
         mac=likeness,
+        node=geometry.node[seen],
         coordinate=geometry.coordinate[seen],
         line=line,
         measured=moved / largest,
@@ -188,7 +193,7 @@ def _draw(axes: Axes, pair: ShapePair, what: str) -> None:
 
 
 def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Project points (n, 3) without perspective, to the right and upwards, as `shapes.js` does."""
+    """Project points (n, 3) without perspective, to the right and upwards."""
     x, y, z = points.T
     depth = y * np.cos(AZIMUTH) - x * np.sin(AZIMUTH)
     right = x * np.cos(AZIMUTH) + y * np.sin(AZIMUTH)

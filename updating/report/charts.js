@@ -36,14 +36,16 @@
     };
     const own = { gridcolor: line, zerolinecolor: colour("--soft"), linecolor: colour("--soft") };
     for (const key of Object.keys(layout)) if (/^[xy]axis\d*$/.test(key)) out[key] = { ...layout[key], ...own };
-    if (layout.scene) {
-      out.scene = { ...layout.scene };
+    for (const scene of Object.keys(layout).filter((key) => key.startsWith("scene"))) {
+      out[scene] = { ...layout[scene] };
       for (const key of ["xaxis", "yaxis", "zaxis"]) {
-        out.scene[key] = { ...layout.scene[key], ...own, backgroundcolor: "rgba(0,0,0,0)" };
+        out[scene][key] = { ...layout[scene][key], ...own, backgroundcolor: "rgba(0,0,0,0)" };
       }
     }
     return out;
   }
+
+  window.charts = { renderer, themed, colour }; // for the shapes
 
   // A chart with a choice holds numbers of every function, of which one is drawn.
   function drawn(spec, place) {

@@ -200,6 +200,12 @@ class Section:
         mine = tuple(p for p in own if isinstance(p, Picture))
         return mine + tuple(p for part in self.parts for p in part.pictures)
 
+    @property
+    def has_charts(self) -> bool:
+        """Whether anything in it, or in the sections within, is drawn by the page's renderer."""
+        own = any(isinstance(b, Gallery) or (isinstance(b, Picture) and b.chart) for b in self.blocks)
+        return own or any(part.has_charts for part in self.parts)
+
 
 def _column_class(cells: Iterable[str]) -> str:
     words = [cell for cell in cells if cell and not _NUMBER.match(cell)]

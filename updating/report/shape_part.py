@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Stack
+from updating.fitting.shape_faces import faces
 from updating.fitting.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
 from updating.report.part import Gallery, Picture, Section, as_csv, png
 from updating.report.results import Tested
@@ -32,35 +33,34 @@ def gallery(tested: Tested) -> Gallery:
 
 
 def gallery_of(name: str, pairs: Sequence[ShapePair], stack: Stack | None) -> Gallery:
-    """Put shapes into the form that the page's renderer draws.
+    """Put shapes into the form that the page's `shapes.js` draws.
 
-    Its JSON holds points (m), trace lines (rows of points), the box of the stack (m, or null), and for each pair the
-    real and the imaginary part of the measured and the model's displacements in thousandths of the largest.
+    Its JSON holds points (m) with their numbers, trace lines and the triangles between them (rows of points), the box
+    of the stack (m, or null), and for each pair what `shape_numbers` gives.
     """
     data = {
         "point": np.round(pairs[0].coordinate, 5).tolist(),
+        "node": [str(n) for n in pairs[0].node],
         "line": pairs[0].line.tolist(),
+        "face": faces(pairs[0].line).tolist(),
         "box": None if stack is None else [stack.length, stack.width, stack.height],
         "view": [AZIMUTH, ELEVATION],
         "swell": SWELL,
-        "pair": [_numbers(pair) for pair in pairs],
+        "pair": [shape_numbers(pair) for pair in pairs],
     }
     return Gallery(
         shapes=json.dumps(data, separators=(",", ":")),
         title=tuple(_title(k, pair) for k, pair in enumerate(pairs, start=1)),
         paired=tuple(pair.has_model for pair in pairs),
         still=tuple(_still(name, k, pair) for k, pair in enumerate(pairs, start=1)),
-        note="Drag a shape to turn it, or use the arrow keys. "
-        + (
-            "Pale: at rest. "
-            if stack is None
-            else "Wide grey lines are measured, thin blue ones modelled, scaled to fit; pale ones are at rest. "
-        )
+        note="Drag the shape to turn it, or use the arrow keys; a point says its number and how far it moves. "
+        + ("" if stack is None else "The body is measured, red lines are the model, scaled to fit. ")
         + "Only the directions that were measured are drawn.",
     )
 
 
-def _numbers(pair: ShapePair) -> dict[str, Any]:
+def shape_numbers(pair: ShapePair) -> dict[str, Any]:
+    """Return displacements in thousandths of the largest: real and imaginary parts measured, and the model's."""
     return {
         "measured": [_whole(pair.measured.real), _whole(pair.measured.imag)],
         "model": _whole(pair.model) if pair.has_model else None,

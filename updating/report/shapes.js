@@ -1,160 +1,221 @@
-// Mode shapes drawn on 2-D canvases: one renderer for all; only those on the screen are drawn.
+// Mode shapes by plotly: the deformed structure, turnable, one mode at a time; only what is on the screen moves.
 (() => {
   "use strict";
-  const COLOUR = {};
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  function readColours() {
-    const style = getComputedStyle(document.documentElement);
-    for (const name of ["rest", "measured", "model", "soft"]) COLOUR[name] = style.getPropertyValue(`--${name}`).trim();
-  }
-  readColours();
+  if (!window.charts) return; // pictures then stay where shapes would be
   const PERIOD = 1800; // ms
+  const UNIT = 0.507; // share of its height that a unit of a scene takes
+  const AXES = ["x", "y", "z"];
+  const EDGES = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((i) => [1, 2, 4].filter((b) => !(i & b)).map((b) => [i, i | b]));
+  const UP = Math.PI / 2 - 1e-3; // as steep as a turntable goes
+  const VIEWS = { top: [0, UP], side: [0, 0], end: [Math.PI / 2, 0] };
 
   function start(root) {
     const data = JSON.parse(root.querySelector("script").textContent);
-    const size = Math.max(...[0, 1, 2].map((k) => span(data.point.map((p) => p[k]))));
-    const state = {
-      azimuth: data.view[0], elevation: data.view[1], amplitude: 1, phase: 0,
-      playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
-    };
-    const visible = new Set();
-    const canvases = [...root.querySelectorAll("canvas")];
-    let frame = 0, last = 0;
+    const plot = root.querySelector(".plot"), pick = (name) => root.querySelector(`[name=${name}]`);
+    const size = Math.max(...AXES.map((_, k) => span(data.point.map((p) => p[k]))));
+    let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    let visible = false, held = false, phase = 0, last = 0, frame = 0, moving = [], view = data.view, turned = {};
 
-    const drawAll = () => visible.forEach((canvas) => draw(canvas, data, state, size));
-    function tick(now) {
-      frame = 0;
-      if (!state.playing || !visible.size) return;
-      state.phase += (2 * Math.PI * Math.min(now - last, 100)) / PERIOD;
+    // What is drawn of the mode: in each scene the surface, its lines and points, and pale lines at rest.
+    function panels() {
+      const pair = data.pair[+pick("mode").value], what = pair.model ? pick("what").value : "measured";
+      return what === "beside"
+        ? [["measured", pair], ["model", pair]]
+        : [[what, pair]];
+    }
+
+    function traces() {
+      moving = [];
+      const out = [], apart = pick("colour").value === "difference";
+      for (const [place, [what, pair]] of panels().entries()) {
+        const scene = place ? "scene2" : "scene", first = what === "model" ? "model" : "measured";
+        const add = (trace, own) => {
+          if (own) moving.push([out.length, own, pair]);
+          out.push({ scene, showlegend: false, hoverinfo: "skip", ...trace });
+        };
+        add(lines(data.box ? corners(data.box) : data.point, data.box ? EDGES : data.line, "--rest", 2));
+        const colour = apart && pair.model ? difference(pair) : displacement(pair, first);
+        const bar = { title: { text: apart && pair.model ? "difference / largest" : "displacement / largest", side: "bottom", font: { size: 12 } },
+          orientation: "h", thickness: 9, lenmode: "pixels", len: 170, x: 0.01, xanchor: "left", y: 0, yanchor: "bottom", nticks: 4 };
+        const [i, j, k] = [0, 1, 2].map((c) => data.face.map((f) => f[c]));
+        if (data.face.length) {
+          add({ type: "mesh3d", ...columns(data.point), i, j, k, intensity: colour, cmin: 0, colorscale: "Viridis",
+            cmax: apart && pair.model ? Math.max(0.1, ...colour) : 1, showscale: !place, colorbar: bar, flatshading: true,
+            lighting: { ambient: 0.75, diffuse: 0.5, specular: 0.05 } }, { what: first });
+        }
+        add(lines(data.point, data.line, data.face.length ? "--ink" : `--${first}`, 3), { what: first, line: true });
+        if (what === "both") add(lines(data.point, data.line, "--other", 5), { what: "model", line: true });
+        const one = what === "both" ? ["measured", "model"] : [first];
+        add({ type: "scatter3d", mode: pick("numbers").checked ? "markers+text" : "markers", ...columns(data.point),
+          text: data.node, textposition: "top center", hoverinfo: undefined,
+          customdata: data.point.map((_, p) => one.map((own) => `${own} ${displacement(pair, own)[p].toFixed(3)}`).join("<br>")),
+          hovertemplate: "point %{text}<br>%{customdata}<extra></extra>",
+          marker: { size: 3, color: charts.colour("--ink") } }, { what: first });
+      }
+      return out;
+    }
+
+    function lines(points, ends, colour, width) {
+      return { type: "scatter3d", mode: "lines", line: { color: charts.colour(colour), width },
+        ...columns(joined(points, ends)) };
+    }
+
+    // Positions of what moves at this phase, in plotly's terms of an update.
+    function moved() {
+      const swell = (size * data.swell * +pick("amplitude").value) / 1000, update = { x: [], y: [], z: [] };
+      for (const [, own, pair] of moving) {
+        const [re, im] = own.what === "model" ? [pair.model, null] : pair.measured;
+        const c = swell * Math.cos(phase), s = im ? -swell * Math.sin(phase) : 0;
+        const points = data.point.map((p, i) => AXES.map((_, k) => p[k] + c * re[3 * i + k] + (im ? s * im[3 * i + k] : 0)));
+        const set = columns(own.line ? joined(points, data.line) : points);
+        for (const a of AXES) update[a].push(set[a]);
+      }
+      return update;
+    }
+
+    // How a scene is seen: as its user turned it, else from a side, so large that the structure fills it.
+    function seen() {
+      const [azimuth, elevation] = view, own = ratio(ranges());
+      const [cos, sin, up, flat] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)].map(Math.abs);
+      const wide = own.x * cos + own.y * sin, high = own.z * up + (own.y * cos + own.x * sin) * flat;
+      const many = panels().length, over = narrow() ? many : 1; // panels over each other
+      const room = (plot.clientWidth * over * over) / (plot.clientHeight * many);
+      const size = (0.96 / UNIT) * Math.min(room / wide, 1 / high);
+      const aspectratio = Object.fromEntries(AXES.map((a) => [a, size * own[a]]));
+      return { camera: eye(azimuth, elevation), aspectratio, ...turned };
+    }
+
+    const narrow = () => plot.clientWidth < 600;
+
+    function ranges() {
+      const room = 2 * size * data.swell * Math.max(1, +pick("amplitude").value);
+      const points = data.box ? [...data.point, ...corners(data.box)] : data.point;
+      return AXES.map((_, k) => {
+        const own = points.map((p) => p[k]), half = 0.5 * (span(own) + room), middle = Math.max(...own) - 0.5 * span(own);
+        return [middle - half, middle + half];
+      });
+    }
+
+    function layout() {
+      const own = ranges();
+      const scene = { aspectmode: "manual", dragmode: "turntable", ...seen() };
+      for (const [k, a] of AXES.entries()) scene[`${a}axis`] = { range: own[k], visible: false };
+      const out = { height: plot.clientHeight, margin: { l: 0, r: 0, t: 0, b: 0 }, scene };
+      if (panels().length > 1) {
+        const [first, second] = [[0, 0.495], [0.505, 1]];
+        out.scene = { ...scene, domain: narrow() ? { x: [0, 1], y: second } : { x: first, y: [0, 1] } };
+        out.scene2 = { ...scene, domain: narrow() ? { x: [0, 1], y: first } : { x: second, y: [0, 1] } };
+        out.annotations = ["measured", "model"].map((text, k) => ({
+          text, xref: "paper", yref: "paper", showarrow: false,
+          ...(narrow() ? { x: 0.03, xanchor: "left", y: 0.98 - 0.5 * k } : { x: 0.25 + 0.5 * k, y: 0.98 }),
+        }));
+      }
+      return charts.themed(out);
+    }
+
+    let Plotly = null;
+    async function draw() {
+      const first = !Plotly;
+      Plotly ??= await charts.renderer();
+      const drawn = traces(), at = moved();
+      moving.forEach(([place], n) => { for (const a of AXES) drawn[place][a] = at[a][n]; });
+      await Plotly.react(plot, drawn, layout(), { responsive: true, displaylogo: false, scrollZoom: false });
+      if (!first) return;
+      plot.on("plotly_relayout", (change) => {
+        const own = ["scene", "scene2"].filter((name) => `${name}.camera` in change);
+        if (own.length !== 1) return; // not by hand
+        turned = { camera: change[`${own[0]}.camera`] };
+        if (`${own[0]}.aspectratio` in change) turned.aspectratio = change[`${own[0]}.aspectratio`];
+        if (panels().length > 1) look();
+      });
+      plot.addEventListener("pointerdown", () => { held = true; });
+      addEventListener("pointerup", () => { held = false; });
+    }
+
+    function look() {
+      const change = {};
+      for (const name of ["scene", "scene2"].slice(0, panels().length)) {
+        for (const [key, value] of Object.entries(seen())) change[`${name}.${key}`] = value;
+      }
+      Plotly.relayout(plot, change);
+    }
+
+    async function tick(now) {
+      if (!playing || !visible) { frame = 0; return; }
+      phase += (2 * Math.PI * Math.min(now - last, 100)) / PERIOD;
       last = now;
-      drawAll();
+      if (!held) await Plotly.restyle(plot, moved(), moving.map(([place]) => place));
       frame = requestAnimationFrame(tick);
     }
-    function wake() {
-      drawAll();
-      if (state.playing && !frame) { last = performance.now(); frame = requestAnimationFrame(tick); }
+    async function wake() {
+      await draw();
+      if (playing && visible && !frame) { last = performance.now(); frame = requestAnimationFrame(tick); }
     }
 
-    const seen = new IntersectionObserver((entries) => {
-      for (const e of entries) e.isIntersecting ? visible.add(e.target) : visible.delete(e.target);
+    const play = root.querySelector("[data-do=play]"), label = () => { play.textContent = playing ? "Pause" : "Play"; };
+    play.addEventListener("click", () => { playing = !playing; label(); wake(); });
+    for (const button of root.querySelectorAll("[data-view]")) {
+      button.addEventListener("click", () => {
+        view = VIEWS[button.dataset.view] ?? data.view;
+        turned = {};
+        look();
+      });
+    }
+    plot.addEventListener("keydown", (e) => {
+      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[e.key];
+      if (!step) return;
+      e.preventDefault();
+      const { x, y, z } = seen().camera.eye;
+      const up = Math.min(UP, Math.max(-UP, Math.atan2(z, Math.hypot(x, y)) + step[1]));
+      turned = { ...turned, camera: eye(Math.atan2(x, -y) + step[0], up) };
+      look();
+    });
+    root.querySelectorAll("select, input").forEach((own) => own.addEventListener("input", () => { choose(); wake(); }));
+    root.querySelectorAll(".shape").forEach((own, k) => own.querySelector("button")?.addEventListener("click", () => {
+      pick("mode").value = k;
+      choose();
+      wake();
+      plot.scrollIntoView({ block: "nearest" });
+    }));
+    function choose() {
+      const k = +pick("mode").value;
+      root.querySelectorAll(".shape").forEach((own, n) => own.toggleAttribute("data-chosen", n === k));
+      for (const name of ["what", "colour"]) pick(name).disabled = !data.pair[k].model;
+      plot.setAttribute("aria-label", pick("mode").selectedOptions[0].textContent);
+    }
+    addEventListener("message", (e) => { // a workbench sends another pair
+      if (e.source !== parent || !e.data?.pair) return;
+      data.pair[0] = e.data.pair;
       wake();
     });
-    for (const canvas of canvases) { seen.observe(canvas); turnable(canvas, state, data.view, wake); }
-    addEventListener("resize", drawAll);
-    dark.addEventListener("change", () => { readColours(); drawAll(); });
-
-    const play = root.querySelector("[data-do=play]");
-    const label = () => { play.textContent = state.playing ? "Pause" : "Play"; };
-    play.addEventListener("click", () => { state.playing = !state.playing; label(); wake(); });
-    root.querySelector("[data-do=reset]").addEventListener("click", () => view(data.view));
-    root.querySelector("[data-do=top]").addEventListener("click", () => view([0, Math.PI / 2]));
-    root.querySelector("[data-do=side]").addEventListener("click", () => view([0, 0]));
-    root.querySelector("[data-do=end]").addEventListener("click", () => view([Math.PI / 2, 0]));
-    root.querySelector("input").addEventListener("input", (e) => { state.amplitude = +e.target.value; wake(); });
-    function view([azimuth, elevation]) { Object.assign(state, { azimuth, elevation }); wake(); }
+    new IntersectionObserver(([entry]) => { visible = entry.isIntersecting; if (visible) wake(); }, { rootMargin: "100px" })
+      .observe(plot);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (Plotly) draw(); });
     label();
+    choose();
     root.classList.add("live");
   }
 
-  function turnable(canvas, state, home, wake) {
-    canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); });
-    canvas.addEventListener("pointermove", (e) => {
-      if (e.buttons) turn(-e.movementX * 0.01, e.movementY * 0.01);
-    });
-    canvas.addEventListener("dblclick", () => { [state.azimuth, state.elevation] = home; wake(); });
-    canvas.addEventListener("keydown", (e) => {
-      const step = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[e.key];
-      if (step) { e.preventDefault(); turn(...step); }
-    });
-    function turn(a, b) {
-      state.azimuth += a;
-      state.elevation = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, state.elevation + b));
-      wake();
-    }
-  }
-
-  function draw(canvas, data, state, size) {
-    const ratio = window.devicePixelRatio || 1;
-    const width = canvas.clientWidth, height = canvas.clientHeight;
-    if (!width || !height) return;
-    if (canvas.width !== Math.round(width * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
-    const to = projection(data.point, state, size * data.swell * state.amplitude, width, height);
-    const c = canvas.getContext("2d");
-    c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.clearRect(0, 0, width, height);
-    c.lineCap = "round";
-    const pair = data.pair[+canvas.dataset.pair], what = canvas.dataset.what;
-    if (data.box) wire(c, corners(data.box).map(to), EDGES, COLOUR.rest, 1, 0);
-    wire(c, data.point.map(to), data.line, COLOUR.rest, 1, data.line.length ? 1 : 3);
-    const swell = (size * data.swell * state.amplitude) / 1000;
-    const real = swell * Math.cos(state.phase), imaginary = -swell * Math.sin(state.phase);
-    if (what !== "model") {
-      const [re, im] = pair.measured;
-      wire(c, moved((k) => real * re[k] + imaginary * im[k]).map(to), data.line, COLOUR.measured, 3.6, 2.8);
-    }
-    if (what !== "measured" && pair.model) {
-      wire(c, moved((k) => real * pair.model[k]).map(to), data.line, COLOUR.model, 1.3, 1.9);
-    }
-    axes(c, state, width - 30, height - 24);
-    function moved(by) {
-      return data.point.map((p, i) => [p[0] + by(3 * i), p[1] + by(3 * i + 1), p[2] + by(3 * i + 2)]);
-    }
-  }
-
-  // Without perspective: right, up and depth of a point, scaled so that the structure fills the canvas.
-  function turned([x, y, z], { azimuth, elevation }) {
-    const depth = y * Math.cos(azimuth) - x * Math.sin(azimuth);
-    return [
-      x * Math.cos(azimuth) + y * Math.sin(azimuth),
-      z * Math.cos(elevation) + depth * Math.sin(elevation),
-      depth * Math.cos(elevation) - z * Math.sin(elevation),
-    ];
-  }
-
-  function projection(points, state, margin, width, height) {
-    const all = points.map((p) => turned(p, state));
-    const middle = [0, 1].map((k) => centre(all.map((p) => p[k])));
-    const scale = Math.min(...[width - 16, height - 16].map((s, k) => s / (span(all.map((p) => p[k])) + 2 * margin)));
-    const near = centre(all.map((p) => p[2])), deep = span(all.map((p) => p[2])) || 1;
-    return (p) => {
-      const [x, y, depth] = turned(p, state);
-      const front = Math.max(0, Math.min(1, 0.5 - (depth - near) / deep));
-      return [width / 2 + scale * (x - middle[0]), height / 2 - scale * (y - middle[1]), front];
-    };
-  }
-
-  // What is farther away is paler, so that the eye sees which way the shape turns.
-  function wire(c, points, lines, colour, width, radius) {
-    c.strokeStyle = c.fillStyle = colour;
-    c.lineWidth = width;
-    for (const [a, b] of lines) {
-      const [x, y, front] = points[a], [u, v, other] = points[b];
-      c.globalAlpha = 0.45 + 0.275 * (front + other);
-      c.beginPath(); c.moveTo(x, y); c.lineTo(u, v); c.stroke();
-    }
-    c.globalAlpha = 1;
-    if (!radius) return;
-    for (const [x, y] of points) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.fill(); }
-  }
-
-  function axes(c, state, left, low) {
-    c.strokeStyle = c.fillStyle = COLOUR.soft;
-    c.lineWidth = 1;
-    c.font = "10px sans-serif";
-    for (const [k, name] of ["x", "y", "z"].entries()) {
-      const [x, y] = turned([0, 1, 2].map((i) => (i === k ? 16 : 0)), state);
-      c.beginPath(); c.moveTo(left, low); c.lineTo(left + x, low - y); c.stroke();
-      if (Math.hypot(x, y) > 5) c.fillText(name, left + 1.3 * x - 3, low - 1.3 * y + 3);
-    }
-  }
-
-  const EDGES = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((i) => [1, 2, 4].filter((b) => !(i & b)).map((b) => [i, i | b]));
+  const eye = (azimuth, elevation) => ({
+    eye: { x: 2 * Math.sin(azimuth) * Math.cos(elevation), y: -2 * Math.cos(azimuth) * Math.cos(elevation),
+      z: 2 * Math.sin(elevation) },
+    center: { x: 0, y: 0, z: 0 }, up: { x: 0, y: 0, z: 1 }, projection: { type: "orthographic" },
+  });
+  const ratio = (ranges) => {
+    const wide = Math.max(...ranges.map(([a, b]) => b - a));
+    return Object.fromEntries(AXES.map((a, k) => [a, (ranges[k][1] - ranges[k][0]) / wide]));
+  };
+  const displacement = (pair, what) => {
+    const [re, im] = what === "model" ? [pair.model, null] : pair.measured;
+    return length((i) => Math.hypot(re[i], im ? im[i] : 0), re.length / 3);
+  };
+  const difference = (pair) =>
+    length((i) => Math.hypot(pair.measured[0][i] - pair.model[i], pair.measured[1][i]), pair.model.length / 3);
+  const length = (of, n) => Array.from({ length: n }, (_, i) => Math.hypot(of(3 * i), of(3 * i + 1), of(3 * i + 2)) / 1000);
+  const columns = (points) => Object.fromEntries(AXES.map((a, k) => [a, points.map((p) => p[k])]));
+  const joined = (points, ends) => ends.flatMap(([a, b]) => [points[a], points[b], [null, null, null]]);
   const corners = (box) => [0, 1, 2, 3, 4, 5, 6, 7].map((i) => box.map((s, k) => (i & (1 << k) ? s : -s) / 2));
   const span = (v) => Math.max(...v) - Math.min(...v);
-  const centre = (v) => (Math.max(...v) + Math.min(...v)) / 2;
 
   document.querySelectorAll(".gallery").forEach(start);
 })();

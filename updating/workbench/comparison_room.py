@@ -8,13 +8,13 @@ import numpy as np
 
 from updating.correlation.correlation import correlate
 from updating.fitting.fit import Fit
-from updating.fitting.shape_plot import any_pair
+from updating.fitting.shape_plot import ShapePair, any_pair
 from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above
 from updating.report.modes_part import mac_chart
 from updating.report.page import render
 from updating.report.part import Section
 from updating.report.results import Tested
-from updating.report.shape_part import gallery_of
+from updating.report.shape_part import gallery_of, shape_numbers
 from updating.results.text import Z95
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
@@ -23,12 +23,10 @@ TITLE, ICON = "Comparison", "mdi-compare"
 _BEYOND = 3  # model modes above the last that is paired
 
 
-def shapes_page(tested: Tested, fit: Fit, r: int, s: int) -> str:
-    """Return a page on which the measured shape `r` and the model's shape `s` move."""
-    pair = any_pair(tested.measured, fit, r, s)
-    return render(
-        "Shapes", (Section(title="Shapes", blocks=(gallery_of("pair", (pair,), fit.stack),)),), bare=True
-    )
+def shapes_page(fit: Fit, pair: ShapePair) -> str:
+    """Return a page on which a measured and a modelled shape move; others can be sent to it."""
+    shown = gallery_of("pair", (pair,), fit.stack)
+    return render("Shapes", (Section(title="Shapes", blocks=(shown,)),), bare=True)
 
 
 def frequencies_chart(tested: Tested, fit: Fit) -> str:
@@ -75,7 +73,9 @@ def room(server: Any, opened: Opened) -> None:
         columns = fit.modes.frequency[:last]
         state.mac = figure(mac_chart(value, tested.measured.frequency, columns, "model", "measured"))
         state.frequencies = figure(frequencies_chart(tested, fit))
-        show_pair(int(fit.pairing.measured[0]), int(fit.pairing.model[0]))
+        first = int(fit.pairing.measured[0]), int(fit.pairing.model[0])
+        state.shapes = shapes_page(fit, any_pair(tested.measured, fit, *first))
+        say_pair(tested, fit, *first)
 
     @server.controller.set("show_pair")
     def show_pair(r: int, s: int) -> None:
@@ -83,7 +83,10 @@ def room(server: Any, opened: Opened) -> None:
         fit = tested.fit
         if fit is None or not (0 <= r < fit.pairing.mac.shape[0] and 0 <= s < fit.pairing.mac.shape[1]):
             return
-        state.shapes = shapes_page(tested, fit, r, s)
+        server.controller.send_pair({"pair": shape_numbers(any_pair(tested.measured, fit, r, s))})
+        say_pair(tested, fit, r, s)
+
+    def say_pair(tested: Tested, fit: Fit, r: int, s: int) -> None:
         state.pair_text = (
             f"Measured mode {r + 1} at {tested.measured.frequency[r]:.1f} Hz and model mode {s + 1} at "
             f"{fit.modes.frequency[s]:.1f} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
@@ -92,7 +95,11 @@ def room(server: Any, opened: Opened) -> None:
 
 def show(server: Any) -> None:
     """Put the room into the page."""
-    from trame.widgets import html, vuetify3
+    from trame.widgets import client, html, vuetify3
+
+    server.controller.send_pair = client.JSEval(
+        exec="window.document.getElementById('shapes').contentWindow.postMessage($event, '*')"
+    ).exec
 
     def clicked(cell: list[int], _: int) -> None:
         if isinstance(cell, list) and len(cell) == 2:
