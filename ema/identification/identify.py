@@ -157,7 +157,7 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
     )
     notes = (*_unscaled(modal_model), *_without_sensors(modal_model, campaign.sensor_mass))
     kept = replace(kept, notes=(*kept.notes, *notes))
-    identified = _by_reciprocity(kept.frf)
+    identified = kept.frf.by_reciprocity()
     explained = explained_power(identified, modal_model)
     verdicts += (*check_explained(explained, modal_model), *check_references(identified, modal_model))
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)
@@ -204,7 +204,7 @@ def identify_frf(
     IdentificationError
         The band holds too few lines, or no mode stands out of the noise.
     """
-    frf = _by_reciprocity(frf)
+    frf = frf.by_reciprocity()
     _check(frf, name)
     lower, upper = band if band is not None else (frf.frequency[frf.frequency > 0.0][0], frf.frequency[-1])
     band = float(lower), float(upper)
@@ -349,25 +349,6 @@ def _weight(frf: FRF) -> NDArray[np.float64]:
     if frf.coherence is None:
         return np.ones_like(frf.value.real).reshape(shape)
     return coherence_weight(frf.value.reshape(shape), frf.coherence.reshape(shape))
-
-
-def _by_reciprocity(frf: FRF) -> FRF:
-    """Exchange response and force where there are more inputs than outputs."""
-    n_output, n_input, _ = frf.value.shape
-    if n_input <= n_output:
-        return frf
-    return FRF(
-        frequency=frf.frequency,
-        value=frf.value.swapaxes(0, 1),
-        quantity=frf.quantity,
-        output=frf.input,
-        input=frf.output,
-        run=np.zeros(n_input, dtype=int),
-        source=(", ".join(dict.fromkeys(frf.source)),) * n_input,
-        coherence=None if frf.coherence is None else frf.coherence.swapaxes(0, 1),
-        decay_rate=frf.decay_rate,
-        reciprocal=True,
-    )
 
 
 def _check(frf: FRF, name: str) -> None:

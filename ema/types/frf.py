@@ -82,6 +82,24 @@ class FRF:
             coherence=None if self.coherence is None else self.coherence[keep],
         )
 
+    def by_reciprocity(self) -> FRF:
+        """Exchange response and force where there are more inputs than outputs."""
+        n_output, n_input, _ = self.value.shape
+        if n_input <= n_output:
+            return self
+        return FRF(
+            frequency=self.frequency,
+            value=self.value.swapaxes(0, 1),
+            quantity=self.quantity,
+            output=self.input,
+            input=self.output,
+            run=np.zeros(n_input, dtype=int),
+            source=(", ".join(dict.fromkeys(self.source)),) * n_input,
+            coherence=None if self.coherence is None else self.coherence.swapaxes(0, 1),
+            decay_rate=self.decay_rate,
+            reciprocal=True,
+        )
+
     @property
     def sensor(self) -> NDArray[np.int64]:
         """Number of each output among those of its run, from 0: the accelerometer where some rove."""

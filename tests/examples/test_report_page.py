@@ -16,11 +16,12 @@ from PIL import Image
 
 from ema.modal.mac import frac
 from updating.commands.view import window
+from updating.errors import StoreError
 from updating.report import page as page_module
 from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
-from updating.report.page import write_report
+from updating.report.page import titles, write_report
 from updating.report.part import packed
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
@@ -148,8 +149,8 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     text = page.read_text(encoding="utf-8")
     copy = tmp_path / "page.html"
     command = [BROWSER, "--headless", "--enable-unsafe-swiftshader", "--no-first-run",
-               "--disable-background-networking", "--disable-component-update", "--disable-sync", "--window-size=1200,900",
-               "--remote-debugging-port=0",  # else it ends when the page is loaded
+               "--disable-background-networking", "--disable-component-update", "--disable-sync",
+               "--window-size=1200,900", "--remote-debugging-port=0",  # else it ends when the page is loaded
                f"--user-data-dir={tmp_path}/profile", copy.as_uri()]  # fmt: skip
     if os.geteuid() == 0:
         command.append("--no-sandbox")
@@ -191,6 +192,17 @@ def test_the_page_prints_as_a_pdf(page):
     printed = print_pdf(page).read_bytes()
     assert printed.startswith(b"%PDF")
     assert 5 < len(re.findall(rb"/Type\s*/Page\b", printed)) < 30
+
+
+def test_only_the_sections_that_are_asked_for_are_on_the_page(demo, tmp_path, monkeypatch):
+    folder = shutil.copytree(demo[0], tmp_path / "some", ignore=shutil.ignore_patterns("figures", "report.*"))
+    monkeypatch.setattr(page_module, "configuration_section", lambda tested, _: modes_section(tested))
+    text = write_report(folder, only=("answer", "Provenance")).read_text(encoding="utf-8")
+    assert re.findall(r"<h2>(.*?)</h2>", text) == ["Answer", "Provenance"]
+    with pytest.raises(
+        StoreError, match="no section of the report begins with 'shapes'; there are: Answer, In full"
+    ):
+        write_report(folder, only=("shapes",))
 
 
 def test_every_figure_is_a_file_with_its_numbers(page):
@@ -276,6 +288,11 @@ def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
         )
         assert (ink > ground) == (scheme == "dark")
         browser.close()
+
+
+def test_the_titles_that_can_be_chosen_are_those_of_the_page(demo, page):
+    text = page.read_text(encoding="utf-8")
+    assert list(titles(read_results(demo[0]))) == re.findall(r"<h2>(.*?)</h2>", text)
 
 
 def test_the_page_is_small_and_says_what_the_results_say(page):

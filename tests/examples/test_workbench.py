@@ -158,6 +158,29 @@ def test_a_click_on_a_pole_drops_it_and_takes_it_and_the_choice_is_written(page,
 
 
 @pytest.mark.slow
+def test_the_cursor_on_a_pole_shows_its_shape_and_the_band_has_handles(page):
+    enter(page, "Identification")
+    page.wait_for_function("document.querySelectorAll('#poles .v-chip').length > 0")
+    chips = page.locator("#poles .v-chip")
+    at_first, hertz = chips.count(), float(chips.first.text_content().split()[0])
+    plot = "document.querySelector('#pole_shape').contentDocument?.querySelector('.plot')"
+    page.wait_for_function(f"{plot}?.data?.length > 0")
+    page.evaluate(
+        f"""document.querySelector('#stabilization .js-plotly-plot').emit('plotly_hover',
+          {{ points: [{{ x: {hertz}, customdata: 0.5 }}] }})"""
+    )
+    says(page, "#pole-text", f"Shape of the pole at {hertz:.2f} Hz")
+    highest = "document.querySelector('#stabilization .js-plotly-plot').layout.xaxis.range[1]"
+    before = page.evaluate(highest)
+    page.locator("#handles .v-slider-thumb").nth(1).focus()
+    page.keyboard.press("PageDown")
+    page.wait_for_function(f"{highest} < {before}")
+    page.keyboard.press("PageUp")
+    page.wait_for_function(f"Math.abs({highest} - {before}) < 0.01 * {before}")
+    page.wait_for_function(f"document.querySelectorAll('#poles .v-chip').length === {at_first}")
+
+
+@pytest.mark.slow
 def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
     enter(page, "Comparison")
     page.wait_for_selector("#mac .nsewdrag")
@@ -173,6 +196,8 @@ def test_a_click_in_the_mac_matrix_moves_both_shapes(page):
     drawn = f"{plot}?.data?.find((t) => t.text)"
     first = page.wait_for_function(f"{drawn}?.z.join()").json_value()
     page.wait_for_function(f"({drawn}?.z.join() ?? {first!r}) !== {first!r}")
+    page.locator("#locate").click()
+    says(page, "#place-text", "change of stiffness")
 
 
 def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder):
@@ -227,6 +252,7 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
 @pytest.mark.slow
 def test_the_report_is_written(page, folder):
     enter(page, "Report")
+    page.wait_for_function("document.querySelector('#sections').value.includes('Provenance')")
     page.locator("#write-report").click()
     page.wait_for_function(
         "[...document.querySelectorAll('#said')].some((e) => e.textContent.includes('Done.'))"

@@ -3,19 +3,24 @@
 import asyncio
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from ema.campaign.campaign import read_campaign
 from updating.commands.update_file import read_update_file
 from updating.errors import StoreError
+from updating.results.store import write_result
+from updating.workbench.campaign_edit import write_identification
 from updating.workbench.identification_room import toggled
 from updating.workbench.opened import find
 from updating.workbench.run import Command
 from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response, write_specification
 
+DEMO = Path(__file__).parents[2] / "data" / "demo_diagnosis" / "campaign.toml"
 G_F = Knob(name="G_f", unit="Pa/Pa", lower=100.0, upper=10_000.0, start=1280.0, logarithmic=True)
 MASS = Knob(name="clamp_added_mass", unit="kg", lower=-0.5, upper=1.5, start=0.0, logarithmic=False)
 
@@ -98,6 +103,32 @@ def test_a_campaign_without_results_is_made_once_and_nothing_is_refused(tmp_path
     assert made == [(tmp_path / "campaign.toml", tmp_path / "out")]
     with pytest.raises(StoreError, match="nothing to open; give a campaign file"):
         find(tmp_path / "out", None, make)
+
+
+def test_results_are_opened_from_another_folder_than_they_were_made_from(tmp_path, monkeypatch):
+    named, file = Path("own/campaign.toml"), tmp_path / "own" / "campaign.toml"
+    folder = tmp_path / "own" / "out"
+    write_result(folder / "campaign.json", replace(read_campaign(DEMO), path=named), inputs=(), options={})
+    file.write_text("", encoding="utf-8")
+    monkeypatch.chdir("/")
+    assert find(folder, None, lambda *_: None).campaign.samefile(file)
+    file.unlink()
+    with pytest.raises(
+        StoreError, match=r"come from own/campaign.toml, which is not there; open the campaign file"
+    ):
+        find(folder, None, lambda *_: None)
+
+
+def test_band_and_order_are_written_and_all_else_in_the_campaign_file_stays(tmp_path):
+    path = tmp_path / "campaign.toml"
+    text = '# ours\nname = "A"  # a comment\n\n[identification]\nband_Hz = [30, 1100]  # below the third bending\n'
+    path.write_text(text, encoding="utf-8")
+    write_identification(path, (40.0, 900.0), 30)
+    changed = text.replace("[30, 1100]", "[40.0, 900.0]") + "order = 30\n"
+    assert path.read_text(encoding="utf-8") == changed
+    path.write_text("name = ", encoding="utf-8")
+    with pytest.raises(StoreError, match=r"campaign.toml: cannot be read"):
+        write_identification(path, (40.0, 900.0), 30)
 
 
 def test_a_command_says_what_it_does_and_a_stopped_one_ends():

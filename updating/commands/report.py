@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,15 @@ def report(
     gif: Annotated[
         bool, typer.Option("--gif", help="Write every mode shape as a GIF that moves, too.")
     ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="TITLE",
+            help="Only the sections whose titles begin so, such as Answer; may be given several times.",
+            show_default=False,
+        ),
+    ] = None,
     keep: Keep = False,
 ) -> None:
     """Make one self-contained HTML page from the results in a folder.
@@ -37,7 +47,7 @@ def report(
     Every figure is also written to the folder figures there, with its numbers as CSV.
     """
     with OUT.status("drawing"):
-        page = make_report(folder, keep=keep)
+        page = make_report(folder, keep=keep, only=only or ())
     results = read_results(folder, keep=keep)
     for sentence in results.remarks:
         OUT.print(sentence, highlight=False)
@@ -50,7 +60,7 @@ def report(
         OUT.print(f"{len(write_gifs(results))} moving shapes: {folder / 'figures'}")
 
 
-def make_report(folder: Path, *, keep: bool = False) -> Path:
-    """Make the page of a results folder, its configurations in parallel; `keep` as in `write_report`."""
+def make_report(folder: Path, *, keep: bool = False, only: Sequence[str] = ()) -> Path:
+    """Make the page of a results folder, its configurations in parallel; the rest as in `write_report`."""
     with workers(len(list(folder.glob("*/modal_model.json")))) as executor:
-        return write_report(folder, executor, keep=keep)
+        return write_report(folder, executor, keep=keep, only=only)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.types.arrays import readonly
-from ema.types.geometry import Geometry
+from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from updating.correlation.subspace import rotate_onto
 from updating.fitting.fit import Fit
@@ -104,30 +104,49 @@ def _shape_pair(
     other: NDArray[np.float64] | None = None,
 ) -> ShapePair:
     """Return a measured shape beside another (n_dof,) of a frequency and a MAC with it, or alone."""
-    geometry = measured.geometry
-    seen = np.isin(geometry.node, measured.node)
+    dofs = Dofs(node=measured.node, direction=measured.direction)
+    own = lone_shape(measured.geometry, dofs, measured.shape[:, r], float(measured.frequency[r]))
+    if other is None:
+        return own
+    shape = _most_real(measured.shape[:, r])
+    scaled = other * float(other @ shape.real) / float(other @ other)
+    seen = np.isin(measured.geometry.node, measured.node)
+    moved = [
+        point_displacement(measured.geometry, measured.node, measured.direction, value)[seen].real
+        for value in (shape, scaled)
+    ]
+    model = moved[1] / _largest(moved[0])
+    return replace(own, model_frequency=frequency, mac=likeness, model=model)
+
+
+def lone_shape(geometry: Geometry, dofs: Dofs, shape: NDArray[np.complex128], frequency: float) -> ShapePair:
+    """Return a measured shape (n_dof,) of a frequency (Hz) as displacements, without a model."""
+    seen = np.isin(geometry.node, dofs.node)
     row = {int(n): i for i, n in enumerate(geometry.node[seen])}
     line = np.array(
         [(row[int(a)], row[int(b)]) for a, b in geometry.line if int(a) in row and int(b) in row], dtype=int
     ).reshape(-1, 2)
-    shape = measured.shape[:, r]
-    shape = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-    moved = point_displacement(geometry, measured.node, measured.direction, shape)[seen]
-    largest = float(np.max(np.linalg.norm(moved.real, axis=1))) or 1.0
-    model = np.zeros(moved.shape)
-    if other is not None:
-        scaled = other * float(other @ shape.real) / float(other @ other)
-        model = point_displacement(geometry, measured.node, measured.direction, scaled)[seen].real
+    moved = point_displacement(geometry, dofs.node, dofs.direction, _most_real(shape))[seen]
     return ShapePair(
-        measured_frequency=float(measured.frequency[r]),
-        model_frequency=frequency,
-        mac=likeness,
+        measured_frequency=frequency,
+        model_frequency=np.nan,
+        mac=np.nan,
         node=geometry.node[seen],
         coordinate=geometry.coordinate[seen],
         line=line,
-        measured=moved / largest,
-        model=model / largest,
+        measured=moved / _largest(moved.real),
+        model=np.zeros(moved.shape),
     )
+
+
+def _most_real(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Turn a shape so that its real part is largest."""
+    return shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+
+
+def _largest(moved: NDArray[np.float64]) -> float:
+    """Return the largest displacement of a point; 1 where none moves."""
+    return float(np.max(np.linalg.norm(moved, axis=1), initial=0.0)) or 1.0
 
 
 def point_displacement(

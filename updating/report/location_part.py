@@ -50,20 +50,30 @@ def kind_of_answer(diagnosis: Diagnosis | None) -> str | None:
 def location_section(tested: Tested, fit: Fit, shown: str | None = None) -> Section:
     """Show where a fit fails, if there is an error to locate, in one kind of stiffness: by default the likeliest."""
     found = error_map(tested, fit)
+    title, text = f"Where the model of {tested.name} fails", location_text(found)
+    if _size(found) < _NOTHING:
+        return Section(title=title, text=(text,))
     kind = most_likely_kind(found)
-    size = float(np.sqrt(found.total.mean()))
-    title = f"Where the model of {tested.name} fails"
+    return Section(
+        title=title,
+        text=(text, _LIMITS),
+        blocks=(map_picture(tested, fit, found, shown or kind), kind_table(found)),
+    )
+
+
+def location_text(found: ErrorMap) -> str:
+    """Say how much of an error there is, which kind of stiffness is the likeliest, and where."""
+    size = _size(found)
     if size < _NOTHING:
-        text = (
+        return (
             f"Nothing to locate: the shapes and frequencies of {found.frequency.size} modes ask for a change of "
             f"stiffness by {100 * size:.2g} % in the mean, less than the {100 * _NOTHING:g} % that no model meets."
         )
-        return Section(title=title, text=(text,))
-    return Section(
-        title=title,
-        text=(_sentence(found, kind, size), _LIMITS),
-        blocks=(map_picture(tested, fit, found, shown or kind), kind_table(found)),
-    )
+    return _sentence(found, most_likely_kind(found), size)
+
+
+def _size(found: ErrorMap) -> float:
+    return float(np.sqrt(found.total.mean()))
 
 
 def error_map(tested: Tested, fit: Fit) -> ErrorMap:
@@ -218,7 +228,8 @@ def _sentence(found: ErrorMap, kind: str, size: float) -> str:
     )
     if found.contrast[i] < _LOCAL:
         return f"{text} Its error is spread over the stack as the strain energy is; no one place stands out."
-    return (
-        f"{text} Its error is largest between x = {1e3 * low[0]:.0f} and {1e3 * high[0]:.0f} mm, "
-        f"y = {1e3 * low[1]:.0f} and {1e3 * high[1]:.0f} mm, z = {1e3 * low[2]:.0f} and {1e3 * high[2]:.0f} mm."
+    places = (
+        f"{a} = {round(1e3 * lo)} and {round(1e3 * hi)} mm"
+        for a, lo, hi in zip("xyz", low, high, strict=True)
     )
+    return f"{text} Its error is largest between {', '.join(places)}."

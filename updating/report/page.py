@@ -11,6 +11,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
+from updating.errors import StoreError
 from updating.report.answer import answer_section, overview_section
 from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_section
@@ -32,7 +33,9 @@ MOST_TOGETHER = 8
 """Configurations that share one page; it then stays below 15 MB. More have a page each, beside their results."""
 
 
-def write_report(folder: Path, executor: Executor | None = None, *, keep: bool = False) -> Path:
+def write_report(
+    folder: Path, executor: Executor | None = None, *, keep: bool = False, only: Sequence[str] = ()
+) -> Path:
     """Write `report.html` from the results in a folder, and its figures with their data to `figures`.
 
     Parameters
@@ -44,21 +47,33 @@ def write_report(folder: Path, executor: Executor | None = None, *, keep: bool =
 
     keep : bool
         Whether results that were changed, or that come from other files than those beside them, are shown, too.
+    only : sequence of str
+        Titles of the sections that are wanted, in any case, or how they begin; all where there are none.
 
     Raises
     ------
     StoreError
-        The folder holds no result, one that cannot be read, or cannot be written to.
+        The folder holds no result, one that cannot be read, or cannot be written to; or there is no such section.
     """
     results = read_results(folder, keep=keep)
     apart = len(results.tested) > MOST_TOGETHER
     make = partial(_configuration, folder, results.name, apart, kind_of_answer(results.diagnosis))
     made = (map if executor is None else executor.map)(make, results.tested)
-    parts = sections(results, [part for part in made if part is not None])
+    parts = _chosen(sections(results, [part for part in made if part is not None]), only)
     _write_figures(folder, parts)
     page = folder / "report.html"
     write_bytes(page, render(results.name, parts).encode())
     return page
+
+
+def _chosen(parts: tuple[Section, ...], only: Sequence[str]) -> tuple[Section, ...]:
+    """Return the sections whose titles begin with one of the words that are asked for."""
+    for word in only:
+        if not any(part.title.lower().startswith(word.lower()) for part in parts):
+            message = f"no section of the report begins with {word!r}; there are: {', '.join(p.title for p in parts)}"
+            raise StoreError(message)
+    asked = tuple(word.lower() for word in only)
+    return tuple(part for part in parts if not asked or part.title.lower().startswith(asked))
 
 
 def _configuration(folder: Path, name: str, apart: bool, kind: str | None, tested: Tested) -> Section | None:
@@ -106,6 +121,21 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
     if results.ledger or any(tested.fit is not None for tested in results.tested):
         parts.append(parameter_section(results))
     return (*parts, provenance_section(results))
+
+
+def titles(results: Results) -> tuple[str, ...]:
+    """Return the titles of the sections that `sections` makes of a campaign's results, without making them."""
+    found = (
+        ("Answer", True),
+        ("In full", True),
+        ("Error before and after each effect", bool(results.ledger)),
+        ("All configurations", len(results.tested) > 1),
+        *((f"Configuration {tested.name}", True) for tested in results.tested),
+        ("Effect signatures", results.diagnosis is not None),
+        ("Parameters", bool(results.ledger) or any(tested.fit is not None for tested in results.tested)),
+        ("Provenance", True),
+    )
+    return tuple(title for title, there in found if there)
 
 
 def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import numpy as np
 
 from updating.correlation.correlation import correlate
+from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit
-from updating.fitting.shape_plot import ShapePair, any_pair
+from updating.fitting.shape_plot import any_pair
 from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above
+from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart
-from updating.report.page import render
-from updating.report.part import Section
 from updating.report.results import Tested
-from updating.report.shape_part import gallery_of, shape_numbers
+from updating.report.shape_part import shape_numbers
 from updating.results.text import Z95
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
+from updating.workbench.shapes import moving_page, moving_shapes
 
 TITLE, ICON = "Comparison", "mdi-compare"
 _BEYOND = 3  # model modes above the last that is paired
-
-
-def shapes_page(fit: Fit, pair: ShapePair) -> str:
-    """Return a page on which a measured and a modelled shape move; others can be sent to it."""
-    shown = gallery_of("pair", (pair,), fit.stack)
-    return render("Shapes", (Section(title="Shapes", blocks=(shown,)),), bare=True)
 
 
 def frequencies_chart(tested: Tested, fit: Fit) -> str:
@@ -59,12 +55,18 @@ def frequencies_chart(tested: Tested, fit: Fit) -> str:
 def room(server: Any, opened: Opened) -> None:
     """Keep the room's state right."""
     state = server.state
-    state.update({"mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False})
+    state.update(
+        {
+            "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
+            "place": empty(), "place_text": "", "locating": False,
+        }
+    )  # fmt: skip
 
     @state.change("configuration")
     def choose_configuration(configuration: str, **_: Any) -> None:
         tested = opened.tested(configuration)
         fit = tested.fit
+        state.place_text = ""
         state.has_fit = fit is not None and fit.pairing.measured.size > 0
         if fit is None or not state.has_fit:
             return
@@ -74,7 +76,7 @@ def room(server: Any, opened: Opened) -> None:
         state.mac = figure(mac_chart(value, tested.measured.frequency, columns, "model", "measured"))
         state.frequencies = figure(frequencies_chart(tested, fit))
         first = int(fit.pairing.measured[0]), int(fit.pairing.model[0])
-        state.shapes = shapes_page(fit, any_pair(tested.measured, fit, *first))
+        state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.stack)
         say_pair(tested, fit, *first)
 
     @server.controller.set("show_pair")
@@ -92,14 +94,29 @@ def room(server: Any, opened: Opened) -> None:
             f"{fit.modes.frequency[s]:.1f} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
         )
 
+    @server.controller.set("locate")
+    async def locate() -> None:
+        tested = opened.tested(state.configuration)
+        fit = tested.fit
+        if fit is None:
+            return
+        with state:
+            state.locating = True
+        kind, sentence, found = await asyncio.to_thread(_located, tested, fit)
+        with state:
+            state.locating, state.place_text = False, sentence
+            state.place = figure(map_chart(tested, fit, found, kind))
+
+
+def _located(tested: Tested, fit: Fit) -> tuple[str, str, ErrorMap]:
+    """Return in which kind of stiffness a fit fails, what is said of it, and where."""
+    found = error_map(tested, fit)
+    return most_likely_kind(found), location_text(found), found
+
 
 def show(server: Any) -> None:
     """Put the room into the page."""
-    from trame.widgets import client, html, vuetify3
-
-    server.controller.send_pair = client.JSEval(
-        exec="window.document.getElementById('shapes').contentWindow.postMessage($event, '*')"
-    ).exec
+    from trame.widgets import html, vuetify3
 
     def clicked(cell: list[int], _: int) -> None:
         if isinstance(cell, list) and len(cell) == 2:
@@ -113,6 +130,10 @@ def show(server: Any) -> None:
             plot("frequencies", 380)
         with vuetify3.VCol(cols=12, md=6):
             html.P("{{ pair_text }}", classes="text-subtitle-1", id="pair")
-            html.Iframe(
-                srcdoc=("shapes",), style="width: 100%; height: 680px; border: 0", id="shapes", title="Both shapes",
+            server.controller.send_pair = moving_shapes("shapes", 500)
+            vuetify3.VBtn(
+                "Where the model fails", click=server.controller.locate, loading=("locating",), id="locate",
             )  # fmt: skip
+            html.P("{{ place_text }}", classes="text-body-2 mt-2", id="place-text")
+            with html.Div(v_show="place_text"):
+                plot("place", 380)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from typing import Any
 
 from updating.report.answer import explanation_table
@@ -28,7 +29,7 @@ def room(server: Any, opened: Opened) -> None:
     controller.fit = own.fit
     controller.diagnose = own.diagnose
     controller.add_found = own.add_found
-    controller.report = own.report
+    controller.run_command = own.start
     controller.stop = own.command.stop
     own.refresh()
 
@@ -69,14 +70,11 @@ class _Commands:
         """Add the effects that were found."""
         self._run("fit", *(word for name in self.state.found for word in ("--effect", name)))
 
-    def report(self, pdf: bool) -> None:
-        """Write the report."""
-        self._start(["report", str(self.opened.folder), *(["--pdf"] if pdf else [])])
-
     def _run(self, what: str, *further: str) -> None:
-        self._start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
+        self.start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
 
-    def _start(self, words: list[str]) -> None:
+    def start(self, words: Sequence[str]) -> None:
+        """Run `lamella` with some words."""
         self.state.running, self.state.said = words[0], []
         # a task: the page's next message, such as a stop, waits for what this call awaits
         self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._done))

@@ -25,6 +25,10 @@ class Opened:
         """Read what the folder holds now."""
         return read_results(self.folder)
 
+    def stated(self) -> Campaign:
+        """Read the campaign as the results have it."""
+        return read_result(self.folder / "campaign.json", Campaign)
+
     def tested(self, name: str) -> Tested:
         """Read one configuration as it is now."""
         return next(own for own in self.results().tested if own.name == name)
@@ -45,10 +49,10 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
     Raises
     ------
     StoreError
-        There is nothing of this kind.
+        There is nothing of this kind, or the campaign file of the results is not where it was.
     """
     if (path / "campaign.json").exists():
-        return Opened(campaign=read_result(path / "campaign.json", Campaign).path, folder=path)
+        return Opened(campaign=_campaign_of(path), folder=path)
     file = path / _FILE if (path / _FILE).exists() else path
     if not file.is_file():
         message = (
@@ -60,3 +64,17 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
     if not (folder / "campaign.json").exists():
         make(file, folder)
     return Opened(campaign=file, folder=folder)
+
+
+def _campaign_of(folder: Path) -> Path:
+    """Return the campaign file of results, which they name as seen from where the command was started."""
+    named = read_result(folder / "campaign.json", Campaign).path
+    around = [Path(), *folder.absolute().parents]
+    found = next((place / named for place in around if (place / named).is_file()), None)
+    if found is None:
+        message = (
+            f"{folder}: these results come from {named}, which is not there; open the campaign file itself: lamella "
+            f"open CAMPAIGN -o {folder}"
+        )
+        raise StoreError(message)
+    return found

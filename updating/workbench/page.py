@@ -18,12 +18,22 @@ def figure(spec: str) -> dict[str, Any]:
     return made
 
 
-def plot(key: str, height: int, click: Callable[..., Any] | None = None, sends: str = CLICKED) -> Any:
-    """Put a figure, the state `key`, into the page; a click calls `click` with what the expression `sends` gives."""
+def plot(
+    key: str,
+    height: int,
+    click: Callable[..., Any] | None = None,
+    sends: str = CLICKED,
+    hover: Callable[..., Any] | None = None,
+) -> Any:
+    """Put a figure, the state `key`, into the page; a click calls `click` with what the expression `sends` gives.
+
+    `hover` is called likewise with what is under the cursor.
+    """
     from trame.widgets import html, plotly
 
     with html.Div(style=f"height: {height}px; width: 100%; min-width: 0", id=key) as box:
-        others = {} if click is None else {"click": (click, sends)}
+        calls = {"click": click, "hover": hover}
+        others = {name: (call, sends) for name, call in calls.items() if call is not None}
         plotly.Figure(
             state_variable_name=key, display_logo=("false",), responsive=("true",), display_mode_bar=("'hover'",),
             style="height: 100%; width: 100%", **others,
