@@ -10,7 +10,7 @@ import ema
 import model
 import updating
 from ema.types.shown import figure_of, html_of, html_table
-from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.report.notebook import diagnosis_figure, diagnosis_html, fit_figure, fit_html
 
 ROOT = Path(__file__).parents[2]
@@ -94,8 +94,9 @@ def test_a_fit_shows_its_parameters_and_pairs():
 
 
 def ranked(effects, error, left_out):
-    return SimpleNamespace(
-        effects=effects, probability=0.5, frequency_error=error, left_out_error=left_out, parameter=()
+    given = dict.fromkeys(Ranked.__dataclass_fields__, 0.0)
+    return Ranked(
+        **given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()}
     )
 
 

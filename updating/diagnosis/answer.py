@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from ema.types.shown import Shown
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.contact_amplitude import ContactAmplitude
@@ -18,6 +20,11 @@ from updating.diagnosis.sensor_gain import SensorGain
 from updating.fitting.estimate import ParameterEstimate
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
+
+
+Telling = Literal["frequency", "damping"]
+_GAIN = 0.8
+"""Frequency error over that of the base model, above which frequencies hardly gain."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +76,22 @@ class Ranked:
     misfit: float
     n_residual: int
     discrepancy: Sizes
+
+    def error(self, kind: Telling) -> float:
+        """Return the mean relative error of frequencies or of damping ratios."""
+        return self.frequency_error if kind == "frequency" else self.damping_error
+
+    def left_out(self, kind: Telling) -> float:
+        """Return the same where each mode is predicted from all others."""
+        return self.left_out_error if kind == "frequency" else self.left_out_damping_error
+
+
+def telling(base: Ranked, own: Ranked) -> Telling:
+    """Return which errors tell what an explanation is worth: those of damping ratios, where frequencies hardly gain."""
+    if own.frequency_error <= _GAIN * base.frequency_error or not np.isfinite(own.damping_error):
+        return "frequency"
+    gains = own.damping_error * base.frequency_error < own.frequency_error * base.damping_error
+    return "damping" if gains and own.damping_error < base.damping_error else "frequency"
 
 
 @dataclass(frozen=True, kw_only=True)

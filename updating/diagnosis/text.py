@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from model.effects.contact_slip import STRAIN
-from updating.diagnosis.answer import Diagnosis, Ranked
+from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
 from updating.diagnosis.calibration import STRAINED
 from updating.diagnosis.discrepancy import MEDIAN, SPREAD
 from updating.diagnosis.mixed_up import MixedUp
@@ -21,6 +21,7 @@ from updating.results.text import percent, quantity
 _FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are told in a sentence
 _MOST = 0.5  # share of the misfit from which it is most of it
+_ERRORS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 _KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape's length"}
 
 
@@ -131,20 +132,18 @@ def _values(own: Ranked) -> str:
 
 
 def _change(base: Ranked, own: Ranked, start: str) -> str:
-    """Say what the frequency error falls to, also where each mode is predicted from all others."""
+    """Say what the error falls to, also where each mode is predicted from all others."""
+    kind = telling(base, own)
     before, after = percent(base.frequency_error), percent(own.frequency_error)
-    if own.frequency_error < base.frequency_error:
-        text = f"{start} the mean frequency error falls from {before} to {after}"
-        if not np.isfinite([base.left_out_error, own.left_out_error]).all():
-            return f"{text}."
-        before, after = percent(base.left_out_error), percent(own.left_out_error)
-        return f"{text}; where each mode is predicted from all others, it goes from {before} to {after}."
-    stays = f"that of frequencies goes from {before} to {after}"
-    if own.damping_error < base.damping_error:
-        return (
-            f"{start} the mean error of damping ratios falls from {percent(base.damping_error)} to "
-            f"{percent(own.damping_error)}; {stays}."
-        )
+    stays = (
+        f"that of frequencies {f'stays at {after}' if before == after else f'goes from {before} to {after}'}"
+    )
+    if own.error(kind) < base.error(kind):
+        text = f"{start} the mean {_ERRORS[kind]} falls from {percent(base.error(kind))} to {percent(own.error(kind))}"
+        if np.isfinite([base.left_out(kind), own.left_out(kind)]).all():
+            ends = percent(base.left_out(kind)), percent(own.left_out(kind))
+            text += f"; where each mode is predicted from all others, it goes from {ends[0]} to {ends[1]}"
+        return f"{text}." if kind == "frequency" else f"{text}; {stays}."
     length = f"{percent(own.discrepancy.shape)} of their length instead of {percent(base.discrepancy.shape)}"
     predicted = ""
     if np.isfinite([base.left_out_shape_error, own.left_out_shape_error]).all():
@@ -180,12 +179,18 @@ def _way(found: Diagnosis) -> str:
     parts = []
     for before, after in itertools.pairwise(found.steps):
         added = [name for name in after.effects if name not in before.effects]
-        parts.append(
-            f"{named(found, added)} brings it from {percent(before.frequency_error)} to "
-            f"{percent(after.frequency_error)} ({percent(before.left_out_error)} to {percent(after.left_out_error)} "
-            "where each mode is predicted from all others)"
+        kind = telling(before, after)
+        text = (
+            f"{named(found, added)} brings the mean {_ERRORS[kind]} from {percent(before.error(kind))} to "
+            f"{percent(after.error(kind))}"
         )
-    return f"Step by step, of the mean frequency error: {'; '.join(parts)}."
+        if np.isfinite([before.left_out(kind), after.left_out(kind)]).all():
+            text += (
+                f" ({percent(before.left_out(kind))} to {percent(after.left_out(kind))} where each mode is predicted "
+                "from all others)"
+            )
+        parts.append(text)
+    return f"Step by step: {'; '.join(parts)}."
 
 
 def _sizes(found: Diagnosis) -> str:

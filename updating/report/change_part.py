@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model import printed_effects
-from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.answer import Diagnosis, Telling, telling
 from updating.report.chart_part import FITTED, MEASURED, axis, chart, legend_above
 from updating.report.part import Picture, as_csv, svg
 from updating.report.results import Results
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _WIDE = 16  # characters of a line below a bar
 _MOST_MODES = 60  # whose names can be read below a picture
+_KINDS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 _ERRORS = {"error": ("modes that were fitted", FITTED), "left_out": ("modes that were left out", MEASURED)}
 
 
@@ -35,12 +36,15 @@ class Step:
     name : str
         What was added to the one before, in words.
     error, left_out : float
-        Its mean frequency error, eq. (2), of modes that were fitted, and of modes each predicted from all others.
+        Its mean error, as eq. (2), of modes that were fitted, and of modes each predicted from all others.
+    kind : {"frequency", "damping"}
+        Whose errors: all steps of a way have one.
     """
 
     name: str
     error: float
     left_out: float
+    kind: Telling = "frequency"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,13 +75,16 @@ def diagnosis_steps(found: Diagnosis) -> tuple[Step, ...]:
         [found.labels.get(e, e) for e in after.effects if e not in before.effects]
         for before, after in itertools.pairwise(found.steps)
     ]
-    return _steps(added, [(own.frequency_error, own.left_out_error) for own in found.steps])
+    kind = telling(found.steps[0], found.steps[-1])
+    return _steps(added, [(own.error(kind), own.left_out(kind)) for own in found.steps], kind)
 
 
-def _steps(added: Sequence[Sequence[str]], errors: Sequence[tuple[float, float]]) -> tuple[Step, ...]:
+def _steps(
+    added: Sequence[Sequence[str]], errors: Sequence[tuple[float, float]], kind: Telling = "frequency"
+) -> tuple[Step, ...]:
     names = ["base model", *(" and ".join(own) for own in added)]
     return tuple(
-        Step(name=name, error=error, left_out=left_out)
+        Step(name=name, error=error, left_out=left_out, kind=kind)
         for name, (error, left_out) in zip(names, errors, strict=True)
     )
 
@@ -139,13 +146,13 @@ def step_picture(way: Sequence[Step]) -> Picture:
         content=svg(step_figure(way)),
         form="svg",
         data=as_csv(
-            ("step", "frequency error of modes fitted [1]", "of modes left out [1]"),
+            ("step", f"{way[0].kind} error of modes fitted [1]", "of modes left out [1]"),
             ((own.name, own.error, own.left_out) for own in way),
         ),
-        alt="The mean frequency error before and after each step: "
+        alt=f"The mean {_KINDS[way[0].kind]} before and after each step: "
         + "; ".join(f"{own.name} {percent(own.error)}, left out {percent(own.left_out)}" for own in way),
-        caption="Mean frequency error, eq. (2), before and after each effect. Left out: each mode predicted by a fit "
-        "to all others, which an effect that only bends to the data does not lower.",
+        caption=f"Mean {_KINDS[way[0].kind]}, eq. (2), before and after each effect. Left out: each mode predicted by "
+        "a fit to all others, which an effect that only bends to the data does not lower.",
         width="half",
         chart=step_chart(way),
     )
@@ -174,7 +181,7 @@ def step_chart(way: Sequence[Step]) -> str:
     return chart(
         traces,
         {
-            "yaxis": axis("mean frequency error [%]", rangemode="tozero"),
+            "yaxis": axis(f"mean {_KINDS[way[0].kind]} [%]", rangemode="tozero"),
             "xaxis": {"automargin": True, "tickangle": 0},
             "legend": legend_above(),
             "waterfallgap": 0.25,
@@ -211,7 +218,7 @@ def draw_steps(axes: Axes, way: Sequence[Step]) -> None:
                 text, (x, y), (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8
             )
     axes.set_xticks(at, [name.replace("<br>", "\n") for name in _bar_names(way)], fontsize=8)
-    axes.set_ylabel("mean frequency error [%]")
+    axes.set_ylabel(f"mean {_KINDS[way[0].kind]} [%]")
     axes.margins(y=0.12)
     axes.spines[["top", "right"]].set_visible(False)
 

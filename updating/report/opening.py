@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from model import catalogue
-from updating.diagnosis.answer import Diagnosis, Verdict
+from updating.diagnosis.answer import Diagnosis, Verdict, telling
 from updating.diagnosis.text import next_command
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
 from updating.report.part import Opening, Picture, Section
@@ -80,14 +80,15 @@ def headline(found: Diagnosis) -> str:
         more = f"; or one of {len(named) - _TOLD} more" if len(named) > _TOLD else ""
         return f"One of these is missing, and the data cannot tell which: {told}{more}."
     own = found.ranked(found.set[0])
+    kind = telling(base, own)
     fall = (
-        f"with it the mean frequency error falls from {percent(base.frequency_error)} to "
-        f"{percent(own.frequency_error)}"
-        if own.frequency_error < base.frequency_error
+        f"with it the mean {'frequency error' if kind == 'frequency' else 'error of damping ratios'} falls from "
+        f"{percent(base.error(kind))} to {percent(own.error(kind))}"
+        if own.error(kind) < base.error(kind)
         else f"it explains {100.0 * found.explained:.0f} % of the misfit"
     )
-    if np.isfinite([base.left_out_error, own.left_out_error]).all():
-        fall += f", of modes left out from {percent(base.left_out_error)} to {percent(own.left_out_error)}"
+    if np.isfinite([base.left_out(kind), own.left_out(kind)]).all():
+        fall += f", of modes left out from {percent(base.left_out(kind))} to {percent(own.left_out(kind))}"
     if found.verdict == "partly explained":
         return f"A part of what is missing is {named[0]}: {fall}; the rest is unlike it."
     if set(own.effects) <= set(found.measurement):

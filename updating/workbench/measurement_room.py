@@ -70,7 +70,7 @@ def points_chart(tested: Tested, chosen: int) -> str:
     scene = {
         **axes,
         "aspectmode": "data",
-        "camera": {"eye": {"x": -0.95, "y": -2.1, "z": 1.05}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
+        "camera": {"eye": {"x": -1.15, "y": -2.5, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
         "uirevision": "kept",
     }
     return chart(traces, {"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "kept"})
