@@ -1,6 +1,6 @@
-"""The campaign of the demo: a test with lost contact that the layered model simulates, as universal files.
+"""Campaigns that the layered model simulates, as universal files: that of the demo, and one that ends in *one of*.
 
-python -m tests.independent.demo_campaign data/demo_diagnosis
+python -m tests.independent.demo_campaign data/demo_diagnosis data/hidden_effect/open
 """
 
 from __future__ import annotations
@@ -38,8 +38,23 @@ PLAN = Plan(
 )
 """Noise of half a per cent of the force and of each response, sensors of 2 g that rove, and all tolerances."""
 
+OPEN = Plan(
+    seed=31,
+    model_key="layered",
+    kind="single",
+    planted={"contact_loss": {"eta": 0.0024}},
+    band=(150.0, 780.0),
+    force_noise=2e-3,
+    response_noise=2e-3,
+)
+"""A loss in the contact at two torques: what stiffens with frequency does the same to these modes."""
+PLANS = {
+    "demo_diagnosis": (PLAN, "Stack with a hidden effect"),
+    "open": (OPEN, "A loss that two torques cannot name"),
+}
 
-def write_demo(simulated: Simulated, folder: Path) -> None:
+
+def write_demo(simulated: Simulated, folder: Path, name: str) -> None:
     """Write the campaign with its stack, points, FRFs (dataset 58b) and truth."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(simulated.plan.stack, folder / "stack.toml")
@@ -50,7 +65,7 @@ def write_demo(simulated: Simulated, folder: Path) -> None:
             file = folder / configuration.name / f"run_{run + 1:02d}.uff"
             file.unlink(missing_ok=True)
             pyuff.UFF(str(file)).write_sets(_sets(simulated.frequency, functions, run), mode="add")
-    text = campaign_text(simulated, name="Stack with a hidden effect", suffix="uff")
+    text = campaign_text(simulated, name=name, suffix="uff")
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(truth(simulated)), encoding="utf-8")
 
@@ -82,4 +97,6 @@ def _sets(frequency: Array, functions: NDArray[np.complex128], run: int) -> list
 
 
 if __name__ == "__main__":
-    write_demo(simulate(PLAN, Layered()), Path(sys.argv[1]))
+    for place in map(Path, sys.argv[1:]):
+        plan, title = PLANS[place.name]
+        write_demo(simulate(plan, Layered()), place, title)

@@ -16,6 +16,7 @@ from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.sensor_gain import SensorGain
 from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.estimate import ParameterEstimate
+from updating.report.opening import headline
 from updating.results.text import interval_text, percent, quantity
 
 NAN = float("nan")
@@ -194,6 +195,21 @@ def test_what_is_nearly_as_likely_is_named():
     assert text[0].endswith(" Nearly as likely: moving mass at the shaker (stinger_mass).")
 
 
+def test_what_every_explanation_holds_is_said_to_be_missing():
+    text = sentences(diagnosis("one of", INERTIA, BOTH))
+    assert text[0].startswith(
+        "Missing is clamp rotary inertia (clamp_inertia), clamp_roll_inertia = 0.0123 kg m2 (95 %"
+    )
+    assert (
+        "Whether moving mass at the shaker (stinger_mass) is missing as well, the data cannot tell. With the first the "
+        "mean frequency error falls from 20 % to 5.7 %" in text[0]
+    )
+    assert headline(diagnosis("one of", INERTIA, BOTH)) == (
+        "What the model lacks is clamp rotary inertia. Whether it lacks moving mass at the shaker as well, the data "
+        "cannot tell."
+    )
+
+
 def test_each_step_has_its_fall():
     text = sentences(diagnosis("identified", BOTH, steps=(BASE, INERTIA, BOTH)))
     assert text[0].startswith(
@@ -201,8 +217,8 @@ def test_each_step_has_its_fall():
     )
     assert text[1] == (
         "Step by step: clamp rotary inertia (clamp_inertia) brings the mean frequency error from 20 % to 5.7 % (24 % "
-        "to 8.0 % where each mode is predicted from all others); moving mass at the shaker (stinger_mass) brings the mean "
-        "frequency error from 5.7 % to 1.0 % (8.0 % to 2.0 % where each mode is predicted from all others)."
+        "to 8.0 % where each mode is predicted from all others); moving mass at the shaker (stinger_mass) brings the "
+        "mean frequency error from 5.7 % to 1.0 % (8.0 % to 2.0 % where each mode is predicted from all others)."
     )
 
 

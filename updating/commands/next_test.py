@@ -10,7 +10,7 @@ from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.text import second_level_text
 
-EXAMPLE = "lamella next-test data/hidden_effect/a/campaign.toml -o out/a"
+EXAMPLE = "lamella next-test data/hidden_effect/open/campaign.toml -o out/open"
 
 
 def next_test(

@@ -83,6 +83,14 @@ def named(found: Diagnosis, effects: Sequence[str]) -> str:
     return " together with ".join(f"{found.labels.get(e, e)} ({e})" for e in effects) or "the base model"
 
 
+def further_effects(found: Diagnosis) -> tuple[tuple[str, ...], ...]:
+    """Return what further explanations add, where all that are left hold all of the first; else nothing."""
+    first, *others = found.set
+    if not all(set(first) < set(effects) for effects in others):
+        return ()
+    return tuple(tuple(e for e in effects if e not in first) for effects in others)
+
+
 def _verdict(found: Diagnosis) -> str:
     """Write the sentence that a customer needs."""
     base = found.ranked(())
@@ -101,6 +109,12 @@ def _verdict(found: Diagnosis) -> str:
     own, share = found.ranked(found.set[0]), f"{100.0 * found.explained:.0f} %"
     what = named(found, own.effects)
     others = "; or ".join(named(found, effects) for effects in found.set[1 : 1 + _LISTED])
+    if found.verdict == "one of" and (beside := further_effects(found)):
+        also = "; or ".join(named(found, effects) for effects in beside[:_LISTED])
+        return (
+            f"Missing is {what}{_said(own)}. Whether {also} is missing as well, the data cannot tell. "
+            f"{_change(base, own, 'With the first')}"
+        )
     if found.verdict == "one of":
         return (
             f"One of these, and the data cannot tell which: {what}; or {others}{_more(found.set)}. "

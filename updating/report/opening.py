@@ -9,7 +9,7 @@ import numpy as np
 
 from model import catalogue
 from updating.diagnosis.answer import Diagnosis, Verdict, telling
-from updating.diagnosis.text import next_command
+from updating.diagnosis.text import further_effects, next_command
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
 from updating.report.part import Opening, Picture, Section
 from updating.report.results import Results
@@ -75,6 +75,11 @@ def headline(found: Diagnosis) -> str:
             f"{percent(base.frequency_error)} in the mean, and no effect makes it predict better."
         )
     named = [" together with ".join(found.labels.get(e, e) for e in effects) for effects in found.set]
+    if found.verdict == "one of" and (beside := further_effects(found)):
+        also = "; or ".join(
+            " together with ".join(found.labels.get(e, e) for e in own) for own in beside[:_TOLD]
+        )
+        return f"What the model lacks is {named[0]}. Whether it lacks {also} as well, the data cannot tell."
     if found.verdict == "one of":
         told = "; or ".join(named[:_TOLD])
         more = f"; or one of {len(named) - _TOLD} more" if len(named) > _TOLD else ""
