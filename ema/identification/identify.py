@@ -33,7 +33,7 @@ from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.linearity import check_force_levels
 from ema.quality.noise_colour import whitest
-from ema.quality.verdict import Verdict
+from ema.quality.verdict import Verdict, at_points
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs, Geometry, driving_points
@@ -146,6 +146,7 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
     kept = usable(measurement, verdicts)
     levels = read_force_levels(campaign, name)
     verdicts += check_force_levels(measurement, verdicts, levels, options.band)
+    verdicts = at_points(verdicts, measurement.frf.output)
     modal_model = identify_frf(
         kept.frf,
         kept.geometry,
@@ -159,7 +160,8 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
     kept = replace(kept, notes=(*kept.notes, *notes))
     identified = kept.frf.by_reciprocity()
     explained = explained_power(identified, modal_model)
-    verdicts += (*check_explained(explained, modal_model), *check_references(identified, modal_model))
+    further = (*check_explained(explained, modal_model), *check_references(identified, modal_model))
+    verdicts += at_points(further, identified.output)
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)
 
 

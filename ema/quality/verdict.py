@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
+
+from ema.types.geometry import Dofs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +27,9 @@ class Verdict:
         What was found, with its number, and what to do about it.
     force : tuple of int
         Positions of the inputs whose direction is stated the wrong way round; `usable` turns them.
+    point : tuple of int
+        Numbers of the points of those outputs, once `at_points` has looked them up: positions change when channels are
+        left out.
     """
 
     check: str
@@ -32,3 +38,9 @@ class Verdict:
     band: tuple[float, float] | None
     message: str
     force: tuple[int, ...] = ()
+    point: tuple[int, ...] = ()
+
+
+def at_points(verdicts: Sequence[Verdict], output: Dofs) -> tuple[Verdict, ...]:
+    """Return verdicts with the points of the outputs that they are about, whose positions are those in `output`."""
+    return tuple(replace(v, point=tuple(int(output.node[c]) for c in v.channel)) for v in verdicts)

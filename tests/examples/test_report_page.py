@@ -98,6 +98,11 @@ addEventListener("load", async () => {
   chosen.dispatchEvent(new Event("change"));
   await until(() => curve() !== worst);
   tell("chosen", true);
+  const link = document.querySelector("a[data-point]");
+  if (link) {
+    link.click();
+    tell("linked", chosen.selectedOptions[0].textContent.startsWith(`${link.dataset.point}+`));
+  }
   tell("wide", document.documentElement.scrollWidth <= innerWidth);
   const asked = performance.getEntriesByType("resource").map((e) => e.name);
   tell("requests", asked.filter((name) => !name.startsWith("data:") && !name.startsWith("ADDRESS")));

@@ -52,3 +52,17 @@ def test_each_failure_says_which_and_why(campaign):
     assert isinstance(failed["B"].error, IdentificationError)
     assert isinstance(failed["C"].error, CampaignError)
     assert failed["C"].name == "C"
+
+
+def test_a_verdict_names_its_point_though_channels_before_it_are_left_out(tmp_path, campaign):
+    file = tmp_path / "sound.csv"
+    columns = np.loadtxt(file, delimiter=",")
+    columns[:, 3:5] = 0.0  # point 2 is dead
+    columns[:, 9:11] *= -1.0  # point 5 is upside down
+    np.savetxt(file, columns, delimiter=",")
+    found = try_identify(campaign, "A")
+    about = {v.check: v.point for v in found.verdicts if v.level != "pass" and v.point}
+    assert about["dead"] == (2,)
+    assert 2 not in found.modal_model.node
+    about.pop("dead")
+    assert all(5 in point for point in about.values())

@@ -103,6 +103,15 @@
     for (const e of entries) if (e.isIntersecting) { seen.unobserve(e.target); start(e.target); }
   }, { rootMargin: "400px" });
   for (const root of document.querySelectorAll(".chart")) seen.observe(root);
+  for (const link of document.querySelectorAll("a[data-point]")) {
+    link.addEventListener("click", () => { // shows the function of a point where it leads
+      const choice = document.querySelector(`${link.getAttribute("href")} .choice select`);
+      const own = [...(choice?.options ?? [])].find((o) => new RegExp(`^${link.dataset.point}[+-]`).test(o.textContent));
+      if (!own) return;
+      choice.value = own.value;
+      choice.dispatchEvent(new Event("change"));
+    });
+  }
   for (const button of document.querySelectorAll(".command button")) {
     button.addEventListener("click", async () => {
       const text = button.parentElement.querySelector("code").textContent;

@@ -27,7 +27,7 @@ def frf_section(tested: Tested) -> Section:
         f"to {m.correlation.max():.5f}, {np.median(m.correlation):.5f} in the middle.",
     )
     return Section(
-        title=f"FRFs of {tested.name}",
+        title=frf_title(tested),
         text=text,
         blocks=(frf_picture(tested, frf), *stabilization_blocks(tested, frf)),
     )
@@ -70,6 +70,11 @@ def frf_picture(tested: Tested, frf: FRF) -> Picture:
         chart=frf_chart(tested.measured, lines, curves, [o for o, _ in functions]),
         choices=tuple(name for _, name in functions),
     )
+
+
+def frf_title(tested: Tested) -> str:
+    """Return the heading above the functions of a configuration."""
+    return f"FRFs of {tested.name}"
 
 
 def frf_functions(measured: ModalModel, lines: FRF) -> list[tuple[int, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,8 @@ from updating.correlation.point_correlation import correlate_points
 from updating.fitting.fit import Estimate
 from updating.fitting.fit_plot import objective_figure
 from updating.report.chart_part import axis, chart, single
-from updating.report.part import Picture, Section, Table, as_csv, png
+from updating.report.frf_part import frf_title
+from updating.report.part import Picture, Section, Table, anchor, as_csv, png
 from updating.report.results import Tested
 from updating.results.text import Z95, parameter_text, uncertain
 
@@ -100,14 +102,26 @@ def parameter_table(fit: Fit) -> Table:
 
 
 def quality_table(tested: Tested) -> Table:
-    """List what the checks and the reading found, or say that all is in order."""
-    passed = [v.check for v in tested.quality.verdicts if v.level == "pass"]
-    return Table(
+    """List what the checks and the reading found, each with the function it is about, or say that all is in order."""
+    own = tested.quality
+    found = sorted((v for v in own.verdicts if v.level != "pass"), key=lambda v: v.level)  # failures first
+    nodes = tested.measured.node.tolist()
+    points = [*(_function(v.point, nodes) for v in found), *("" for _ in own.notes)]
+    rows = list(zip(points, own.findings, strict=True))
+    table = Table(
         title="Quality of the measurement",
-        header=("finding",),
-        rows=tuple((line,) for line in tested.quality.findings) or (("nothing suspicious",),),
-        note=f"Passed: {', '.join(passed)}.",
+        header=("point", "finding"),
+        rows=tuple(rows) or (("", "nothing suspicious"),),
+        note=f"Passed: {', '.join(v.check for v in own.verdicts if v.level == 'pass')}.",
+        link=tuple(f"#{anchor(frf_title(tested))}" if point else "" for point, _ in rows),
+        chooses=True,
     )
+    return table.without_empty_columns()
+
+
+def _function(point: Sequence[int], measured: Sequence[int]) -> str:
+    """Return the first of some points that has a function in the report."""
+    return next((str(own) for own in point if own in measured), "")
 
 
 def mac_section(tested: Tested) -> Section:

@@ -41,6 +41,8 @@ class Table:
         For each row the address that its first cell leads to, "#anchor" within the page; may be empty.
     folded : bool
         Whether the page shows the title only until it is clicked.
+    chooses : bool
+        Whether first cells are numbers of points, of which a click shows the function where the link leads.
     """
 
     title: str
@@ -49,6 +51,7 @@ class Table:
     note: str = ""
     link: tuple[str, ...] = ()
     folded: bool = False
+    chooses: bool = False
     kind: Literal["table"] = "table"
 
     @property

@@ -26,20 +26,14 @@ def points_chart(tested: Tested, chosen: int) -> str:
 
     The last trace holds the points, in the order of `point_numbers`.
     """
-    geometry, measured = tested.measured.geometry, tested.measured
+    geometry = tested.measured.geometry
     numbers = point_numbers(tested)
     row = {int(n): 1e3 * x for n, x in zip(geometry.node, geometry.coordinate, strict=True)}
     at = np.array([row[n] for n in numbers]).reshape(-1, 3)
     ends = np.array(
         [[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]
     ).reshape(-1, 2, 3)
-    doubtful = {
-        int(measured.node[c])
-        for own in tested.quality.verdicts
-        if own.level != "pass"
-        for c in own.channel
-        if c < measured.node.size
-    }
+    doubtful = {point for own in tested.quality.verdicts if own.level != "pass" for point in own.point}
     wires = [(ends, MEASURED, "lines")]
     if tested.fit is not None:
         wires.append(
@@ -135,13 +129,11 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
 
 def findings(tested: Tested, point: int) -> tuple[list[str], list[str]]:
     """Return what was found about one point, and all else that was found about the measurement."""
-    node = tested.measured.node
     about: list[str] = []
     others: list[str] = []
     for own in tested.quality.verdicts:
         if own.level != "pass":
-            here = any(c < node.size and int(node[c]) == point for c in own.channel)
-            (about if here else others).append(f"{own.check}: {own.message}")
+            (about if point in own.point else others).append(f"{own.check}: {own.message}")
     return about, [*others, *tested.quality.notes]
 
 
