@@ -161,6 +161,7 @@ def step_picture(way: Sequence[Step]) -> Picture:
 def step_chart(way: Sequence[Step]) -> str:
     """Return the steps as a waterfall to be zoomed."""
     names = _bar_names(way)
+    highest = max(own.error if np.isnan(own.left_out) else max(own.error, own.left_out) for own in way)
     traces = []
     for key, (label, color) in _ERRORS.items():
         value = [getattr(own, key) for own in way]
@@ -181,7 +182,7 @@ def step_chart(way: Sequence[Step]) -> str:
     return chart(
         traces,
         {
-            "yaxis": axis(f"mean {_KINDS[way[0].kind]} [%]", rangemode="tozero"),
+            "yaxis": axis(f"mean {_KINDS[way[0].kind]} [%]", range=[0.0, 112.0 * highest]),
             "xaxis": {"automargin": True, "tickangle": 0},
             "legend": legend_above(),
             "waterfallgap": 0.25,

@@ -20,7 +20,7 @@ from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section
 from updating.report.opening import opening_section
 from updating.report.parameter_part import parameter_section
-from updating.report.part import Section, packed
+from updating.report.part import Section, packed, unbroken
 from updating.report.pooled_part import pooled_section
 from updating.report.provenance import provenance_section
 from updating.report.results import Results, Tested, read_results
@@ -168,6 +168,7 @@ def render(title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool =
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["unbroken"] = unbroken
     here = files("updating.report")
 
     def text(name: str) -> str:

@@ -220,6 +220,11 @@ def anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
+def unbroken(text: str) -> str:
+    """Return a text in which no percent sign stands alone on a line."""
+    return text.replace(" %", "\u00a0%")
+
+
 def packed(text: str) -> str:
     """Return a text compressed (gzip) as base64, the same every time; `charts.js` unpacks it."""
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()

@@ -9,6 +9,7 @@ from typing import Any
 from updating.report.answer import explanation_table
 from updating.report.change_part import mode_changes, mode_chart, step_chart, steps
 from updating.report.opening import opening
+from updating.report.part import unbroken
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
 from updating.workbench.run import Command
@@ -44,8 +45,8 @@ class _Commands:
         """Show what the folder holds now."""
         state, results = self.state, self.opened.results()
         first, own = opening(results), results.diagnosis
-        state.badge, state.sentence = first.badge, first.sentence
-        state.sentences = [] if own is None else list(own.sentences)
+        state.badge, state.sentence = first.badge, unbroken(first.sentence)
+        state.sentences = [] if own is None else [unbroken(text) for text in own.sentences]
         state.found = (
             [] if own is None or not own.set else [e for e in own.set[0] if e not in own.measurement]
         )
@@ -133,5 +134,5 @@ def log(controller: Any) -> None:
         vuetify3.VBtn("Stop", click=controller.stop, color="error", size="small", id="stop")
     html.Pre(
         "{{ said.slice(-12).join('\\n') }}", v_if="said.length", classes="text-caption pa-2 mt-2 bg-grey-lighten-4",
-        style="overflow-x: auto", id="said",
+        style="overflow-x: auto; font-family: monospace !important", id="said",
     )  # fmt: skip
