@@ -15,7 +15,7 @@ from updating.commands.update_file import read_update_file
 from updating.errors import StoreError
 from updating.results.store import write_result
 from updating.workbench.campaign_edit import write_identification
-from updating.workbench.identification_room import toggled
+from updating.workbench.identification_charts import toggled
 from updating.workbench.opened import find
 from updating.workbench.run import Command
 from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response, write_specification
