@@ -18,6 +18,7 @@ from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
 
 TITLE, ICON = "Measurement", "mdi-access-point"
+_LONG, _THIN = 2.4, 0.3  # of the longest side as it is drawn, and the least of any: a beam is still seen
 _COLOURS = (FITTED, ACCENT, "#7a62b8", "#d39b45", "#4b9c6b", "#8a919c")
 
 
@@ -60,10 +61,17 @@ def points_chart(tested: Tested, chosen: int) -> str:
             "marker": {"size": [8 if n == chosen else 5 for n in numbers], "color": colour},
         }
     )  # fmt: skip
-    axes = {f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": 5, "showspikes": False} for a in "xyz"}
+    axes = {
+        f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": n, "showspikes": False}
+        for a, n in (("x", 5), ("y", 2), ("z", 2))  # few along the short sides, where numbers would overlap
+    }
+    every = np.concatenate([at, *(own.reshape(-1, 3) for own, _, _ in wires)])
+    span = np.ptp(every, axis=0)
+    ratio = np.maximum(_LONG * span / span.max(), _THIN) if span.max() > 0.0 else np.ones(3)
     scene = {
         **axes,
-        "aspectmode": "data",
+        "aspectmode": "manual",
+        "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
         "camera": {"eye": {"x": -1.15, "y": -2.5, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
         "uirevision": "kept",
     }
