@@ -14,10 +14,10 @@ demo: $(READY)
 
 # Files in the order of their folders: those with few and long tests come before the many short ones, which even out the end.
 test: $(READY)
-	$(BIN)/python -m pytest -n auto --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-all: $(READY)
-	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "not benchmark and not blind" -n auto --dist loadfile --no-loadscope-reorder
 
 # The oldest versions that pyproject.toml allows, and the newest there are, each in an environment of its own. What needs
 # other programs or a browser is left to `make test`. TESTS=tests runs all.
@@ -26,11 +26,11 @@ TESTS ?= tests/unit tests/conformance tests/literature
 test-lowest: out/lowest/bin/uv
 	out/lowest/bin/uv pip install --quiet --python out/lowest/bin/python --resolution lowest-direct \
 		--only-binary :all: --no-binary lamella --editable ".[dev]"
-	out/lowest/bin/python -m pytest $(TESTS) -n auto --dist loadgroup
+	out/lowest/bin/python -m pytest $(TESTS) -n auto --dist loadfile
 
 test-newest: out/newest/bin/uv
 	out/newest/bin/uv pip install --quiet --python out/newest/bin/python --upgrade --editable ".[dev]"
-	out/newest/bin/python -m pytest $(TESTS) -n auto --dist loadgroup
+	out/newest/bin/python -m pytest $(TESTS) -n auto --dist loadfile
 
 out/%/bin/uv:
 	$(PYTHON) -m venv out/$*

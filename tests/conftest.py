@@ -21,14 +21,6 @@ RUBBISH = [b"", b"'", b'"', b"[[", b"\0", b"\xff", b"\n", b"\r\n", b"\xef\xbb\xb
            b" " * 80, b"9" * 5000, b"[" * 3000, b"x = 1\n"]  # fmt: skip
 
 
-@pytest.hookimpl(tryfirst=True)  # before the runner looks for the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let a file run in one process, and those that share the long runs of the demo all in the same."""
-    demo = {item.path for item in items if "demo" in getattr(item, "fixturenames", ())}
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group("demo" if item.path in demo else item.path.stem))
-
-
 def damaged(data: bytes, rng: np.random.Generator) -> bytes:
     """Return a file with one to three faults: of its values, of its lines, or of its bytes."""
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
