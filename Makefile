@@ -42,7 +42,9 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/pictures/scraper.py docs/conf.py
 
+# A build that was stopped leaves an index that the next one stumbles over.
 docs: $(READY)
+	test -f out/docs/searchindex.js || rm -rf out/docs
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -j auto docs out/docs
 
 picture: $(READY)
