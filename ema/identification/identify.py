@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
-from ema.identification.functions import Functions, inside
-from ema.identification.line_weights import coherence_weight
+from ema.identification.band_fit import fit_band
+from ema.identification.functions import inside
 from ema.identification.maximum_likelihood import Fit
 from ema.identification.references import check_references
 from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
-from ema.identification.run_tracking import follow_runs, runs_apart
-from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.shapes import shapes_from_residues
 from ema.identification.stabilization import highest_order, stabilization
 from ema.modal.mac import frac
@@ -214,13 +212,13 @@ def identify_frf(
     if order is None:
         order = highest_order(lines.frequency.size)
     _require_lines(lines, frf, order, band, name)
+    if pole is not None:
+        _require_inside(pole, band, name)
     white = lines.convert(whitest(lines))
-    fit, runs, left = _fitted(white, order, pole, band, name)
-    apart = pole is None and runs_apart(fit, runs, left, band)
-    followed = follow_runs(white, _functions(white), order, band, fit) if apart else None
-    if followed is not None:
-        white = replace(white, value=followed.value.reshape(white.value.shape))
-        fit, runs, left = followed.fit, followed.runs, followed.left
+    found = fit_band(white, order, pole, band)
+    _require_modes(found.fit, white, order, pole, band, name)
+    fit, runs, left = found.fit, found.runs, found.left
+    white = replace(white, value=found.value)
     model = _model(fit, runs, white, lines.quantity, geometry, name, band)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
@@ -238,31 +236,30 @@ def _require_lines(lines: FRF, frf: FRF, order: int, band: tuple[float, float], 
         raise IdentificationError(message)
 
 
-def _fitted(
-    white: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float], name: str
-) -> tuple[Fit, RunPoles, Left]:
-    """Fit the modes that are found or, where poles were chosen by hand, those; refuse a band without any."""
-    if chosen is None:
-        candidates = stabilization(white, order=order).chosen
-        fit, runs, left = select_modes(_functions(white), candidates, band)
-    else:
-        candidates = chosen
-        _require_inside(chosen, band, name)
-        fit, runs, left = fit_chosen(_functions(white), chosen, band)
-    if not inside(fit.pole, band).any():
-        if _modes_of_conjugates(white, order, band):
-            message = (
-                f"{name}: the phase rises through the resonances, as of the complex conjugates of FRFs: the sign of "
-                "the imaginary part or of the phase is wrong. If that is so, write conjugate = true with 'files' and "
-                "'reason' in a [[correction]] of the campaign file"
-            )
-            raise IdentificationError(message)
+def _require_modes(
+    fit: Fit,
+    white: FRF,
+    order: int,
+    chosen: NDArray[np.complex128] | None,
+    band: tuple[float, float],
+    name: str,
+) -> None:
+    """Refuse a band without any mode."""
+    if inside(fit.pole, band).any():
+        return
+    if _modes_of_conjugates(white, order, band):
         message = (
-            f"{name}: none of {candidates.size} stable poles in {band[0]:g}-{band[1]:g} Hz stands out of "
-            "the noise as a mode: check the data, or give another band"
+            f"{name}: the phase rises through the resonances, as of the complex conjugates of FRFs: the sign of "
+            "the imaginary part or of the phase is wrong. If that is so, write conjugate = true with 'files' and "
+            "'reason' in a [[correction]] of the campaign file"
         )
         raise IdentificationError(message)
-    return fit, runs, left
+    n_stable = stabilization(white, order=order).chosen.size if chosen is None else chosen.size
+    message = (
+        f"{name}: none of {n_stable} stable poles in {band[0]:g}-{band[1]:g} Hz stands out of "
+        "the noise as a mode: check the data, or give another band"
+    )
+    raise IdentificationError(message)
 
 
 def _modes_of_conjugates(white: FRF, order: int, band: tuple[float, float]) -> bool:
@@ -271,19 +268,7 @@ def _modes_of_conjugates(white: FRF, order: int, band: tuple[float, float]) -> b
     Noise may leave them no stable pole, too: what their peaks hold is asked for, as of the functions themselves.
     """
     turned = replace(white, value=white.value.conj())
-    fit, _, _ = select_modes(_functions(turned), stabilization(turned, order=order).chosen, band)
-    return bool(inside(fit.pole, band).any())
-
-
-def _functions(frf: FRF) -> Functions:
-    """Lay the functions out as rows."""
-    return Functions(
-        frequency=frf.frequency,
-        value=frf.value.reshape(-1, frf.frequency.size),
-        run=np.repeat(frf.run, frf.input.node.size),
-        quantity=frf.quantity,
-        weight=_weight(frf),
-    )
+    return bool(inside(fit_band(turned, order, None, band).fit.pole, band).any())
 
 
 def _require_inside(pole: NDArray[np.complex128], band: tuple[float, float], name: str) -> None:
@@ -343,14 +328,6 @@ def _unexplained(left: Left, n_input: int) -> tuple[UnexplainedPeak, ...]:
         )
         for peak, reason in left
     )
-
-
-def _weight(frf: FRF) -> NDArray[np.float64]:
-    """Weights ``(n_function, n_frequency)`` of the lines; ones where no coherence was measured."""
-    shape = (-1, frf.frequency.size)
-    if frf.coherence is None:
-        return np.ones_like(frf.value.real).reshape(shape)
-    return coherence_weight(frf.value.reshape(shape), frf.coherence.reshape(shape))
 
 
 def _check(frf: FRF, name: str) -> None:

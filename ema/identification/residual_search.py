@@ -170,8 +170,11 @@ def _objections(
     threshold = float(special.chdtri(2 * n_function + 2, FALSE_ALARM / around.frequency.size))
     verdicts = judge(around.frequency, extended, data.quantity)
     far = gain > FAR_FROM_NOISE * threshold
-    if gain < threshold * inflation(extended.whitened):
-        reason = f"the likelihood rises by {0.5 * gain:.3g} of the {0.5 * threshold:.3g} that noise may bring"
+    correlated = threshold * inflation(extended.whitened)
+    if gain < correlated:
+        reason = (
+            f"the likelihood rises by {0.5 * gain:.3g} of the {0.5 * correlated:.3g} that noise may bring"
+        )
         yield Refusal(reason=reason, listed=far)
     if verdicts.statistic[-1] < verdicts.threshold:
         # Where both the summed power and the likelihood stand out of the noise, each function need not.

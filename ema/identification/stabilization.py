@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.identification.lscf import lscf_poles
+from ema.identification.part_bands import PartBand, part_bands
 from ema.modal.mac import cmif
 from ema.types.arrays import readonly
 from ema.types.frf import FRF
@@ -80,7 +81,7 @@ def highest_order(n_line: int) -> int:
 
 
 def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram:
-    """Compute the poles of all orders and cluster them.
+    """Compute the poles of all orders and cluster them; a band of very many lines is taken in parts (`part_bands`).
 
     Parameters
     ----------
@@ -95,14 +96,37 @@ def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram
     IdentificationError
         Too few lines for the order, or values that are not finite.
     """
-    order = highest_order(frf.frequency.size) if order is None else order
     value = frf.value if frf.value.shape[0] >= frf.value.shape[1] else frf.value.swapaxes(0, 1)
+    parts = [_of_part(frf.frequency, value, part, order) for part in part_bands(value)]
+    first = np.cumsum([0, *(chosen.size for *_, chosen in parts)])
+    orders, poles, clusters, chosen = zip(*parts, strict=True)
+    numbers = [np.where(own >= 0, own + n, own) for own, n in zip(clusters, first, strict=False)]
+    return StabilizationDiagram(
+        order=np.concatenate(orders),
+        pole=np.concatenate(poles),
+        cluster=np.concatenate(numbers),
+        chosen=np.concatenate(chosen),
+        frequency=frf.frequency,
+        indicator=cmif(_scaled(value)),
+    )
+
+
+def _scaled(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return functions of a mean square of 1, those that are zero as they are."""
     rms = np.sqrt(np.mean(np.abs(value) ** 2, axis=-1, keepdims=True))
-    scaled = value / np.where(rms > 0.0, rms, 1.0)
-    lower, upper = frf.frequency[0], frf.frequency[-1]
+    return np.asarray(value / np.where(rms > 0.0, rms, 1.0))
+
+
+def _of_part(
+    frequency: NDArray[np.float64], value: NDArray[np.complex128], part: PartBand, order: int | None
+) -> tuple[NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]:
+    """Return order, pole and cluster of the poles of one part of the band, and the representatives of the clusters."""
+    lines = frequency[part.lines]
+    order = highest_order(lines.size) if order is None else order
+    lower, upper = frequency[part.core.start], frequency[min(part.core.stop, frequency.size - 1)]
     orders: list[NDArray[np.int64]] = []
     poles: list[NDArray[np.complex128]] = []
-    for k, found in enumerate(lscf_poles(frf.frequency, scaled, order), start=1):
+    for k, found in enumerate(lscf_poles(lines, _scaled(value[..., part.lines]), order), start=1):
         hertz = np.abs(found) / (2.0 * np.pi)
         inside = (hertz >= lower) & (hertz <= upper)
         damped = (found.real < 0.0) & (-found.real <= MAX_DAMPING * np.abs(found))
@@ -111,15 +135,7 @@ def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram
         orders.append(np.full(kept.size, k))
     chain = _chain(poles)
     all_orders, all_poles = np.concatenate(orders), np.concatenate(poles)
-    cluster, chosen = _clusters(all_orders, all_poles, chain, order)
-    return StabilizationDiagram(
-        order=all_orders,
-        pole=all_poles,
-        cluster=cluster,
-        chosen=chosen,
-        frequency=frf.frequency,
-        indicator=cmif(scaled),
-    )
+    return all_orders, all_poles, *_clusters(all_orders, all_poles, chain, order)
 
 
 def _chain(poles: list[NDArray[np.complex128]]) -> NDArray[np.int64]:

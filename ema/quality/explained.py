@@ -18,6 +18,7 @@ from ema.types.modal_model import ModalModel, synthesize_runs
 WARN, FAIL = 0.9, 0.7
 """Shares of the power explained below which a set is warned of, and below which its identification has failed."""
 _LISTED = 6
+_MOST_TOLD = 12  # peaks that are told one by one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,7 +123,8 @@ def _whole(explained: ExplainedPower, measured: Quantity) -> Verdict:
 
 
 def _peaks(channel: tuple[str, ...], modal_model: ModalModel) -> Iterator[Verdict]:
-    for peak in modal_model.unexplained:
+    told, further = modal_model.unexplained[:_MOST_TOLD], modal_model.unexplained[_MOST_TOLD:]
+    for peak in told:
         names = _listed([channel[c] for c in peak.channel])
         text = (
             f"the functions show a peak at {peak.frequency:.5g} Hz that no mode was found for, "
@@ -130,6 +132,13 @@ def _peaks(channel: tuple[str, ...], modal_model: ModalModel) -> Iterator[Verdic
         )
         band = (peak.frequency, peak.frequency)
         yield Verdict(check="peak", level="warn", channel=peak.channel, band=band, message=text)
+    if further:
+        band = (min(peak.frequency for peak in further), max(peak.frequency for peak in further))
+        text = (
+            f"{len(further)} further and smaller peaks from {band[0]:.5g} to {band[1]:.5g} Hz that no mode was found "
+            "for; so many are those of noise or of a rattle: give a 'band' that ends before it"
+        )
+        yield Verdict(check="peak", level="warn", channel=(), band=band, message=text)
 
 
 def _listed(names: list[str]) -> str:

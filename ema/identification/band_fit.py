@@ -1,0 +1,196 @@
+"""All modes of a band fitted: at once, run by run where runs differ, and in parts where it has very many lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from ema.identification.functions import Functions, inside
+from ema.identification.line_weights import coherence_weight
+from ema.identification.maximum_likelihood import Fit, linear_fit, refine
+from ema.identification.part_bands import PartBand, part_bands
+from ema.identification.residual_search import Left
+from ema.identification.run_poles import RunPoles, response
+from ema.identification.run_tracking import follow_runs, runs_apart
+from ema.identification.selection import fit_chosen, select_modes
+from ema.identification.stabilization import stabilization
+from ema.types.frf import FRF
+
+STRAYS = 0.5
+"""Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""
+_Values = TypeVar("_Values", NDArray[np.float64], NDArray[np.complex128])
+_OF_MODES = ("variance", "frequency_std", "damping_std", "enlargement", "probability")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BandFit:
+    """The modes of a band.
+
+    Attributes
+    ----------
+    value : (n_output, n_input, n_frequency) complex
+        What was fitted: the functions, those of runs that differ moved to common poles (`run_tracking`).
+    fit : Fit
+        All modes together, those within the band first and ascending in frequency.
+    runs : RunPoles
+        The same poles run by run.
+    left : tuple of (Peak, str)
+        Peaks that stay unexplained.
+    """
+
+    value: NDArray[np.complex128]
+    fit: Fit
+    runs: RunPoles
+    left: Left
+
+
+def fit_band(
+    frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]
+) -> BandFit:
+    """Find and fit the modes of a band, or fit poles that were chosen by hand.
+
+    Parameters
+    ----------
+    frf : FRF
+        Functions of even noise on the lines of the band.
+    order : int
+        Highest model order.
+    chosen : (n_mode,) complex, optional
+        Poles chosen by hand, rad/s; they are found where not given.
+    band : (float, float)
+        Where modes are wanted, Hz.
+    """
+    parts = part_bands(frf.value)
+    if len(parts) == 1:
+        return _fit_at_once(frf, order, chosen, band)
+    ends = [band[0], *(float(frf.frequency[part.core.start]) for part in parts[1:]), band[1]]
+    found: list[BandFit] = []
+    for part, lower, upper in zip(parts, ends[:-1], ends[1:], strict=True):
+        lines = frf.frequency[part.lines]
+        own = None if chosen is None else chosen[_between(chosen, lower, upper)]
+        whole = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
+        found.append(_fit_at_once(frf.band(lines[0], lines[-1]), order, own, whole))
+    return _joined(frf, parts, ends, found)
+
+
+def _fit_at_once(
+    frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]
+) -> BandFit:
+    data = _functions(frf)
+    if chosen is not None:
+        fit, runs, left = fit_chosen(data, chosen, band)
+        return BandFit(value=frf.value, fit=fit, runs=runs, left=left)
+    fit, runs, left = select_modes(data, stabilization(frf, order=order).chosen, band)
+    followed = (
+        follow_runs(frf, data, order, band, fit)
+        if inside(fit.pole, band).any() and runs_apart(fit, runs, left, band)
+        else None
+    )
+    if followed is None:
+        return BandFit(value=frf.value, fit=fit, runs=runs, left=left)
+    value = followed.value.reshape(frf.value.shape)
+    return BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left)
+
+
+def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArray[np.bool_]:
+    hertz = np.abs(pole) / (2.0 * np.pi)
+    return (hertz >= lower) & (hertz < upper)
+
+
+def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: list[BandFit]) -> BandFit:
+    """Put the modes of the parts together: poles and their scatter as each part gives them, residues of all at once.
+
+    Beyond the band are what the first part has below it and the last one above. Lines weigh by the noise of their part.
+    """
+    lower, upper = [0.0, *ends[1:-1]], [*ends[1:-1], np.inf]
+    kept = [
+        np.flatnonzero(_between(own.fit.pole, a, b)) for own, a, b in zip(found, lower, upper, strict=True)
+    ]
+    pole = np.concatenate([own.fit.pole[r] for own, r in zip(found, kept, strict=True)])
+    rank = np.lexsort((np.abs(pole), ~inside(pole, (ends[0], ends[-1]))))
+    pairs = (2 * rank[:, None] + np.arange(2)).reshape(-1)
+    value = _cores(parts, [own.value for own in found])
+    weight = _cores(parts, [own.fit.weight / own.fit.noise[:, None] ** 2 for own in found])
+    weight /= np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
+    data = _functions(replace(frf, value=value))
+    fit = linear_fit(data.frequency, data.value, pole, data.quantity, weight)
+    owner = np.repeat(np.arange(len(parts)), [r.size for r in kept])
+    pole, covariance = _beside_others(data, fit, parts, owner)
+    fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight)
+
+    def of_runs(name: str) -> NDArray[np.float64]:
+        columns = [getattr(own.runs, name)[..., r] for own, r in zip(found, kept, strict=True)]
+        return np.concatenate(columns, axis=-1)[..., rank]
+
+    return BandFit(
+        value=value,
+        fit=replace(fit, pole_covariance=covariance[np.ix_(pairs, pairs)]),
+        runs=RunPoles(
+            run=found[0].runs.run,
+            pole=np.asarray(of_runs("pole"), dtype=complex),
+            residue=np.asarray(of_runs("residue"), dtype=complex),
+            followed=any(own.runs.followed for own in found),
+            **{name: of_runs(name) for name in _OF_MODES},
+        ),
+        left=tuple(
+            (peak, reason)
+            for own, a, b in zip(found, lower, upper, strict=True)
+            for peak, reason in own.left
+            if a <= peak.frequency < b
+        ),
+    )
+
+
+def _cores(parts: tuple[PartBand, ...], of_lines: list[_Values]) -> _Values:
+    """Put together what was found on the lines of each part, without the overlaps."""
+    own = (
+        values[..., part.core.start - part.lines.start : part.core.stop - part.lines.start]
+        for part, values in zip(parts, of_lines, strict=True)
+    )
+    return np.concatenate(list(own), axis=-1)
+
+
+def _beside_others(
+    data: Functions, fit: Fit, parts: tuple[PartBand, ...], owner: NDArray[np.int64]
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Refine the poles of each part once more, on its lines less what the modes of the other parts answer there.
+
+    In the fit of one part alone its residual terms stand for those modes, which moves poles by a standard deviation.
+    """
+    pole = fit.pole.copy()
+    covariance = []
+    for k, part in enumerate(parts):
+        own = owner == k
+        lines = replace(data, frequency=data.frequency[part.lines], value=data.value[:, part.lines])
+        rest = lines.value - response(lines, fit.pole[~own], fit.residue[:, ~own])
+        weight = fit.weight[:, part.lines]
+        weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
+        refined = refine(lines.frequency, rest, fit.pole[own], data.quantity, weight)
+        if np.any(np.abs(refined.pole - fit.pole[own]) > -STRAYS * fit.pole[own].real):
+            refined = linear_fit(lines.frequency, rest, fit.pole[own], data.quantity, weight)
+        pole[own] = refined.pole
+        covariance.append(refined.pole_covariance)
+    return pole, scipy.linalg.block_diag(*covariance)
+
+
+def _functions(frf: FRF) -> Functions:
+    """Lay the functions out as rows."""
+    return Functions(
+        frequency=frf.frequency,
+        value=frf.value.reshape(-1, frf.frequency.size),
+        run=np.repeat(frf.run, frf.input.node.size),
+        quantity=frf.quantity,
+        weight=_weight(frf),
+    )
+
+
+def _weight(frf: FRF) -> NDArray[np.float64]:
+    """Weights ``(n_function, n_frequency)`` of the lines; ones where no coherence was measured."""
+    shape = (-1, frf.frequency.size)
+    if frf.coherence is None:
+        return np.ones_like(frf.value.real).reshape(shape)
+    return coherence_weight(frf.value.reshape(shape), frf.coherence.reshape(shape))
