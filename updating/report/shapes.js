@@ -3,6 +3,7 @@
   "use strict";
   if (!window.charts) return; // pictures then stay where shapes would be
   const PERIOD = 1800; // ms
+  const REST = 20_000; // ms after which what nobody touches rests, so that an open page leaves the processor alone
   const UNIT = 0.507; // share of its height that a unit of a scene takes
   const AXES = ["x", "y", "z"];
   const EDGES = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((i) => [1, 2, 4].filter((b) => !(i & b)).map((b) => [i, i | b]));
@@ -14,7 +15,7 @@
     const plot = root.querySelector(".plot"), pick = (name) => root.querySelector(`[name=${name}]`);
     const size = Math.max(...AXES.map((_, k) => span(data.point.map((p) => p[k]))));
     let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
-    let visible = false, held = false, phase = 0, last = 0, frame = 0, moving = [], view = data.view, turned = {};
+    let visible = false, held = false, phase = 0, last = 0, frame = 0, until = 0, moving = [], view = data.view, turned = {};
 
     // What is drawn of the mode: in each scene the surface, its lines and points, and pale lines at rest.
     function panels() {
@@ -141,19 +142,25 @@
     }
 
     async function tick(now) {
-      if (!playing || !visible) { frame = 0; return; }
+      if (!playing || !visible || now > until) { frame = 0; label(); return; }
       phase += (2 * Math.PI * Math.min(now - last, 100)) / PERIOD;
       last = now;
       if (!held) await Plotly.restyle(plot, moved(), moving.map(([place]) => place));
       frame = requestAnimationFrame(tick);
     }
+    function stir() {
+      last = performance.now();
+      until = last + REST;
+      if (playing && visible && !frame) { frame = requestAnimationFrame(tick); label(); }
+    }
     async function wake() {
       await draw();
-      if (playing && visible && !frame) { last = performance.now(); frame = requestAnimationFrame(tick); }
+      stir();
     }
 
-    const play = root.querySelector("[data-do=play]"), label = () => { play.textContent = playing ? "Pause" : "Play"; };
-    play.addEventListener("click", () => { playing = !playing; label(); wake(); });
+    const play = root.querySelector("[data-do=play]"), label = () => { play.textContent = frame ? "Pause" : "Play"; };
+    play.addEventListener("click", () => { playing = !frame; stir(); });
+    plot.addEventListener("pointermove", () => { if (playing) stir(); });
     for (const button of root.querySelectorAll("[data-view]")) {
       button.addEventListener("click", () => {
         view = VIEWS[button.dataset.view] ?? data.view;
