@@ -201,7 +201,9 @@ def test_the_page_prints_as_a_pdf(page):
 
 def test_only_the_sections_that_are_asked_for_are_on_the_page(demo, tmp_path, monkeypatch):
     folder = shutil.copytree(demo[0], tmp_path / "some", ignore=shutil.ignore_patterns("figures", "report.*"))
-    monkeypatch.setattr(page_module, "configuration_section", lambda tested, _: modes_section(tested))
+    monkeypatch.setattr(
+        page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added)
+    )
     text = write_report(folder, only=("answer", "Provenance")).read_text(encoding="utf-8")
     assert re.findall(r"<h2>(.*?)</h2>", text) == ["Answer", "Provenance"]
     with pytest.raises(
@@ -338,7 +340,9 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
     shutil.copytree(demo[0], tmp_path / "many", ignore=shutil.ignore_patterns("figures", "report.*"))
     monkeypatch.setattr(page_module, "MOST_TOGETHER", 1)
     # without the figures, to be quick
-    monkeypatch.setattr(page_module, "configuration_section", lambda tested, _: modes_section(tested))
+    monkeypatch.setattr(
+        page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added)
+    )
     front = write_report(tmp_path / "many")
     text = front.read_text(encoding="utf-8")
     assert "Modes of M1" not in text

@@ -1,6 +1,7 @@
 """The demo: on a test that an independent model simulated, what was planted is found and the error falls."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,19 @@ def test_it_is_told_in_four_steps_with_a_report(told):
     for step in ("1. Identify: 9 at M1 and 6 at M2", "2. Fit G_f", "3. Diagnose: Identified", "4. Add it"):
         assert step in text
     assert (folder / "report.html").stat().st_size > 10_000
+
+
+def test_the_table_of_each_configuration_shows_the_error_with_what_was_added(told):
+    found = read_result(told[1] / "diagnosis.json", Diagnosis)
+    text = (told[1] / "report.html").read_text(encoding="utf-8")
+    tables = re.findall(r"<h4>Modes, measured and modelled</h4>(.*?)</table>", text, re.DOTALL)
+    shown = [
+        float(cell)
+        for table in tables
+        for cell in re.findall(r'data-of="with what was added \[%\]"[^>]*>([^<]*)<', table)
+    ]
+    assert len(tables) == 2
+    np.testing.assert_allclose(shown, [100.0 * own.explained for own in found.errors], atol=0.0051)
 
 
 def test_the_fit_with_the_effect_has_the_numbers_of_the_diagnosis(told):

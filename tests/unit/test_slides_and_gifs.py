@@ -54,6 +54,7 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
         ("steps", lambda _: ()),
         ("mode_changes", lambda _: ()),
         ("identified_table", lambda _: table),
+        ("errors_with_additions", lambda _: {}),
         ("shape_section", lambda _: Section(title="Shapes", blocks=shapes)),
     ):
         monkeypatch.setattr(slides, name, made)

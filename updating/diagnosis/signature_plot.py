@@ -34,7 +34,7 @@ def signature_pattern_figure(
     Parameters
     ----------
     group, label : sequence of str
-        Configuration and name of each mode; modes of one configuration stand together.
+        Configuration of each mode, and its frequency in Hz as text; modes of one configuration stand together.
     lacking, std : (n_mode,) array_like
         Measured less modelled frequency over the measured one, as a ratio, and its standard deviation.
     signature : mapping of str to sequence of float
@@ -67,8 +67,8 @@ def signature_pattern_figure(
                 label=effect,
             )
         axes.axhline(0.0, color="0.3", linewidth=0.8)
-        axes.set_xticks(at, [label[k] for k in inside])
-        axes.set_xlabel(f"mode of {name}")
+        axes.set_xticks(at, [label[k] for k in inside], rotation=60, fontsize=8)
+        axes.set_xlabel(f"mode of {name} [Hz]")
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("change of frequency [%]")
     handles, labels = panels[0].get_legend_handles_labels()

@@ -110,6 +110,15 @@ def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
     )
 
 
+def errors_with_additions(results: Results) -> dict[str, dict[int, float]]:
+    """Return, by configuration and number of the mode, the relative frequency errors with what was added, if it was."""
+    found: dict[str, dict[int, float]] = {}
+    for own in mode_changes(results):
+        if np.isfinite(own.after):
+            found.setdefault(own.configuration, {})[own.mode] = own.after
+    return found
+
+
 def _updated(results: Results) -> Iterator[ModeChange]:
     for own in () if results.updated is None else results.updated.fit.configuration:
         for r in np.flatnonzero(own.used):

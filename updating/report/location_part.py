@@ -203,13 +203,13 @@ def kind_table(found: ErrorMap) -> Table:
             (
                 kind,
                 f"{100 * found.explained[i]:.0f}",
-                f"{100 * found.change[i]:+.3g}",
+                f"{100 * found.change[i]:+.3g}" if abs(found.change[i]) <= 1.0 else "more than 100",
                 "" if kind == "mass" else f"{found.contrast[i]:.2f}",
             )
             for i, kind in enumerate(KINDS)
         ),
-        note="Shares overlap: less stiffness and more mass look alike. A change far beyond 100 % cannot be. Contrast: "
-        "0 where the error is spread as the strain energy, towards 1 where it sits in one place.",
+        note="Shares overlap: less stiffness and more mass look alike. A change of more than 100 % cannot be. "
+        "Contrast: 0 where the error is spread as the strain energy, towards 1 where it sits in one place.",
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 _SHADES = 128  # of the scale of MAC
 
 
-def modes_section(tested: Tested) -> Section:
-    """Show the table of modes, the fitted parameters, and what the checks found."""
+def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
+    """Show the table of modes, the fitted parameters, and what the checks found.
+
+    `added` holds of each mode, by its number from 1, the relative frequency error with what was added to the model.
+    """
     if tested.fit is None:
         blocks: tuple[Table, ...] = (identified_table(tested), quality_table(tested))
     else:
-        blocks = (pair_table(tested, tested.fit), parameter_table(tested.fit), quality_table(tested))
+        blocks = (pair_table(tested, tested.fit, added), parameter_table(tested.fit), quality_table(tested))
     return Section(title=f"Modes of {tested.name}", blocks=blocks)
 
 
@@ -51,8 +54,11 @@ def identified_table(tested: Tested) -> Table:
     )
 
 
-def pair_table(tested: Tested, fit: Fit) -> Table:
-    """List paired modes: frequency and damping measured and modelled, their differences, and MAC."""
+def pair_table(tested: Tested, fit: Fit, added: Mapping[int, float]) -> Table:
+    """List paired modes: frequency and damping measured and modelled, their differences, and MAC.
+
+    Where something was added to the model, its errors stand beside those of the base model.
+    """
     measured = tested.measured
     c = correlate(measured, fit.modes, fit.pairing)
     used = fit.pairing.measured
@@ -65,24 +71,30 @@ def pair_table(tested: Tested, fit: Fit) -> Table:
         note += (
             f" Measured modes without a partner above MAC {fit.pairing.threshold:g}: {', '.join(left_over)}."
         )
+    if added:
+        note += " With what was added: the error of the model that the answer comes to, with one G_f for all torques."
+    after = [f"{round(100.0 * added[m + 1], 2) + 0.0:+.2f}" if m + 1 in added else "" for m in used]
     columns = zip(
         used, c.measured_frequency, Z95 * measured.frequency_std[used], c.model_frequency, 100 * c.frequency_error,
-        100 * c.measured_damping, 100 * Z95 * measured.damping_std[used], 100 * c.model_damping, c.mac, strict=True,
+        after, 100 * c.measured_damping, 100 * Z95 * measured.damping_std[used], 100 * c.model_damping, c.mac,
+        strict=True,
     )  # fmt: skip
-    return Table(
+    table = Table(
         title="Modes, measured and modelled",
         header=(
-            "mode", "f measured [Hz]", "f model [Hz]", "error [%]", "damping measured [%]", "damping model [%]", "MAC",
+            "mode", "f measured [Hz]", "f model [Hz]", "error [%]", "with what was added [%]", "damping measured [%]",
+            "damping model [%]", "MAC",
         ),
         rows=tuple(
             (
-                str(m + 1), uncertain(f, fs), f"{g:.2f}", f"{round(e, 2) + 0.0:+.2f}",
+                str(m + 1), uncertain(f, fs), f"{g:.2f}", f"{round(e, 2) + 0.0:+.2f}", with_it,
                 uncertain(x, xs), f"{y:.3g}", f"{a:.3f}",
             )
-            for m, f, fs, g, e, x, xs, y, a in columns
+            for m, f, fs, g, e, with_it, x, xs, y, a in columns
         ),
         note=note,
     )  # fmt: skip
+    return table.without_empty_columns()
 
 
 def parameter_table(fit: Fit) -> Table:

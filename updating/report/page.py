@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from importlib.metadata import version
@@ -13,6 +13,7 @@ from jinja2 import Environment, StrictUndefined
 
 from updating.errors import StoreError
 from updating.report.answer import answer_section, overview_section
+from updating.report.change_part import errors_with_additions
 from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_section
 from updating.report.ledger_part import ledger_section
@@ -57,7 +58,8 @@ def write_report(
     """
     results = read_results(folder, keep=keep)
     apart = len(results.tested) > MOST_TOGETHER
-    make = partial(_configuration, folder, results.name, apart, kind_of_answer(results.diagnosis))
+    kind, added = kind_of_answer(results.diagnosis), errors_with_additions(results)
+    make = partial(_configuration, folder, results.name, apart, kind, added)
     made = (map if executor is None else executor.map)(make, results.tested)
     parts = _chosen(sections(results, [part for part in made if part is not None]), only)
     _write_figures(folder, parts)
@@ -76,9 +78,16 @@ def _chosen(parts: tuple[Section, ...], only: Sequence[str]) -> tuple[Section, .
     return tuple(part for part in parts if not asked or part.title.lower().startswith(asked))
 
 
-def _configuration(folder: Path, name: str, apart: bool, kind: str | None, tested: Tested) -> Section | None:
+def _configuration(
+    folder: Path,
+    name: str,
+    apart: bool,
+    kind: str | None,
+    added: Mapping[str, Mapping[int, float]],
+    tested: Tested,
+) -> Section | None:
     """Make the section of a configuration, or, where they are apart, the page with it."""
-    part = configuration_section(tested, kind)
+    part = configuration_section(tested, kind, added.get(tested.name, {}))
     if not apart:
         return part
     _write_figures(folder, (part,))
@@ -105,7 +114,8 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
     if results.pooled is not None:
         return (pooled_section(results.pooled), provenance_section(results))
     if own is None:
-        own = [configuration_section(tested, kind_of_answer(results.diagnosis)) for tested in results.tested]
+        kind, added = kind_of_answer(results.diagnosis), errors_with_additions(results)
+        own = [configuration_section(each, kind, added.get(each.name, {})) for each in results.tested]
     parts = [opening_section(results, own), answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
@@ -145,9 +155,12 @@ def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:
         write_bytes(path.with_name(f"{path.name}.csv"), picture.data.encode())
 
 
-def configuration_section(tested: Tested, kind: str | None) -> Section:
-    """Show everything about one configuration, and where the model fails in one kind of stiffness."""
-    parts = [modes_section(tested), mac_section(tested), frf_section(tested), shape_section(tested)]
+def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, float]) -> Section:
+    """Show everything about one configuration, and where the model fails in one kind of stiffness.
+
+    `added` holds the frequency errors of its modes with what was added to the model (`errors_with_additions`).
+    """
+    parts = [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]
     if tested.fit is not None and tested.fit.pairing.measured.size:
         parts.append(location_section(tested, tested.fit, kind))
     stated = [

@@ -37,7 +37,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
         drawn = {textwrap.fill(_printed(diagnosis, e), 34): change for e, change in signatures.items()}
         figure = signature_pattern_figure(
             [e.configuration for e in errors],
-            [f"{e.frequency:.0f} Hz" for e in errors],
+            [f"{e.frequency:.0f}" for e in errors],
             [-e.base for e in errors],
             [e.std / e.frequency for e in errors],
             drawn,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from updating.fitting.fit_plot import as_png
-from updating.report.change_part import mode_changes, mode_figure, step_figure, steps
+from updating.report.change_part import errors_with_additions, mode_changes, mode_figure, step_figure, steps
 from updating.report.modes_part import identified_table, pair_table
 from updating.report.opening import opening
 from updating.report.part import Picture, Table
@@ -45,8 +45,9 @@ def write_slides(results: Results) -> Path:
         _picture(first, as_png(_sized(step_figure(way))), 2.6, _HIGH - 3.0)
     if modes:
         _picture(_slide(show, "Frequency error of every mode"), as_png(mode_figure(modes)), _TOP, _HIGH - 2.0)
+    added = errors_with_additions(results)
     for tested in results.tested:
-        _configuration(show, tested)
+        _configuration(show, tested, added.get(tested.name, {}))
     buffer = io.BytesIO()
     show.save(buffer)
     path = results.folder / "report.pptx"
@@ -59,8 +60,8 @@ def _sized(figure: Figure) -> Figure:
     return figure
 
 
-def _configuration(show: Any, tested: Tested) -> None:
-    table = identified_table(tested) if tested.fit is None else pair_table(tested, tested.fit)
+def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> None:
+    table = identified_table(tested) if tested.fit is None else pair_table(tested, tested.fit, added)
     for start in range(0, len(table.rows), _PER_SLIDE):
         _table(_slide(show, f"{tested.name}: {table.title}"), table, table.rows[start : start + _PER_SLIDE])
     shapes: tuple[Picture, ...] = shape_section(tested).pictures
