@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from ema.identification.common_peaks import is_common
 from ema.identification.functions import Functions, inside
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
@@ -18,11 +19,13 @@ from ema.identification.run_poles import RunPoles, response
 from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.stabilization import stabilization
+from ema.identification.unexplained import Peak, unexplained_peaks
 from ema.types.frf import FRF
 
 STRAYS = 0.5
 """Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""
 _Values = TypeVar("_Values", NDArray[np.float64], NDArray[np.complex128])
+_COMMON = "what is left beside it has several peaks as high, as noise or a rattle brings"
 _OF_MODES = ("variance", "frequency_std", "damping_std", "enlargement", "probability")
 
 
@@ -91,9 +94,36 @@ def _fit_at_once(
         else None
     )
     if followed is None:
-        return BandFit(value=frf.value, fit=fit, runs=runs, left=left)
+        return _without_common(frf, BandFit(value=frf.value, fit=fit, runs=runs, left=left))
     value = followed.value.reshape(frf.value.shape)
-    return BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left)
+    return _without_common(
+        frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left)
+    )
+
+
+def _without_common(frf: FRF, found: BandFit) -> BandFit:
+    """Take away poles beside which peaks as high are left, and list what is seen of them.
+
+    Runs that differ leave such peaks of the strongest modes, too, until they are followed: so this comes last.
+    """
+    data = _functions(replace(frf, value=found.value))
+    own = found
+    while (common := is_common(data.frequency, own.fit, data.quantity)).any():
+        kept = np.flatnonzero(~common)
+        pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
+        covariance = own.fit.pole_covariance[np.ix_(pairs, pairs)]
+        fit = linear_fit(data.frequency, data.value, own.fit.pole[kept], data.quantity, own.fit.weight)
+        runs = {name: getattr(own.runs, name)[..., kept] for name in ("pole", "residue", *_OF_MODES)}
+        lost = np.abs(own.fit.pole[common]) / (2.0 * np.pi)
+        own = replace(own, fit=replace(fit, pole_covariance=covariance), runs=replace(own.runs, **runs))
+        peaks = (peak for peak in unexplained_peaks(data, own.fit) if _within(peak, lost, data.frequency))
+        own = replace(own, left=(*own.left, *((peak, _COMMON) for peak in peaks)))
+    return own
+
+
+def _within(peak: Peak, place: NDArray[np.float64], frequency: NDArray[np.float64]) -> bool:
+    """Whether one of some places, Hz, lies in a peak."""
+    return bool(np.any((place >= frequency[peak.first]) & (place <= frequency[peak.last])))
 
 
 def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArray[np.bool_]:

@@ -1,0 +1,104 @@
+"""Poles that what is left around them could bring as well: one of many spikes of noise or of a rattle.
+
+Tests of likelihood hold for noise that is normal and even. Where the force has no power left, or a joint rattles, a
+band is full of single high lines, and the highest of them look like narrow modes. What the modes leave in the
+surroundings tells: a mode stands alone above it, a spike is one of several that are as high.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from ema.identification.lsfd import mode_basis
+from ema.identification.maximum_likelihood import Fit
+from ema.types.frf import Quantity
+
+REACH, FEWEST_LINES = 40.0, 400
+"""Half bandwidths on each side of a pole that are its surroundings, and at least so many lines."""
+OWN = 4.0
+"""Half bandwidths around each pole that are left out, and at least `OWN_LINES` lines: what is left there is misfit."""
+OWN_LINES = 3
+AS_HIGH, SEVERAL = 0.8, 3
+"""Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
+_NARROWEST = 0.25  # half bandwidth of a matched line, lines
+
+
+def is_common(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> NDArray[np.bool_]:
+    """Whether what is left around each pole, ``(n_mode,)``, has several peaks that are as high as the pole itself.
+
+    The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free.
+
+    Parameters
+    ----------
+    frequency : (n_frequency,) float
+        Evenly spaced lines, Hz.
+    fit : Fit
+        A fit over these lines.
+    quantity : {"receptance", "mobility", "accelerance"}
+        What was fitted.
+    """
+    spacing = float(frequency[1] - frequency[0])
+    place = (np.abs(fit.pole) / (2.0 * np.pi) - frequency[0]) / spacing
+    half = -fit.pole.real / (2.0 * np.pi * spacing)
+    own = np.ceil(OWN * half) + OWN_LINES
+    common = np.zeros(fit.pole.size, dtype=bool)
+    for r, (centre, width) in enumerate(zip(place, half, strict=True)):
+        reach = int(max(REACH * width, FEWEST_LINES))
+        start, stop = max(0, int(centre) - reach), min(frequency.size, int(centre) + reach + 1)
+        if not start <= centre < stop:
+            continue  # beyond the band
+        lines = slice(start, stop)
+        response = _of_pole(frequency[lines], fit, r, quantity)
+        scale = np.sqrt(fit.weight[:, lines]) / fit.noise[:, None]
+        left = fit.residual[:, lines] * scale
+        noise = _line_statistic(left, width)
+        number = np.arange(start, stop)
+        free = np.all(np.abs(number[:, None] - place) > own, axis=1)
+        if not free.any():
+            continue
+        floor = float(np.median(noise[free]))
+        k = int(np.clip(np.round(centre), start, stop - 1)) - start
+        whole = _line_statistic(left + response * scale, width)
+        peak = float(np.max(whole[max(0, k - 2) : k + 3])) - floor
+        common[r] = (
+            _number_of_peaks(np.where(free, noise - floor, 0.0), AS_HIGH * peak, int(own[r])) >= SEVERAL
+        )
+    return common
+
+
+def _of_pole(frequency: NDArray[np.float64], fit: Fit, r: int, quantity: Quantity) -> NDArray[np.complex128]:
+    """Response of one pole and its conjugate, ``(n_function, n_line)``."""
+    basis = mode_basis(frequency, fit.pole[[r]], quantity)[:, :2]
+    parts = np.stack([fit.residue[:, r].real, fit.residue[:, r].imag])
+    response = basis @ parts
+    n = frequency.size
+    answer: NDArray[np.complex128] = (response[:n] + 1j * response[n:]).T
+    return answer
+
+
+def _line_statistic(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
+    """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``."""
+    n = scaled.shape[1]
+    size = scipy.fft.next_fast_len(2 * n)
+    offset = np.arange(size, dtype=float)
+    offset[offset > size // 2] -= size
+    line = 1.0 / (1.0 + 1j * offset / max(half, _NARROWEST))
+    spectrum = scipy.fft.fft(scaled, size, axis=1) * scipy.fft.fft(line).conj()
+    amplitude = scipy.fft.ifft(spectrum, axis=1)[:, :n]
+    square = scipy.fft.rfft(np.abs(line) ** 2)
+    energy = scipy.fft.irfft(scipy.fft.rfft(np.ones(n), size) * square, size)[:n]
+    statistic: NDArray[np.float64] = 2.0 * np.sum(np.abs(amplitude) ** 2, axis=0) / energy
+    return statistic
+
+
+def _number_of_peaks(statistic: NDArray[np.float64], least: float, apart: int) -> int:
+    """Count places at which a statistic exceeds a value, no two nearer than so many lines; `SEVERAL` are enough."""
+    rest = statistic.copy()
+    for number in range(SEVERAL):
+        k = int(np.argmax(rest))
+        if rest[k] <= max(least, 0.0):
+            return number
+        rest[max(0, k - apart) : k + apart + 1] = 0.0
+    return SEVERAL

@@ -1,0 +1,79 @@
+"""Poles beside which peaks as high are left are no modes; a weak mode in even noise is one."""
+
+import numpy as np
+import pytest
+
+from ema.identification.common_peaks import SEVERAL, is_common
+from ema.identification.identify import identify_frf
+from ema.identification.maximum_likelihood import linear_fit
+from ema.types.frf import FRF
+from ema.types.geometry import Dofs, Geometry
+
+LINES = np.arange(20.0, 1000.0, 0.5)
+POLE = 2 * np.pi * np.array([120.0, 300.0]) * (1j - 0.002)
+N = 3
+
+
+def functions(rng, noise=0.0, pole=POLE):
+    """Accelerances of three points to one force, with even noise."""
+    s = 2j * np.pi * LINES
+    residue = 1j * rng.normal(size=(N, pole.size))
+    value = residue @ (1.0 / (s - pole[:, None])) + residue.conj() @ (1.0 / (s - pole.conj()[:, None]))
+    value = value * s**2
+    even = rng.normal(size=(2, *value.shape))
+    return value + noise * np.abs(value).max() * (even[0] + 1j * even[1])
+
+
+def spiked(rng, value, number):
+    """Add as many single high lines to all functions, far from the modes."""
+    place = 1200 + 60 * np.arange(number)
+    spike = rng.normal(size=(N, 1)) * np.exp(1j * rng.uniform(0, 2 * np.pi, number))
+    value = value.copy()
+    value[:, place] += 0.3 * np.abs(value).max() * spike / np.abs(spike)
+    return value, 2 * np.pi * LINES[place[0]] * (1j - 1e-4)
+
+
+def fitted(value, pole):
+    return linear_fit(LINES, value, pole, "accelerance", np.ones(value.shape))
+
+
+@pytest.mark.parametrize(("number", "common"), [(1, False), (SEVERAL, False), (SEVERAL + 1, True)])
+def test_a_spike_is_common_where_several_others_are_as_high(number, common):
+    rng = np.random.default_rng(3)
+    value, spike = spiked(rng, functions(rng, 1e-3), number)
+    fit = fitted(value, np.append(POLE, spike))
+    assert is_common(LINES, fit, "accelerance").tolist() == [False, False, common]
+
+
+def test_a_weak_mode_in_even_noise_is_not_common():
+    rng = np.random.default_rng(4)
+    found = 0
+    for _ in range(20):
+        value = functions(rng)
+        value += (
+            0.02 * np.abs(value).max() * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
+        )
+        found += not is_common(LINES, fitted(value, POLE), "accelerance").any()
+    assert found == 20
+
+
+def test_of_a_band_full_of_high_lines_the_modes_alone_are_named():
+    """Above 500 Hz the force has no power: the ratio of two noises, whose lines a window joins to their neighbours."""
+    rng = np.random.default_rng(2)
+    value = functions(rng)
+    high = LINES > 500.0
+
+    def windowed(number):
+        noise = rng.normal(size=(number, high.sum() + 3)) + 1j * rng.normal(size=(number, high.sum() + 3))
+        return np.stack([np.convolve(row, [0.5, 1.0, 0.5], "valid")[: high.sum()] for row in noise])
+
+    value[:, high] += 0.01 * np.abs(value).max() * windowed(N) / np.abs(windowed(1))
+    value += 1e-4 * np.abs(value).max() * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
+    nodes, axis = np.arange(1, N + 1), np.tile([0.0, 0.0, 1.0], (N, 1))
+    frf = FRF(
+        frequency=LINES, value=value[:, None], quantity="accelerance", output=Dofs(node=nodes, direction=axis),
+        input=Dofs(node=nodes[:1], direction=axis[:1]), run=np.zeros(N, dtype=int), source=("played",) * N,
+    )  # fmt: skip
+    geometry = Geometry(node=nodes, coordinate=np.outer(nodes, [1.0, 0, 0]), line=np.empty((0, 2), dtype=int))
+    model = identify_frf(frf, geometry, name="a wide band")
+    np.testing.assert_allclose(model.frequency, [120.0, 300.0], rtol=1e-3)
