@@ -29,7 +29,11 @@ def estimate(name="G_f", value=1500.0, unit="1"):
 
 
 def part(effect="clamp_inertia", level="rig", of="", specimens=("S1", "S2", "S3"), **given):
-    own = {"label": "inertia of the clamps", "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),)}
+    own = {
+        "label": "inertia of the clamps",
+        "scatter": 0.0,
+        "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),),
+    }
     return Part(effect=effect, level=level, of=of, specimens=specimens, log_odds=20.0, **(own | given))
 
 
@@ -97,6 +101,13 @@ def test_the_first_sentence_is_the_answer():
         "from the others 12 % and 0.30 %; a torque predicted from all else 16 % and 0.40 %."
     )
     assert odd == "Odd among the 3 specimens: S2 (adhesive_edges)."
+
+
+def test_of_what_specimens_have_much_alike_it_is_said_how_much():
+    first = answer(ranking=(ranked(part(scatter=0.062)), BASE)).sentences[0]
+    assert (
+        "(clamp_inertia), of the rig, within 6.2 % the same in all 3 specimens: clamp_roll_inertia" in first
+    )
 
 
 def test_nothing_missing_names_no_effect():

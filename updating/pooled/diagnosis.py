@@ -14,21 +14,19 @@ from ema.types.threads import single_threaded
 from model import Effect
 from updating.diagnosis.calibration import HELPS, P_ADEQUATE, SEPARATE, SHOWS, VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
-from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.discrepancy import KINDS, MEDIAN, SPREAD
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import Z95
-from updating.diagnosis.hypotheses import LABELS
-from updating.fitting.estimate import ParameterEstimate
 from updating.pooled.beside import Bench, bench
-from updating.pooled.fit import Fitted, Weighing, stds
+from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
 from updating.pooled.linear import Scales
+from updating.pooled.parts import parts_of
 from updating.pooled.screening import contrast_of
 from updating.pooled.search import Found, search
 from updating.pooled.specimen import Level, Specimen, levels_of
 from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
-from updating.pooled.term import CONTACT, Coordinate, Term, coordinates_of
+from updating.pooled.term import CONTACT
 from updating.results.pooled_answer import (
     Contrast,
     Part,
@@ -90,7 +88,7 @@ def diagnose_specimens(
 def concluded(name: str, found: Found) -> PooledDiagnosis:
     """Return the answer that a search comes to."""
     beside = found.bench
-    told = [*found.fitted[:_RANKED], *([] if found.base in found.fitted[:_RANKED] else [_base(found)])]
+    told, parts = _told(found)
     odds = np.array([found.odds(own) for own in told])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
@@ -98,7 +96,7 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
     base = next(i for i, own in enumerate(told) if not own.terms)
     ranking = tuple(
         PooledRanked(
-            parts=tuple(_parts(beside, found, own)),
+            parts=parts[i],
             log_odds=float(odds[i]),
             probability=float(probability[i]),
             frequency_error=own.frequency_error,
@@ -134,6 +132,21 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
     return replace(answer, sentences=sentences(answer))
 
 
+def _told(found: Found) -> tuple[list[Fitted], list[tuple[Part, ...]]]:
+    """Return the explanations that are told, each with its parts: of those that say the same the most probable one."""
+    told: list[Fitted] = []
+    parts: list[tuple[Part, ...]] = []
+    said = set()
+    for own in (*found.fitted[:_RANKED], _base(found)):
+        of = parts_of(found, own)
+        key = frozenset((part.effect, part.level, part.specimens) for part in of)
+        if key not in said:
+            said.add(key)
+            told.append(own)
+            parts.append(of)
+    return told, parts
+
+
 def verdict_of(first: PooledRanked, base: PooledRanked, scales: Scales, n_near: int) -> PooledVerdict:
     """Return the verdict: whether the first explanation is believed, is enough, and stands alone."""
     if not first.parts or first.log_odds < SHOWS or first.left_out_score <= 0.0:
@@ -150,57 +163,6 @@ def _mean(errors: Vector) -> float:
 
 def _base(found: Found) -> Fitted:
     return next(own for own in found.fitted if not own.terms)
-
-
-def _parts(beside: Bench, found: Found, own: Fitted) -> list[Part]:
-    """Return the terms of an explanation with their intervals and what each brings."""
-    std, at, parts = stds(beside, own), 0, []
-    for term in own.terms:
-        n = len(coordinates_of(beside, term))
-        each = zip(
-            own.coordinates[at : at + n], own.at.coordinate[at : at + n], std[at : at + n], strict=True
-        )
-        without = [found.odds(other) for other in found.fitted if set(other.terms) == set(own.terms) - {term}]
-        parts.append(
-            Part(
-                effect=term.effect,
-                label=label_of(beside, term.effect),
-                level=term.level.kind,
-                of=term.level.of,
-                specimens=tuple(beside.own[s].specimen.name for s in term.level.members),
-                parameter=tuple(_estimate(beside, term, c, float(z), float(s)) for c, z, s in each),
-                log_odds=found.odds(own) - max(without) if without else float("nan"),
-            )
-        )
-        at += n
-    return parts
-
-
-def label_of(beside: Bench, effect: str) -> str:
-    """Return what a person calls an effect, a hypothesis or a contact parameter."""
-    return beside.effects[effect].label if effect in beside.effects else {**LABELS, **CONTACT}[effect]
-
-
-def _estimate(beside: Bench, term: Term, c: Coordinate, z: float, std: float) -> ParameterEstimate:
-    """Return a coordinate with its 95 % interval as the parameter that it is of."""
-    ends = np.clip(z + Z95 * std * np.array([0.0, -1.0, 1.0]), c.lower, c.upper)
-    name, unit = c.name, "1"
-    if c.parameter is not None:
-        values, unit = [scaled(c.parameter, float(x))[0] for x in ends], c.parameter.unit
-    elif beside.own[c.members[0]].evidence.unit(c.name) == "1":
-        values = np.exp(ends).tolist()
-    else:
-        values, unit = ends.tolist(), beside.own[c.members[0]].evidence.unit(c.name)
-    if term.level.kind == "each":
-        name = f"{name}[{beside.own[c.members[0]].specimen.name}]"
-    return ParameterEstimate(
-        name=name,
-        unit=unit,
-        value=float(values[0]),
-        lower=float(min(values[1:])),
-        upper=float(max(values[1:])),
-        at_bound=c.parameter is not None and not c.lower + _ENDS < z < c.upper - _ENDS,
-    )
 
 
 def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeftOut) -> list[SpecimenAnswer]:

@@ -28,6 +28,8 @@ class Part:
         Those that have it.
     parameter : tuple of ParameterEstimate
         With 95 % intervals; of shifts of what a file states or of contact parameters the ratio.
+    scatter : float
+        Of the rig's, by how much specimens differ in it, over the mean: 0 where all have one value.
     log_odds : float
         What it brings: logarithm of the odds of the explanation with it against the best without; NaN where that was
         not fitted.
@@ -39,6 +41,7 @@ class Part:
     of: str
     specimens: tuple[str, ...]
     parameter: tuple[ParameterEstimate, ...]
+    scatter: float
     log_odds: float
 
 

@@ -32,12 +32,16 @@ def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
 def part_text(own: Part) -> str:
     """Return a term in words: what, and whose it is."""
     whose = {
-        "rig": f"of the rig, the same in all {len(own.specimens)} specimens",
+        "rig": f"of the rig, {_how_alike(own)} in all {len(own.specimens)} specimens",
         "group": f"of the group {own.of}",
         "specimen": f"of specimen {own.of} alone",
         "each": "of each specimen its own",
     }[own.level]
     return f"{own.label} ({own.effect}), {whose}"
+
+
+def _how_alike(own: Part) -> str:
+    return f"within {percent(own.scatter)} the same" if own.scatter > 0.0 else "the same"
 
 
 def explanation_text(own: PooledRanked) -> str:
