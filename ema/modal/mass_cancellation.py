@@ -20,6 +20,9 @@ from scipy.optimize import linear_sum_assignment
 
 _MAX_STEP = 100
 _CONVERGED = 1e-11  # of the unknowns, relative
+_LEAST_GAIN = (
+    1e-8  # of the squared misfit, by which a step must lower it: directions that no data tell go on for long
+)
 _DIFFERENCE = 1e-6  # of an unknown, for derivatives
 _MOST_AT_FORCE = 10.0
 """Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
@@ -168,8 +171,12 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
             damping *= 10.0
         else:
             break
+        gain = 1.0 - (proposed @ proposed) / max(misfit @ misfit, np.finfo(float).tiny)
         x, misfit, damping = problem.limited(x + step), proposed, max(damping / 10.0, 1e-9)
-        if np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size)) < _CONVERGED:
+        if (
+            gain < _LEAST_GAIN
+            or np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size)) < _CONVERGED
+        ):
             break
     return _result(problem, x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit)
 
