@@ -37,6 +37,8 @@
     const own = { gridcolor: line, zerolinecolor: colour("--soft"), linecolor: colour("--soft") };
     for (const key of Object.keys(layout)) if (/^[xy]axis\d*$/.test(key)) out[key] = { ...layout[key], ...own };
     for (const scene of Object.keys(layout).filter((key) => key.startsWith("scene"))) {
+      // A body is seen from as far as its height asks: on a phone the ends of a long one would be cut.
+      if (!layout.height && innerWidth < 600) out.height = 0.6 * innerWidth;
       out[scene] = { ...layout[scene] };
       for (const key of ["xaxis", "yaxis", "zaxis"]) {
         out[scene][key] = { ...layout[scene][key], ...own, backgroundcolor: "rgba(0,0,0,0)" };

@@ -136,4 +136,4 @@ def show(server: Any) -> None:
             )  # fmt: skip
             html.P("{{ place_text }}", classes="text-body-2 mt-2", id="place-text")
             with html.Div(v_show="place_text"):
-                plot("place", 380)
+                plot("place", 380, solid=True)

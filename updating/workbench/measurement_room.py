@@ -191,7 +191,7 @@ def show(server: Any) -> None:
                 v_model=("point",), items=("point_list",), label="Point (or click one below)", density="compact",
                 hide_details=True, id="point",
             )  # fmt: skip
-            plot("points", 430, clicked)
+            plot("points", 430, clicked, solid=True)
             html.P(
                 "Orange points have a finding. Grey: the stack and the lines between points.",
                 classes="text-caption",

@@ -24,14 +24,18 @@ def plot(
     click: Callable[..., Any] | None = None,
     sends: str = CLICKED,
     hover: Callable[..., Any] | None = None,
+    *,
+    solid: bool = False,
 ) -> Any:
     """Put a figure, the state `key`, into the page; a click calls `click` with what the expression `sends` gives.
 
-    `hover` is called likewise with what is under the cursor.
+    `hover` is called likewise with what is under the cursor. What is `solid` is seen from as far as its height asks, so
+    on a narrow page it is less high, or its ends are cut.
     """
     from trame.widgets import html, plotly
 
-    with html.Div(style=f"height: {height}px; width: 100%; min-width: 0", id=key) as box:
+    high = f"min({height}px, 60vw)" if solid else f"{height}px"
+    with html.Div(style=f"height: {high}; width: 100%; min-width: 0", id=key) as box:
         calls = {"click": click, "hover": hover}
         others = {name: (call, sends) for name, call in calls.items() if call is not None}
         plotly.Figure(
