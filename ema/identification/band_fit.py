@@ -108,7 +108,7 @@ def _without_common(frf: FRF, found: BandFit) -> BandFit:
     """
     data = _functions(replace(frf, value=found.value))
     own = found
-    while (common := is_common(data.frequency, own.fit, data.quantity)).any():
+    while (common := is_common(data, own.fit)).any():
         kept = np.flatnonzero(~common)
         pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
         covariance = own.fit.pole_covariance[np.ix_(pairs, pairs)]

@@ -2,7 +2,8 @@
 
 Tests of likelihood hold for noise that is normal and even. Where the force has no power left, or a joint rattles, a
 band is full of single high lines, and the highest of them look like narrow modes. What the modes leave in the
-surroundings tells: a mode stands alone above it, a spike is one of several that are as high.
+surroundings tells: a mode stands alone above it, a spike is one of several that are as high. Peaks that are left on the
+flanks of modes are no noise but a misfit of these: beside a strong mode a weak one is lower than such, and is a mode.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
+from ema.identification.functions import Functions
 from ema.identification.lsfd import mode_basis
 from ema.identification.maximum_likelihood import Fit
 from ema.types.frf import Quantity
@@ -22,23 +25,25 @@ OWN = 4.0
 OWN_LINES = 3
 AS_HIGH, SEVERAL = 0.8, 3
 """Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
+LEFT = 0.3
+"""Power that is left around a line over that of the modes there, from which on it is noise and not their misfit."""
 _NARROWEST = 0.25  # half bandwidth of a matched line, lines
 
 
-def is_common(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> NDArray[np.bool_]:
+def is_common(data: Functions, fit: Fit) -> NDArray[np.bool_]:
     """Whether what is left around each pole, ``(n_mode,)``, has several peaks that are as high as the pole itself.
 
-    The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free.
+    The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free. A pole
+    that is not higher than the median of what is left is none either.
 
     Parameters
     ----------
-    frequency : (n_frequency,) float
-        Evenly spaced lines, Hz.
+    data : Functions
+        Evenly spaced lines.
     fit : Fit
-        A fit over these lines.
-    quantity : {"receptance", "mobility", "accelerance"}
-        What was fitted.
+        A fit of them.
     """
+    frequency = data.frequency
     spacing = float(frequency[1] - frequency[0])
     place = (np.abs(fit.pole) / (2.0 * np.pi) - frequency[0]) / spacing
     half = -fit.pole.real / (2.0 * np.pi * spacing)
@@ -50,7 +55,7 @@ def is_common(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> N
         if not start <= centre < stop:
             continue  # beyond the band
         lines = slice(start, stop)
-        response = _of_pole(frequency[lines], fit, r, quantity)
+        response = _of_pole(frequency[lines], fit, r, data.quantity)
         scale = np.sqrt(fit.weight[:, lines]) / fit.noise[:, None]
         left = fit.residual[:, lines] * scale
         noise = _line_statistic(left, width)
@@ -58,13 +63,14 @@ def is_common(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> N
         free = np.all(np.abs(number[:, None] - place) > own, axis=1)
         if not free.any():
             continue
+        modes = (data.value[:, lines] - fit.residual[:, lines]) * scale
+        lost = free & (_power(left, width) > LEFT * _power(modes, width))
         floor = float(np.median(noise[free]))
         k = int(np.clip(np.round(centre), start, stop - 1)) - start
         whole = _line_statistic(left + response * scale, width)
         peak = float(np.max(whole[max(0, k - 2) : k + 3])) - floor
-        common[r] = (
-            _number_of_peaks(np.where(free, noise - floor, 0.0), AS_HIGH * peak, int(own[r])) >= SEVERAL
-        )
+        high = _number_of_peaks(np.where(lost, noise - floor, 0.0), AS_HIGH * peak, int(own[r]))
+        common[r] = peak <= 0.0 or high >= SEVERAL
     return common
 
 
@@ -76,6 +82,12 @@ def _of_pole(frequency: NDArray[np.float64], fit: Fit, r: int, quantity: Quantit
     n = frequency.size
     answer: NDArray[np.complex128] = (response[:n] + 1j * response[n:]).T
     return answer
+
+
+def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
+    """Power of all functions about every line, the mean over as many as a half bandwidth (lines) on each side."""
+    power: NDArray[np.float64] = uniform_filter1d(np.sum(np.abs(scaled) ** 2, axis=0), 2 * round(half) + 3)
+    return power
 
 
 def _line_statistic(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:

@@ -171,12 +171,10 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
             damping *= 10.0
         else:
             break
-        gain = 1.0 - (proposed @ proposed) / max(misfit @ misfit, np.finfo(float).tiny)
+        useless = misfit @ misfit - proposed @ proposed < _LEAST_GAIN * (misfit @ misfit)
         x, misfit, damping = problem.limited(x + step), proposed, max(damping / 10.0, 1e-9)
-        if (
-            gain < _LEAST_GAIN
-            or np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size)) < _CONVERGED
-        ):
+        moved = np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size))
+        if useless or moved < _CONVERGED:
             break
     return _result(problem, x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit)
 
