@@ -40,6 +40,9 @@ from updating.results.pooled_text import sentences
 Vector = NDArray[np.float64]
 
 _RANKED = 12  # explanations that are told
+_UNTOLD = np.log(
+    100.0
+)  # half of an interval of a ratio's logarithm, beyond which nothing is said of the ratio
 _ENDS = 1e-4  # of a range, within which a coordinate lies on an end
 
 
@@ -149,10 +152,11 @@ def _told(found: Found) -> tuple[list[Fitted], list[tuple[Part, ...]]]:
 
 def verdict_of(first: PooledRanked, base: PooledRanked, scales: Scales, n_near: int) -> PooledVerdict:
     """Return the verdict: whether the first explanation is believed, is enough, and stands alone."""
-    if not first.parts or first.log_odds < SHOWS or first.left_out_score <= 0.0:
-        return "nothing missing"
     away = [np.log(getattr(scales, kind) / MEDIAN[kind]) / SPREAD for kind in KINDS]
-    if ndtr(-max(away)) < P_ADEQUATE:  # more is left than a right model leaves
+    enough = ndtr(-max(away)) >= P_ADEQUATE  # else more is left than a right model leaves
+    if not first.parts or first.log_odds < SHOWS or first.left_out_score <= 0.0:
+        return "nothing missing" if enough else "unlike anything"
+    if not enough:
         return "partly explained" if first.left_out_error < HELPS * base.left_out_error else "unlike anything"
     return "identified" if n_near == 1 else "one of"
 
@@ -210,6 +214,8 @@ def _contrasts(beside: Bench, own: Fitted, levels: Sequence[Level]) -> list[Cont
             continue
         for name, label in CONTACT.items():
             value, std = contrast_of(beside, own, name, level)
+            if Z95 * std > _UNTOLD:
+                continue
             ratio, lower, upper = np.exp(value + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
             found.append(
                 Contrast(group=level.of, parameter=name, label=label, ratio=ratio, lower=lower, upper=upper)

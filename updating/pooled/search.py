@@ -115,6 +115,7 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         if not best.terms:
             starts += _global_search(bench, best, levels)
         followed = _followed(found, starts, executor)
+        followed += _followed(found, _in_common(found, followed), executor)
         fitted = [own for own in followed if not is_form(found.base, best, own)]
         found = _with(found, fitted)
         top = max(fitted, key=found.odds, default=None)
@@ -243,6 +244,31 @@ def _global_search(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[
         )
         term = Term(effect=place.effect, level=rig)
         starts.append(Start(terms=(term,), at=at, scales=Scales(), most=_GLOBAL))
+    return starts
+
+
+def _in_common(found: Found, fitted: Sequence[Fitted]) -> list[Start]:
+    """Return fits of an effect of the rig from what specimens have that have each its own.
+
+    Beside models that are far off, a fit from a small effect that all share may end elsewhere.
+    """
+    rig = next(own for own in found.levels if own.kind == "rig")
+    starts = []
+    for own in fitted:
+        term = own.terms[-1]
+        if term.level.kind != "each":
+            continue
+        before = len(own.coordinates) - len(coordinates_of(found.bench, term))
+        each = own.at.coordinate[before:].reshape(len(term.level.members), -1)
+        common = np.concatenate([own.at.coordinate[:before], np.median(each, axis=0)])
+        starts.append(
+            Start(
+                terms=(*own.terms[:-1], replace(term, level=rig)),
+                at=replace(own.at, coordinate=common),
+                scales=usual_at_most(own.scales),
+                most=_MORE,
+            )
+        )
     return starts
 
 

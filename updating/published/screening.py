@@ -76,7 +76,8 @@ def screen(data: Published, calibration: str, names: Sequence[str], *, seconds: 
 
 def _pairs(singles: Sequence[Tried]) -> Iterator[tuple[str, str]]:
     """Return the pairs worth trying, the most promising first."""
-    ranked = [t.effects[0] for t in sorted(singles, key=lambda t: t.error) if np.isfinite(t.error)]
+    fitted = [t for t in singles if np.isfinite(t.error)]  # what is not a number has no rank
+    ranked = [t.effects[0] for t in sorted(fitted, key=lambda t: t.error)]
     if not ranked:
         return
     yield from ((ranked[0], other) for other in ranked[1:])
