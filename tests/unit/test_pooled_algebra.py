@@ -11,6 +11,8 @@ from updating.diagnosis.evidence import Rows
 from updating.diagnosis.residual import Spread
 from updating.pooled.algebra import Block, Strengths, bounded, grams, joined, log_evidence, reduced
 from updating.pooled.common import latents_of, separated
+from updating.pooled.fit import SCALES, Weighing
+from updating.pooled.linear import Scales
 
 N_OWN, N_LATENT, N_EFFECT = 4, 3, 2
 SIZE = (0.5, 0.8, 0.3)
@@ -148,3 +150,28 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
     expected = np.diag(noise**2 - error**2) + same * np.outer(error, error)
     expected += 9e-6 * (CORRELATION * same + (1.0 - CORRELATION) * np.eye(4))
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-18)
+
+
+class Hill(Weighing):
+    """An evidence that is largest where a model is far off: sixty times the usual in frequency."""
+
+    LARGEST = Scales(frequency=0.2, damping=1.5, stiffness=0.4)
+
+    def __init__(self):
+        self.looks = 0
+
+    def log_evidence(self, scales):
+        self.looks += 1
+        away = [np.log(getattr(scales, name) / getattr(self.LARGEST, name)) for name in SCALES]
+        return -20.0 * float(np.sum(np.square(away)))
+
+
+def test_scales_are_found_however_far_off_a_model_is():
+    hill = Hill()
+    found, top = hill.likeliest(Scales())
+    for name in SCALES:
+        assert getattr(found, name) == pytest.approx(getattr(Hill.LARGEST, name), rel=0.02)
+    assert top == pytest.approx(0.0, abs=0.02)
+    assert hill.looks < 160
+    stays, _ = Hill().likeliest(Scales(), stated=("frequency",))
+    assert stays.frequency == Scales().frequency

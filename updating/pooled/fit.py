@@ -21,6 +21,10 @@ Vector = NDArray[np.float64]
 
 SCALES = ("frequency", "damping", "shape", "stiffness", "loss")
 _LOOKS = (0.7, 0.35, 0.2)  # steps of the logarithm of a scale at which it is looked for
+_MOST_LOOKS, _STAYS = (
+    8,
+    1.0,
+)  # looks with the widest steps, and the rise of the evidence below which the last was one
 _FARTHEST = 0.3  # of a range, or of ln G_f, that a step may go
 _HALVED = 3
 _SETTLED = 0.1  # fall of the misfit that ends a fit
@@ -106,19 +110,28 @@ class Weighing:
         """Return the scales of the largest evidence near some, and that; those that are stated stay."""
         best, top = scales, self.log_evidence(scales)
         for h in _LOOKS:
-            for name in SCALES:
-                if name in stated:
-                    continue
-                before = best
-                ends = [self._moved(before, name, step) for step in (-h, h)]
-                values = [self.log_evidence(own) for own in ends]
-                bend = values[0] + values[1] - 2.0 * top
-                trials = list(zip(ends, values, strict=True))
-                if bend < 0.0:
-                    vertex = float(np.clip(0.5 * h * (values[0] - values[1]) / bend, -2.0 * h, 2.0 * h))
-                    own = self._moved(before, name, vertex)
-                    trials.append((own, self.log_evidence(own)))
-                best, top = max([(best, top), *trials], key=lambda trial: trial[1])
+            for _ in range(_MOST_LOOKS):
+                before = top
+                best, top = self._nearer(best, top, h, stated)
+                if h < _LOOKS[0] or top - before < _STAYS:  # far off models are many times the usual off
+                    break
+        return best, top
+
+    def _nearer(self, best: Scales, top: float, h: float, stated: Sequence[str]) -> tuple[Scales, float]:
+        """Return better scales near some, one after the other by a parabola through steps of a width."""
+        for name in SCALES:
+            if name in stated:
+                continue
+            before = best
+            ends = [self._moved(before, name, step) for step in (-h, h)]
+            values = [self.log_evidence(own) for own in ends]
+            bend = values[0] + values[1] - 2.0 * top
+            trials = list(zip(ends, values, strict=True))
+            if bend < 0.0:
+                vertex = float(np.clip(0.5 * h * (values[0] - values[1]) / bend, -2.0 * h, 2.0 * h))
+                own = self._moved(before, name, vertex)
+                trials.append((own, self.log_evidence(own)))
+            best, top = max([(best, top), *trials], key=lambda trial: trial[1])
         return best, top
 
     @staticmethod
