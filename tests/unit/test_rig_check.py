@@ -138,6 +138,16 @@ def test_a_gain_that_the_diagnosis_knows_is_left_to_it(reads):
     assert checked(sign=np.where(np.arange(N) % 2 == 1, reads, 1.0)).findings == ()
 
 
+@pytest.mark.parametrize(
+    ("pressure", "said"), [(160.0, "0.16 kPa, less than the stack's own weight"), (3e8, "bear")]
+)
+def test_a_pressure_in_another_unit_is_named(pressure, said):
+    (found,) = check_rig(system(), pressure, measured(), RANGE).findings[:1]
+    assert said in found
+    assert found.startswith("M1: the pressure between the laminas is stated as")
+    assert not any("pressure" in own for own in check_rig(system(), PRESSURE, measured(), RANGE).findings)
+
+
 def test_two_modes_turn_no_sensor_over():
     """Bending and torsion near each other are each other's shapes with one side turned."""
     own, sign = measured(), np.where(np.arange(N) % 2 == 1, -1.0, 1.0)

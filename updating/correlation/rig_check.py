@@ -1,4 +1,4 @@
-"""A measurement beside its model before anything is concluded: where the force acts, the scale, sensors misread.
+"""A measurement beside its model before anything is concluded: force, scale, sensors misread, a pressure that is none.
 
 A measured modal constant is the product of the shape at the response and at the force. Along the model's shape at the
 responses it gives the shape at the force, mode by mode, which only few places of the stack have; and its size is
@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from ema.modal.mac import mac
 from ema.modal.scale import factor_text
 from ema.types.modal_model import ModalModel
-from model import Modes, Observation, ReducedSystem, observe, sample_points, solve_modes
+from model import Modes, Observation, ReducedSystem, Stack, observe, sample_points, solve_modes
 from updating.correlation.registration import register
 from updating.errors import PairingError
 
@@ -48,6 +48,8 @@ poor model lie as near that way round."""
 _GAINS = np.geomspace(1.0 / 40.0, 40.0, 19)
 """Factors that are tried on a sensor, and 1 among them; shapes are told to be right within a quarter."""
 _FAR = 0.2  # of the logarithm of a frequency
+_GRAVITY = 9.81  # m/s**2
+_LARGEST = 2e8  # Pa, at which sheets of soft steel yield
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,17 +96,20 @@ class RigCheck:
         How many times too much it reads; negative where it was turned over.
     force : ForcePlace, optional
         Where the force acts; none where too few modes tell.
+    pressure : str
+        Why the stated pressure cannot be, in words; empty where it can.
     """
 
     name: str
     sensor: int
     reads: float
     force: ForcePlace | None
+    pressure: str = ""
 
     @property
     def findings(self) -> tuple[str, ...]:
         """What a user should read."""
-        found = []
+        found = [self.pressure] if self.pressure else []
         if self.sensor:
             found.append(_misread(self.sensor, self.reads))
         if self.force is not None and self.force.misplaced:
@@ -201,7 +206,22 @@ def check_rig(
     own, (row, column) = _nearest(measured, gain, modes, n_dof)
     force = _force_place(measured, gain, own, (row, column), places) if n_place else None
     sensor, reads = _wrong(measured.sensor, gain, force)
-    return RigCheck(name=measured.name, sensor=sensor, reads=reads, force=force)
+    return RigCheck(
+        name=measured.name, sensor=sensor, reads=reads, force=force, pressure=_no_pressure(stack, pressure)
+    )
+
+
+def _no_pressure(stack: Stack, pressure: float) -> str:
+    """Say why a pressure, Pa, cannot be that of a bolted stack: less than its weight, or more than steel bears."""
+    weight = 0.5 * stack.material.density * _GRAVITY * stack.height
+    if stack.n_lamina == 1 or weight <= pressure <= _LARGEST:
+        return ""
+    bound = (
+        f"less than the stack's own weight brings, {weight / 1e3:.2g} kPa"
+        if pressure < weight
+        else f"more than sheets of steel bear, {_LARGEST / 1e3:.0f} kPa"
+    )
+    return f"the pressure between the laminas is stated as {pressure / 1e3:.3g} kPa, {bound}: check its unit"
 
 
 def upright(checked: RigCheck) -> RigCheck:
