@@ -49,7 +49,7 @@ Outcome = Literal["named", "harmless", "refused", "wrong"]
 OUTCOMES: tuple[Outcome, ...] = ("named", "harmless", "refused", "wrong")
 FIRST_SEED = 700_100
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "corruptions.jsonl"
-"""Of the first seed; the page of promises says what it holds."""
+"""Of the first two seeds; the page of promises counts it."""
 BAND, STEP = (100.0, 1150.0), 1.0
 _NO_FINDING = ("resolution",)
 """Checks that say nothing of a corruption: the step of the study's functions is coarse."""
@@ -207,7 +207,8 @@ def rows(cases: Sequence[Case]) -> list[str]:
     spoiled = [case for case in cases if case.kind != "none"]
     count = Counter(case.outcome for case in spoiled)
     found = [f"| {name} | {count[name]} = {100 * count[name] / len(spoiled):.1f} % |" for name in OUTCOMES]
-    wrong = "; ".join(case.kind for case in spoiled if case.outcome == "wrong")
+    kinds = Counter(case.kind for case in spoiled if case.outcome == "wrong")
+    wrong = "; ".join(kind if n == 1 else f"{kind} ({n} times)" for kind, n in kinds.items())
     return [*found, f"| wrong were | {wrong or 'none'} |"]
 
 
