@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
 from threading import Event, Thread
 
 import numpy as np
@@ -294,6 +295,31 @@ def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
             for name in ("color", "backgroundColor")
         )
         assert (ink > ground) == (scheme == "dark")
+        browser.close()
+
+
+@needs_browser
+def test_a_page_that_nobody_touches_rests_and_goes_on_when_it_is_touched():
+    """What asks for the next frame for ever, as charts in 3-D do, gets few of them then."""
+    sync = pytest.importorskip("playwright.sync_api", reason="no playwright, of the extra dev")
+    script = (files("updating.report") / "rest.js").read_text(encoding="utf-8")
+    assert "REST = 20_000" in script
+    count = """async (stir) => {
+        let n = 0;
+        const loop = () => { n += 1; requestAnimationFrame(loop); };
+        loop();
+        await new Promise((done) => setTimeout(done, 300));
+        if (stir) dispatchEvent(new Event("pointermove"));
+        n = 0;
+        await new Promise((done) => setTimeout(done, 250));
+        return n;
+    }"""
+    with sync.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        for rest, stir, fewest, most in ((200, False, 0, 1), (200, True, 4, 100), (20_000, False, 4, 100)):
+            shown = browser.new_page()
+            shown.set_content(f"<script>{script.replace('20_000', str(rest))}</script>")
+            assert fewest <= shown.evaluate(count, stir) <= most
         browser.close()
 
 

@@ -191,7 +191,7 @@ def render(title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool =
         title=title,
         version=version("lamella"),
         style=text("style.css"),
-        scripts=(text("tables.js"), text("charts.js"), text("shapes.js")),
+        scripts=(text("rest.js"), text("tables.js"), text("charts.js"), text("shapes.js")),
         renderer=packed(renderer()) if any(part.has_charts for part in parts) else "",
         sections=parts,
         up=up,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import webbrowser
 from collections.abc import Callable
+from importlib.resources import files
 from typing import Any
 
 from updating.errors import StoreError
@@ -69,7 +70,7 @@ def page(opened: Opened) -> Any:
     """Build the page with all rooms."""
     from trame.app import get_server
     from trame.ui.vuetify3 import SinglePageLayout
-    from trame.widgets import vuetify3
+    from trame.widgets import client, vuetify3
 
     results = opened.results()
     names = [own.name for own in results.tested]
@@ -91,6 +92,7 @@ def page(opened: Opened) -> Any:
     for own in ROOMS:
         own.room(server, opened)
     with SinglePageLayout(server, full_height=True) as layout:
+        client.Script((files("updating.report") / "rest.js").read_text(encoding="utf-8"))
         layout.title.set_text(results.name)
         layout.icon.hide()
         with layout.toolbar:
