@@ -132,6 +132,14 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     about, others = findings(read_results(folder[1]).tested[0], 5)
     assert page.locator("#about li").all_text_contents() == about
     assert page.locator("#others li").all_text_contents() == others
+    (file,) = page.locator("#files li").all_text_contents()
+    assert re.fullmatch(r"5\+z: run \d+, .*run_\d+\.uff: data set \d+ \(58b?\)", file)
+    drawn = page.evaluate(
+        "document.querySelector('#points .js-plotly-plot')._fullData.map((t) => [t.name, t.x.length])"
+    )
+    n_point = len(read_results(folder[1]).tested[0].measured.node)
+    assert ["directions", 3 * n_point] in drawn
+    assert ["force", 3] in drawn
 
 
 @pytest.mark.slow

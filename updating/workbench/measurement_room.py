@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,15 @@ from updating.workbench.page import empty, figure, plot
 
 TITLE, ICON = "Measurement", "mdi-access-point"
 _LONG, _THIN = 2.4, 0.3  # of the longest side as it is drawn, and the least of any: a beam is still seen
+_ARROW = 0.05  # of the longest side
 _COLOURS = (FITTED, ACCENT, "#7a62b8", "#d39b45", "#4b9c6b", "#8a919c")
 
 
 def points_chart(tested: Tested, chosen: int) -> str:
-    """Draw the measured points, the lines between them and the stack; points with a finding and the chosen one differ.
+    """Draw the measured points with their directions, the force, the lines between points and the stack.
 
-    The last trace holds the points, in the order of `point_numbers`.
+    Points with a finding and the chosen one have another colour. The last trace holds the points, in the order of
+    `point_numbers`.
     """
     geometry = tested.measured.geometry
     numbers = point_numbers(tested)
@@ -35,7 +37,12 @@ def points_chart(tested: Tested, chosen: int) -> str:
         [[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]
     ).reshape(-1, 2, 3)
     doubtful = {point for own in tested.quality.verdicts if own.level != "pass" for point in own.point}
-    wires = [(ends, MEASURED, "lines")]
+    measured = tested.measured
+    wires = [
+        (ends, MEASURED, "lines"),
+        (_arrows(row, measured.node, measured.direction), FITTED, "directions"),
+        (_arrows(row, measured.input.node, measured.input.direction), ACCENT, "force"),
+    ]
     if tested.fit is not None:
         wires.append(
             (
@@ -83,6 +90,20 @@ def _edges(*size: float) -> NDArray[np.float64]:
     corner = 500.0 * np.array(list(itertools.product(*((-s, s) for s in size))))
     pairs = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
     return np.asarray(corner[np.array(pairs)])
+
+
+def _arrows(
+    place: Mapping[int, NDArray[np.float64]], node: NDArray[np.int64], direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return lines (n, 2, 3) from points, mm, along directions; points without coordinates have none."""
+    at = np.array(list(place.values()))
+    length = _ARROW * float(np.ptp(at, axis=0).max())
+    known = [
+        (place[int(n)], along)
+        for n, along in zip(node, np.asarray(direction), strict=True)
+        if int(n) in place
+    ]
+    return np.array([(start, start + length * along) for start, along in known]).reshape(-1, 2, 3)
 
 
 def point_numbers(tested: Tested) -> list[int]:
@@ -145,11 +166,25 @@ def findings(tested: Tested, point: int) -> tuple[list[str], list[str]]:
     return about, [*others, *tested.quality.notes]
 
 
+def sources(frf: FRF, point: int) -> list[str]:
+    """Return which file each function of a point comes from."""
+    own = np.flatnonzero(frf.output.node == point)
+    return [f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o]}" for o in own]
+
+
 def room(server: Any, opened: Opened) -> None:
     """Keep the room's state right."""
     state = server.state
     state.update(
-        {"points": empty(), "functions": empty(), "point": 0, "point_list": [], "about": [], "others": []}
+        {
+            "points": empty(),
+            "functions": empty(),
+            "point": 0,
+            "point_list": [],
+            "about": [],
+            "others": [],
+            "files": [],
+        }
     )
 
     @state.change("configuration")
@@ -171,7 +206,9 @@ def room(server: Any, opened: Opened) -> None:
         if not state.point_list:
             return
         state.points = figure(points_chart(tested, point))
-        state.functions = figure(functions_chart(tested, tested.frf(), point))
+        frf = tested.frf()
+        state.functions = figure(functions_chart(tested, frf, point))
+        state.files = sources(frf.by_reciprocity(), point)
         state.about, state.others = findings(tested, point)
 
 
@@ -193,11 +230,13 @@ def show(server: Any) -> None:
             )  # fmt: skip
             plot("points", 430, clicked, solid=True)
             html.P(
-                "Orange points have a finding. Grey: the stack and the lines between points.",
+                "Lines from points: the measured directions, and that of the force in red. Orange points have a "
+                "finding. Grey: the stack and the lines between points.",
                 classes="text-caption",
             )
         with vuetify3.VCol(cols=12, md=6):
             plot("functions", 480)
+    _list("Files of this point", "files", "Its functions are not stored.")
     _list("About this point", "about", "Nothing was found about this point.")
     _list("About the measurement", "others", "Nothing was found about the rest.")
 
