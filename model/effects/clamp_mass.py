@@ -1,7 +1,7 @@
 """Clamp mass: more (or less) mass under each clamp than the base model has.
 
-Effective mass of bolts, nuts and bars that moves with the footprint of each clamp, spread over the height; all
-clamps get the same.
+Effective mass of bolts, nuts and bars that moves with the footprint of each clamp, spread over the height as
+the clamp's own mass is; all clamps get the same.
 
 Enters: mass matrix, for u, v and w of each clamp's footprint; affine.
 Range: -0.5 to 1.5 kg a clamp; a pair of steel bars 120 x 30 x 25 mm with bolts weighs 1.5 kg.
@@ -12,7 +12,10 @@ Mistaken for: density or fill factor, roving accelerometers, a lower G_f.
 
 from __future__ import annotations
 
-from model.effects.parts import clamps_of, every_lamina, mean_over, square
+import scipy.sparse as sp
+
+from model.effects.parts import clamps_of, mean_over, square
+from model.elements.clamping import height_shares
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
 from model.stack.effect import Effect, Parameter
@@ -20,9 +23,13 @@ from model.stack.effect import Effect, Parameter
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mass of one kilogram under each clamp."""
-    z = every_lamina(assembly.stack)
+    n = assembly.stack.n_lamina
     krons = tuple(
-        square(field, mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint), z)
+        square(
+            field,
+            mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint),
+            sp.diags_array(height_shares(clamp, n)).tocsr(),
+        )
         for clamp in clamps_of(assembly, "clamp_mass")
         for field in FIELDS
     )

@@ -46,7 +46,8 @@ def footprint_points(
     return np.column_stack([x.ravel(), y.ravel()]), np.outer(*shares).ravel()
 
 
-def _height_shares(clamp: Clamp, n_lamina: int) -> NDArray[np.float64]:
+def height_shares(clamp: Clamp, n_lamina: int) -> NDArray[np.float64]:
+    """Return which share of a clamp's mass each lamina carries, (n_lamina,)."""
     if clamp.distribution == "height":
         return np.full(n_lamina, 1.0 / n_lamina)
     shares = np.zeros(n_lamina)
@@ -60,7 +61,7 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     terms = []
     for i, clamp in enumerate(stack.clamps):
         points, weights = footprint_points((clamp.x, clamp.y), clamp.footprint, plan)
-        z = sp.diags_array(clamp.mass * _height_shares(clamp, stack.n_lamina)).tocsr()
+        z = sp.diags_array(clamp.mass * height_shares(clamp, stack.n_lamina)).tocsr()
         krons = []
         for field in FIELDS:
             mean = sp.csr_matrix(weights @ plan.point_rows(field, points))

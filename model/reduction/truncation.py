@@ -22,7 +22,7 @@ def truncated(
     system : ReducedSystem
         The reduced stack.
     samples : iterable of mapping of str to float
-        Parameters that differ from the nominal ones. Those where the stiffness is negative are passed over.
+        Parameters that differ from the nominal ones. Those where stiffness or mass are negative are passed over.
     n_mode : int
         Modes of each sample, the six rigid-body modes included.
     tolerance : float
@@ -33,19 +33,22 @@ def truncated(
     Raises
     ------
     SolveError
-        The stiffness is negative at all samples.
+        Stiffness or mass are negative at all samples.
     """
     shift = SOFT * shear_shift(system.stack, system.theta)
     first, modes = n_rigid(system.stack), []
     for sample in samples:
         theta = {**system.theta, **sample}
-        value, vector = la.eigh(
-            system.matrix("K", theta), system.matrix("M", theta), subset_by_index=(0, n_mode - 1)
-        )
+        try:
+            value, vector = la.eigh(
+                system.matrix("K", theta), system.matrix("M", theta), subset_by_index=(0, n_mode - 1)
+            )
+        except la.LinAlgError:  # a clamp that lacks more mass than it has
+            continue
         if value[0] > -1e-6 * value[-1]:
             modes.append(vector[:, first:] / np.sqrt(np.maximum(value[first:], shift)))
     if not modes:
-        message = "truncated: the stiffness is negative at all samples"
+        message = "truncated: stiffness or mass are negative at all samples"
         raise SolveError(message)
     together = np.hstack(modes)
     together[:N_RIGID] = 0.0  # rigid-body motion is kept as it is

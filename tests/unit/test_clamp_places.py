@@ -1,0 +1,64 @@
+"""Clamps that sit otherwise than the file says: the mass that a clamp takes with it is its own."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as sla
+
+from model import Clamp, Mesh, assemble, catalogue, read_stack
+from model.effects.parts import known_or_usual_instruments
+from updating.diagnosis.candidates import candidate_model
+from updating.diagnosis.rig import clamp_places
+
+STACK = dataclasses.replace(
+    read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=6, mesh=Mesh(n_x=6, n_y=2)
+)
+
+
+def with_clamp(distribution):
+    clamp = Clamp(mass=3.0, x=0.03, y=0.002, footprint=(0.04, 0.03), distribution=distribution)
+    return dataclasses.replace(STACK, clamps=(clamp,))
+
+
+@pytest.mark.parametrize("distribution", ["height", "faces"])
+def test_a_clamp_takes_its_mass_with_it(distribution):
+    stack, off = with_clamp(distribution), 2e-3
+    along_x, along_y = clamp_places(stack)
+    assembly = assemble(stack.with_effects(along_x, along_y))
+    # along x elements end at clamps, and the mesh would be another one
+    moved = dataclasses.replace(stack.clamps[0], y=stack.clamps[0].y + off)
+    expected = assemble(dataclasses.replace(stack, clamps=(moved,))).matrix("M", assembly.theta)
+    base = assemble(stack).matrix("M", assembly.theta)
+    found = assembly.matrix("M", {**assembly.theta, along_y.name: off})
+    assert sla.norm(found - expected) < 0.1 * sla.norm(base - expected)  # first order
+
+
+@pytest.mark.parametrize("distribution", ["height", "faces"])
+def test_mass_stays_positive_however_far_off_a_clamp_is(distribution):
+    stack = with_clamp(distribution)
+    along_x, along_y = clamp_places(stack)
+    assembly = assemble(stack.with_effects(along_x, along_y))
+    for x, y in ((0.02, 0.0), (0.0, -0.02), (0.02, 0.02), (-0.02, 0.02)):
+        off = {along_x.name: x, along_y.name: y}
+        mass = assembly.matrix("M", {**assembly.theta, **off})
+        assert np.linalg.eigvalsh(mass.toarray())[0] > 0.0
+
+
+@pytest.mark.parametrize("distribution", ["height", "faces"])
+def test_mass_that_a_clamp_lacks_is_its_own(distribution):
+    stack = with_clamp(distribution)
+    assembly = assemble(stack.with_effects(catalogue()["clamp_mass"]))
+    found = assembly.matrix("M", {**assembly.theta, "clamp_added_mass": -0.5})
+    lighter = dataclasses.replace(stack.clamps[0], mass=2.5)
+    expected = assemble(dataclasses.replace(stack, clamps=(lighter,))).matrix("M", assembly.theta)
+    assert sla.norm(found - expected) < 1e-12 * sla.norm(expected)
+
+
+def test_a_clamp_cannot_lack_mass_that_it_does_not_have():
+    """The file may have a clamp without mass, for its place; the reduction passes over what cannot be."""
+    stack = dataclasses.replace(STACK, clamps=(Clamp(mass=0.0, x=0.03, y=0.0, footprint=(0.04, 0.03)),))
+    effects = {"clamp_mass": catalogue()["clamp_mass"]}
+    model = candidate_model(stack, known_or_usual_instruments(stack), effects)
+    assert np.isfinite(model.system.basis).all()
