@@ -15,7 +15,7 @@ import model
 from updating.fitting.modal_table import fit_row, read_modal_table
 
 DATA = Path(model.__file__).parents[1] / "data"
-table = read_modal_table(DATA / "pirnat2013/campaign.toml")
+table = read_modal_table(DATA / "pirnat2013/table7.toml")
 chosen = [row for row in table.rows if row.name in ("8", "11")]
 coarse = [replace(row, stack=replace(row.stack, mesh=model.Mesh(n_x=8, n_y=2))) for row in chosen]
 fits = [fit_row(row, table.shape_class) for row in coarse]

@@ -102,7 +102,7 @@ def test_a_mode_that_is_not_there_cannot_be_held_out(tmp_path):
 name = "two stacks"
 damping = false
 [[campaign]]
-file = "{ROOT / "data/pirnat2013/campaign.toml"}"
+file = "{ROOT / "data/pirnat2013/table7.toml"}"
 configurations = ["6", "8"]
 [hold_out]
 6 = [5]

@@ -7,7 +7,7 @@ import pytest
 
 from updating.fitting.modal_table import fit_row, read_modal_table
 
-TABLE = read_modal_table(Path(__file__).parents[2] / "data/pirnat2013/campaign.toml")
+TABLE = read_modal_table(Path(__file__).parents[2] / "data/pirnat2013/table7.toml")
 
 
 def fitted(*names):

@@ -108,7 +108,7 @@ READERS = {
     ),
     "update file": (read_update_file, "demo_stack/update.toml", LAMELLA_ERRORS),
     "virtual test": (read_virtual_test, "demo_stack/virtual_test.toml", LAMELLA_ERRORS),
-    "modal table's campaign": (read_modal_table, "pirnat2013/campaign.toml", LAMELLA_ERRORS),
+    "modal table's campaign": (read_modal_table, "pirnat2013/table7.toml", LAMELLA_ERRORS),
     "modal table": (
         lambda file: read_modal_table(file.with_name("campaign.toml")),
         "pirnat2013/table7_frequencies_320kPa.csv",

@@ -96,6 +96,19 @@ def test_modes_of_a_table_come_in_their_order_with_what_is_usual(folder):
     np.testing.assert_allclose(modes.shape_std[:, 1], 0.01 * np.sqrt(1.25 / 2.0))
 
 
+def test_one_table_does_for_all_specimens(folder):
+    whole = "specimen,configuration,shape_class,frequency_Hz\nS1,M1,bending 1,300\nS2,M1,bending 1,310\n"
+    (folder / "classes.csv").write_text(whole, encoding="utf-8")
+    text = HEAD + SECOND.replace('"S2"', '"S1"') + SECOND
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    specimens = specimens_of(read_specimens(folder / "campaign.toml"), lambda name: None)
+    assert [own.tested[0][2].frequency.tolist() for own in specimens] == [[300.0], [310.0]]
+    by = [("S2,M1", "S2,M2")]
+    assert "classes.csv: no row of specimen 'S2', configuration 'M1'; the file has S1 M1, S2 M2" in refused(
+        folder, FitError, file="classes.csv", by=by
+    )
+
+
 def test_frfs_of_all_specimens_are_one_campaign(folder):
     (folder / "a.uff").write_bytes(b"")
     frf = FIRST.partition("modes =")[0] + 'files = ["a.uff"]\n'

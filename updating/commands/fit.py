@@ -60,7 +60,7 @@ from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
 
-EXAMPLE = "lamella fit data/pirnat2013/campaign.toml -o out/pirnat2013"
+EXAMPLE = "lamella fit data/pirnat2013/table7.toml -o out/pirnat2013"
 TORQUE_SCATTER = Scatter(pressure=0.03)
 """Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -230,11 +230,7 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
         tested = []
         for c in own.configuration:
             state = stack if c.pressure_kPa is None else stack.with_contact(pressure=1e3 * c.pressure_kPa)
-            modes = (
-                identified(full_name(own, c))
-                if c.measured
-                else _tabled(campaign, state, c, full_name(own, c))
-            )
+            modes = identified(full_name(own, c)) if c.measured else _tabled(campaign, state, own, c)
             tested.append((c.name, state.contact.pressure, modes))
         found.append(Specimen(name=own.name, stack=stack, tested=tuple(tested), notes=dict(own.notes)))
     return tuple(found)
@@ -246,10 +242,11 @@ def full_name(own: SpecimenSection, configuration: SpecimenConfigurationSection)
 
 
 def _tabled(
-    campaign: SpecimenCampaign, stack: Stack, c: SpecimenConfigurationSection, name: str
+    campaign: SpecimenCampaign, stack: Stack, own: SpecimenSection, c: SpecimenConfigurationSection
 ) -> ModalModel:
     """Return modes that were identified before."""
-    folder = campaign.path.resolve().parent
+    folder, name = campaign.path.resolve().parent, full_name(own, c)
+    of = {"specimen": own.name, "configuration": c.name}
     if c.modal_model is not None:
         try:
             return read_result(folder / c.modal_model, ModalModel, edited=True)
@@ -258,16 +255,16 @@ def _tabled(
             raise FitError(message) from error
     modes = folder / str(c.modes)
     if c.shapes is None or c.force is None:
-        return _classed(name, modes, stack)
+        return _classed(name, of, modes, stack)
     if campaign.geometry is None:
         message = f"{campaign.path}: {name}: shapes need [points] with the list of measured points"
         raise FitError(message)
-    return modal_model(name, modes, folder / c.shapes, campaign.geometry, c.force)
+    return modal_model(name, of, modes, folder / c.shapes, campaign.geometry, c.force)
 
 
-def _classed(name: str, path: Path, stack: Stack) -> ModalModel:
+def _classed(name: str, of: Mapping[str, str], path: Path, stack: Stack) -> ModalModel:
     """Return modes that are named by class: the model's shapes of these classes stand for theirs, and are no data."""
-    wanted, poles = classes(path)
+    wanted, poles = classes(path, of)
     system = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
     grid = class_grid(stack)
     modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)

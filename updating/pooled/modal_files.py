@@ -1,11 +1,14 @@
 """Modes that another program identified, as tables: with shapes, or named by the class of their shape.
 
-The tables are those that `lamella ema` exports: a row for each mode, and a row for each measured direction.
+The tables are those that `lamella ema` exports: a row for each mode, and a row for each measured direction. One table
+of modes may do for a whole campaign: where it has columns `specimen` and `configuration`, rows of others are passed
+over.
 """
 
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +29,22 @@ _DAMPING = 1e-2
 _DIRECTION = ("x", "y", "z")
 
 
-def read_modes(path: Path) -> dict[str, list[str]]:
+def read_modes(path: Path, of: Mapping[str, str]) -> dict[str, list[str]]:
     """Read the table of modes: the columns by name, at least `frequency_Hz`.
+
+    Parameters
+    ----------
+    path : Path
+        The table.
+    of : mapping of str to str
+        Whose modes: where the table has a column of that name, rows with another value are passed over.
 
     Raises
     ------
     FitError
         The file cannot be read, has no such column, or holds no mode.
     """
-    columns = _columns(path)
+    columns = _rows_of(path, _columns(path), of)
     if "frequency_Hz" not in columns:
         message = f"{path}: no column 'frequency_Hz'; the file has {', '.join(columns) or 'no header'}"
         raise FitError(message)
@@ -44,13 +54,17 @@ def read_modes(path: Path) -> dict[str, list[str]]:
     return columns
 
 
-def modal_model(name: str, modes: Path, shapes: Path, geometry: Geometry, force: Dof) -> ModalModel:
+def modal_model(
+    name: str, of: Mapping[str, str], modes: Path, shapes: Path, geometry: Geometry, force: Dof
+) -> ModalModel:
     """Return modes with shapes as an identification gives them.
 
     Parameters
     ----------
     name : str
         The configuration.
+    of : mapping of str to str
+        Whose rows of the table of modes, see `read_modes`.
     modes : Path
         Columns `frequency_Hz` and, where they are known, `frequency_std_Hz`, `damping`, `damping_std`, and
         `shape_std`, relative to the root mean square of the shape's components.
@@ -67,7 +81,7 @@ def modal_model(name: str, modes: Path, shapes: Path, geometry: Geometry, force:
     FitError
         A file cannot be read, lacks a column, or holds something that is not a number.
     """
-    table, rows = read_modes(modes), _columns(shapes)
+    table, rows = read_modes(modes, of), _columns(shapes)
     n = len(table["frequency_Hz"])
     parts = [
         _numbers(shapes, rows, f"mode_{r}_real") + 1j * _numbers(shapes, rows, f"mode_{r}_imag")
@@ -94,8 +108,15 @@ def modal_model(name: str, modes: Path, shapes: Path, geometry: Geometry, force:
     )
 
 
-def classes(path: Path) -> tuple[tuple[str, ...], Vector]:
+def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Vector]:
     """Return the classes of the modes of a table without shapes, and their frequencies, damping and deviations.
+
+    Parameters
+    ----------
+    path : Path
+        The table.
+    of : mapping of str to str
+        Whose rows, see `read_modes`.
 
     Returns
     -------
@@ -107,7 +128,7 @@ def classes(path: Path) -> tuple[tuple[str, ...], Vector]:
     FitError
         The table cannot be read, lacks `shape_class`, or names a class twice.
     """
-    table = read_modes(path)
+    table = read_modes(path, of)
     if "shape_class" not in table:
         message = (
             f"{path}: no column 'shape_class', such as 'bending 1', which modes without shapes are known by; "
@@ -182,6 +203,19 @@ def assembled(
         run_damping_std=known["damping_std"][None, :],
         run_probability=np.ones((1, n)),
     )
+
+
+def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the rows of a table that are somebody's, where it has columns that say whose they are."""
+    told = {name: value for name, value in of.items() if name in columns}
+    keys = list(zip(*(columns[name] for name in told), strict=True))
+    kept = [i for i, key in enumerate(keys) if key == tuple(told.values())]
+    if keys and not kept:
+        wanted = ", ".join(f"{name} {value!r}" for name, value in told.items())
+        there = ", ".join(dict.fromkeys(" ".join(key) for key in keys))
+        message = f"{path}: no row of {wanted}; the file has {there}"
+        raise FitError(message)
+    return {name: [cells[i] for i in kept] for name, cells in columns.items()} if keys else columns
 
 
 def _poles(path: Path, table: dict[str, list[str]]) -> Vector:

@@ -194,7 +194,7 @@ def read_published(folder: Path) -> Published:
     FitError
         A file is missing or not as its README says.
     """
-    table = read_modal_table(folder / "campaign.toml")
+    table = read_modal_table(folder / "table7.toml")
     try:
         return Published(
             table=table,
