@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from updating.diagnosis.discrepancy import CORRELATION, KINDS, MeasuredShape, Mixing
+from updating.diagnosis.discrepancy import CORRELATION, KINDS, MEDIAN, MeasuredShape, Mixing, block_of
 from updating.diagnosis.evidence import Rows
 from updating.diagnosis.residual import Spread
 from updating.pooled.algebra import Block, Strengths, bounded, grams, joined, log_evidence, reduced
@@ -155,7 +155,7 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
 class Hill(Weighing):
     """An evidence that is largest where a model is far off: sixty times the usual in frequency."""
 
-    LARGEST = Scales(frequency=0.2, damping=1.5, stiffness=0.4)
+    LARGEST = Scales(frequency=0.2, damping=1.5, own_frequency=0.1, stiffness=0.4)
 
     def __init__(self):
         self.looks = 0
@@ -172,6 +172,57 @@ def test_scales_are_found_however_far_off_a_model_is():
     for name in SCALES:
         assert getattr(found, name) == pytest.approx(getattr(Hill.LARGEST, name), rel=0.02)
     assert top == pytest.approx(0.0, abs=0.02)
-    assert hill.looks < 160
+    assert hill.looks < 32 * len(SCALES)
     stays, _ = Hill().likeliest(Scales(), stated=("frequency",))
     assert stays.frequency == Scales().frequency
+
+
+def test_what_is_own_counts_with_what_is_common():
+    usual = Scales()
+    assert [usual.whole(kind) for kind in KINDS] == pytest.approx([MEDIAN[kind] for kind in KINDS])
+    assert usual.adequate
+    apart = Scales(own_frequency=0.3)  # stacks are built unlike each other by a tenth
+    assert apart.own("frequency") == 0.3
+    assert apart.own("shape") == apart.shape
+    assert apart.whole("frequency") == pytest.approx(np.sqrt(0.9 * 3e-3**2 + 0.1 * 0.3**2))
+    assert not apart.adequate
+
+
+def test_scatter_of_specimens_is_no_discrepancy_of_the_model():
+    """Twelve specimens of four modes, each off by 5 % of its own: what the model misses alike stays small."""
+    rng = np.random.default_rng(3)
+    modes, specimens = 4, 12
+    noise = 1e-3 * np.eye(modes)
+    own = block_of(np.arange(modes), noise**2, (1.0 - CORRELATION) * np.eye(modes))
+    blocks = [
+        Block(
+            value=own.rotation @ (0.05 * rng.standard_normal(modes)),
+            own=np.zeros((modes, 0)),
+            shared=own.rotation,
+            effect=np.zeros((modes, 0)),
+            kind=np.full(modes, "frequency"),
+            growth=own.growth,
+            away=np.zeros(0),
+            mean=np.zeros(0, dtype=int),
+        )
+        for _ in range(specimens)
+    ]
+
+    def weigh(common, apart):
+        weighed = Strengths(
+            size=(apart, 0.1, 0.02), own=(), mean=(), latent=(np.sqrt(CORRELATION) * common,) * modes
+        )
+        found = [reduced(block, weighed, grams(block, weighed.size)) for block in blocks]
+        joint = joined(found, weighed, [np.zeros((0, 0))] * specimens, (np.zeros(0), np.zeros(0)))
+        step = joint.step(np.zeros(0), np.zeros(0), 1.0)
+        return (
+            log_evidence(joint, step, np.zeros(modes))
+            + Scales(frequency=common, own_frequency=apart).log_prior
+        )
+
+    apart = 0.05 / np.sqrt(1.0 - CORRELATION)
+    right = weigh(3e-3, apart)
+    assert right > weigh(0.05, apart) + 2.0  # each mode missed alike
+    assert (
+        right > weigh(0.05 / np.sqrt(CORRELATION), 3e-3) + 50.0
+    )  # what was supposed before: nearly all alike

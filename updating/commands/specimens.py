@@ -12,9 +12,9 @@ from model import catalogue
 from updating.commands.terminal import progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.scatter_file import read_scatter
+from updating.pooled.beside import MESSAGES
 from updating.pooled.campaign_file import read_specimens, specimens_of
 from updating.pooled.diagnosis import diagnose_specimens
-from updating.pooled.search import MESSAGES
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.pooled_text import SPECIMEN_HEADER, explanation_text, specimen_row

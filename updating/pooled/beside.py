@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +24,17 @@ from updating.errors import FitError
 from updating.pooled.common import Latent, latents_of, separated
 from updating.pooled.specimen import Specimen
 from updating.results.store import digest
+from updating.workers.workers import distribute
 
 _LOG = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 
-ALIKE = 0.01
+ALIKE = 0.04
 """Relative difference of heights up to which specimens share a reduced model; the rest is taken to first order."""
 FAR_OFF = 0.04
 """Frequency error of base models, in the mean, beyond which steps from them mislead."""
+MESSAGES = 8
+"""In which work is sent to other processes."""
 _PLACE = 4  # digits, in m, to which shakers sit at the same place
 
 
@@ -83,6 +87,15 @@ class Bench:
     impossible: Mapping[str, str]
     places: tuple[Place, ...]
 
+    @cached_property
+    def nuisance_std(self) -> Mapping[str, float]:
+        """What is known of each nuisance of any specimen, as a standard deviation; infinite where nothing is."""
+        return {
+            name: float(std)
+            for own in self.own
+            for name, std in zip(own.evidence.nuisances, own.evidence.prior_std, strict=True)
+        }
+
 
 def bench(
     specimens: Sequence[Specimen],
@@ -119,13 +132,13 @@ def bench(
         raise FitError(message)
     evidences, impossible = _evidences(specimens, effects, scatter, reduced, executor)
     numbered = _numbered(evidences)
-    alone = _alone(numbered)
+    alone = _alone(numbered, executor)
     places: tuple[Place, ...] = ()
     if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > FAR_OFF:
         most = max(numbered, key=lambda own: max(u.size for u in own.used))
         places = nearest(most, executor)
         numbered = [_reaching(own, places, x.nuisance) for own, x in zip(numbered, alone, strict=True)]
-        alone = [explain(own, nuisance=x.nuisance) for own, x in zip(numbered, alone, strict=True)]
+        alone = _explained(numbered, [x.nuisance for x in alone], executor)
     own = [_beside(*each) for each in zip(specimens, numbered, alone, strict=True)]
     possible = {n: e for n, e in effects.items() if all(n in each.effects for each in numbered)}
     spreads = [spread_of(each, x.nuisance) for each, x in zip(numbered, alone, strict=True)]
@@ -133,15 +146,28 @@ def bench(
     return with_spreads(found, spreads)
 
 
-def _alone(evidences: Sequence[Evidence]) -> list[Explanation]:
+def _alone(evidences: Sequence[Evidence], executor: Executor | None) -> list[Explanation]:
     """Fit the base model of each specimen; one that ended far off begins again where the others are."""
-    found = [explain(own) for own in evidences]
+    found = _explained(evidences, [own.start for own in evidences], executor)
     contact = np.median([x.nuisance[:2] for x in found], axis=0)
-    for s, own in enumerate(evidences):
-        if found[s].residual.frequency_error > FAR_OFF:
-            again = explain(own, nuisance=np.append(contact, own.start[2:]))
-            found[s] = max(found[s], again, key=lambda x: x.log_evidence)
+    far = [s for s, x in enumerate(found) if x.residual.frequency_error > FAR_OFF]
+    starts = [np.append(contact, evidences[s].start[2:]) for s in far]
+    for s, again in zip(far, _explained([evidences[s] for s in far], starts, executor), strict=True):
+        found[s] = max(found[s], again, key=lambda x: x.log_evidence)
     return found
+
+
+def _explained(
+    evidences: Sequence[Evidence], nuisances: Sequence[Vector], executor: Executor | None
+) -> list[Explanation]:
+    """Fit the base model of each specimen from its nuisances."""
+    fits = partial(_fitted_from, tuple(evidences))
+    return list(distribute(fits, tuple(enumerate(nuisances)), executor, MESSAGES))
+
+
+def _fitted_from(evidences: Sequence[Evidence], start: tuple[int, Vector]) -> Explanation:
+    s, nuisance = start
+    return explain(evidences[s], nuisance=nuisance)
 
 
 def _reaching(own: Evidence, places: Sequence[Place], nuisance: Vector) -> Evidence:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from ema.types.threads import single_threaded
 from model import Effect
-from updating.diagnosis.calibration import HELPS, P_ADEQUATE, SEPARATE, SHOWS, VISIBLE
+from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS, VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
-from updating.diagnosis.discrepancy import KINDS, MEDIAN, SPREAD
+from updating.diagnosis.discrepancy import KINDS
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import Z95
 from updating.pooled.beside import Bench, bench
@@ -22,7 +21,7 @@ from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
 from updating.pooled.linear import Scales
 from updating.pooled.parts import parts_of
-from updating.pooled.screening import contrast_of
+from updating.pooled.screening import contrasts
 from updating.pooled.search import Found, search
 from updating.pooled.specimen import Level, Specimen, levels_of
 from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
@@ -119,7 +118,7 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
         left=len(near) if verdict == "one of" else 1,
         specimens=tuple(_specimens(beside, told[base], told[best], left_out[best])),
         contrasts=tuple(_contrasts(beside, told[best], found.levels)),
-        scales=asdict(told[best].scales),
+        scales=_told_scales(told[best].scales),
         not_visible=tuple(
             sorted(
                 own.term.effect
@@ -152,13 +151,20 @@ def _told(found: Found) -> tuple[list[Fitted], list[tuple[Part, ...]]]:
 
 def verdict_of(first: PooledRanked, base: PooledRanked, scales: Scales, n_near: int) -> PooledVerdict:
     """Return the verdict: whether the first explanation is believed, is enough, and stands alone."""
-    away = [np.log(getattr(scales, kind) / MEDIAN[kind]) / SPREAD for kind in KINDS]
-    enough = ndtr(-max(away)) >= P_ADEQUATE  # else more is left than a right model leaves
     if not first.parts or first.log_odds < SHOWS or first.left_out_score <= 0.0:
-        return "nothing missing" if enough else "unlike anything"
-    if not enough:
+        return "nothing missing" if scales.adequate else "unlike anything"
+    if not scales.adequate:
         return "partly explained" if first.left_out_error < HELPS * base.left_out_error else "unlike anything"
     return "identified" if n_near == 1 else "one of"
+
+
+def _told_scales(scales: Scales) -> dict[str, float]:
+    """Return how much scatters, of discrepancies what is common and what is own together."""
+    return {
+        **{kind: scales.whole(kind) for kind in KINDS},
+        "stiffness": scales.stiffness,
+        "loss": scales.loss,
+    }
 
 
 def _mean(errors: Vector) -> float:
@@ -208,16 +214,15 @@ def _contrasts(beside: Bench, own: Fitted, levels: Sequence[Level]) -> list[Cont
     """Return what groups have of contact parameters over the others."""
     if not all(each.evidence.touching for each in beside.own):
         return []
+    asked = [(name, level) for level in levels if level.kind == "group" for name in CONTACT]
     found = []
-    for level in levels:
-        if level.kind != "group":
+    for (name, level), (value, std) in zip(asked, contrasts(beside, own, asked), strict=True):
+        if Z95 * std > _UNTOLD:
             continue
-        for name, label in CONTACT.items():
-            value, std = contrast_of(beside, own, name, level)
-            if Z95 * std > _UNTOLD:
-                continue
-            ratio, lower, upper = np.exp(value + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
-            found.append(
-                Contrast(group=level.of, parameter=name, label=label, ratio=ratio, lower=lower, upper=upper)
+        ratio, lower, upper = np.exp(value + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
+        found.append(
+            Contrast(
+                group=level.of, parameter=name, label=CONTACT[name], ratio=ratio, lower=lower, upper=upper
             )
+        )
     return found

@@ -19,7 +19,7 @@ from updating.pooled.term import Coordinate, Term, coordinates_of
 
 Vector = NDArray[np.float64]
 
-SCALES = ("frequency", "damping", "shape", "stiffness", "loss")
+SCALES = ("frequency", "own_frequency", "damping", "own_damping", "shape", "stiffness", "loss")
 _LOOKS = (0.7, 0.35, 0.2)  # steps of the logarithm of a scale at which it is looked for
 _MOST_LOOKS, _STAYS = (
     8,
@@ -76,7 +76,7 @@ class Weighing:
         for s, block in enumerate(self._linear.block):
             grams = []
             for kind in KINDS:
-                key = (s, kind, getattr(scales, kind))
+                key = (s, kind, scales.own(kind))
                 if key not in self._grams:
                     self._grams[key] = block.gram(kind, key[2])
                 grams.append(self._grams[key])
@@ -120,7 +120,7 @@ class Weighing:
     def _nearer(self, best: Scales, top: float, h: float, stated: Sequence[str]) -> tuple[Scales, float]:
         """Return better scales near some, one after the other by a parabola through steps of a width."""
         for name in SCALES:
-            if name in stated:
+            if name.removeprefix("own_") in stated:
                 continue
             before = best
             ends = [self._moved(before, name, step) for step in (-h, h)]
@@ -167,7 +167,7 @@ def fit(
     scales: Scales,
     *,
     most: int = 8,
-    rescaled: bool = True,
+    settled: bool = True,
 ) -> Fitted:
     """Fit terms, and the own coordinates of all specimens, from a place.
 
@@ -183,8 +183,8 @@ def fit(
         By which data are weighed at first.
     most : int
         Largest number of steps.
-    rescaled : bool
-        Whether the scales are estimated anew.
+    settled : bool
+        Whether the fit goes on with the scales that are estimated when it has come to its end.
 
     Raises
     ------
@@ -194,18 +194,18 @@ def fit(
     coordinates = tuple(own for term in terms for own in coordinates_of(bench, term))
     stated = bench.own[0].evidence.scatter.stated
     at, linear, scales = _settled(bench, coordinates, start, scales, most)
-    if rescaled:
-        weighing = Weighing(bench, linear, coordinates, at.coordinate)
-        scales, _ = weighing.likeliest(scales, stated)
-        at, linear, scales = _settled(bench, coordinates, at, scales, most // 2)
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
+    scales, log_evidence = weighing.likeliest(scales, stated)
+    if settled:
+        at, linear, scales = _settled(bench, coordinates, at, scales, most // 2)
+        log_evidence = Weighing(bench, linear, coordinates, at.coordinate).log_evidence(scales)
     return Fitted(
         terms=tuple(terms),
         coordinates=coordinates,
         at=at,
         scales=scales,
         linear=linear,
-        log_evidence=weighing.log_evidence(scales),
+        log_evidence=log_evidence,
     )
 
 

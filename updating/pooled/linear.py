@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from model import Parameter
+from updating.diagnosis import discrepancy
+from updating.diagnosis.calibration import P_ADEQUATE
 from updating.diagnosis.coordinates import bounds_of
-from updating.diagnosis.discrepancy import CORRELATION, MEDIAN, log_density
+from updating.diagnosis.discrepancy import CORRELATION, KINDS, MEDIAN, Kind, log_density
 from updating.diagnosis.residual import Residual, residual, spread_of
 from updating.pooled.algebra import Block, Strengths
 from updating.pooled.beside import Bench, with_spreads
@@ -25,6 +28,10 @@ SPREAD = {"stiffness": (0.15, 0.6), "loss": (0.3, 0.6)}
 Table 6 of Pirnat, Cepon and Boltezar (2013) has 0.2 and 0.5 over six stacks, most of them treated."""
 
 
+OWN = float(np.sqrt(1.0 - CORRELATION))
+"""Part of a discrepancy that a configuration has of its own, over its size, beforehand."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scales:
     """What is estimated of how much scatters.
@@ -32,7 +39,10 @@ class Scales:
     Attributes
     ----------
     frequency, damping, shape : float
-        Sizes of the discrepancy, see `updating.diagnosis.discrepancy.Sizes`.
+        Sizes of the discrepancy, see `updating.diagnosis.discrepancy.Sizes`, by what all configurations have in common.
+    own_frequency, own_damping : float
+        Sizes of it, by what each configuration has of its own: no two stacks are built alike, and by how much is no
+        matter of the model.
     stiffness, loss : float
         Standard deviations of ln G_f and ln d_f from specimen to specimen.
     """
@@ -40,6 +50,8 @@ class Scales:
     frequency: float = MEDIAN["frequency"]
     damping: float = MEDIAN["damping"]
     shape: float = MEDIAN["shape"]
+    own_frequency: float = MEDIAN["frequency"]
+    own_damping: float = MEDIAN["damping"]
     stiffness: float = SPREAD["stiffness"][0]
     loss: float = SPREAD["loss"][0]
 
@@ -47,11 +59,29 @@ class Scales:
     def log_prior(self) -> float:
         """Logarithm of the prior density of their logarithms, up to a constant."""
         sizes = sum(
-            float(log_density(kind, np.asarray(getattr(self, kind))))
-            for kind in ("frequency", "damping", "shape")
+            float(log_density(kind, np.asarray(size)))
+            for kind, size in [
+                *((kind, getattr(self, kind)) for kind in KINDS),
+                ("frequency", self.own_frequency),
+                ("damping", self.own_damping),
+            ]
         )
         away = [np.log(getattr(self, name) / median) / std for name, (median, std) in SPREAD.items()]
         return sizes - 0.5 * float(np.sum(np.square(away)))
+
+    @property
+    def adequate(self) -> bool:
+        """Whether models that are nearly right leave as much: more is left by one that lacks something."""
+        away = [np.log(self.whole(kind) / MEDIAN[kind]) / discrepancy.SPREAD for kind in KINDS]
+        return bool(ndtr(-max(away)) >= P_ADEQUATE)
+
+    def own(self, kind: Kind) -> float:
+        """Return the size of a discrepancy by what each configuration has of its own."""
+        return float(getattr(self, kind if kind == "shape" else f"own_{kind}"))
+
+    def whole(self, kind: Kind) -> float:
+        """Return the size of a discrepancy, what is common and what is own together."""
+        return float(np.hypot(np.sqrt(CORRELATION) * getattr(self, kind), OWN * self.own(kind)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,17 +102,12 @@ class Place:
 
 def means(bench: Bench) -> tuple[str, ...]:
     """Return the names of all nuisances, of each of which specimens have a common mean."""
-    return tuple(dict.fromkeys(name for own in bench.own for name in own.evidence.nuisances))
+    return tuple(bench.nuisance_std)
 
 
 def strengths(bench: Bench, s: int, scales: Scales) -> Strengths:
     """Return what a specimen is weighed with."""
-    names, scattered = means(bench), {"G_f": scales.stiffness, "d_f": scales.loss}
-    known = {
-        name: float(std)
-        for own in bench.own
-        for name, std in zip(own.evidence.nuisances, own.evidence.prior_std, strict=True)
-    }
+    known, scattered = bench.nuisance_std, {"G_f": scales.stiffness, "d_f": scales.loss}
     loose = {name for name in scattered if not np.isfinite(known[name])}
     own_std = {
         name: scattered[name] if name in loose else np.sqrt(1.0 - SHARED_PART) * std
@@ -96,9 +121,9 @@ def strengths(bench: Bench, s: int, scales: Scales) -> Strengths:
         for _ in range(own.direction.shape[1])
     ]
     return Strengths(
-        size=(scales.frequency, scales.damping, scales.shape),
+        size=tuple(scales.own(kind) for kind in KINDS),
         own=tuple(float(own_std[name]) for name in bench.own[s].evidence.nuisances),
-        mean=tuple(float(common[name]) for name in names),
+        mean=tuple(float(std) for std in common.values()),
         latent=tuple(float(std) for std in latent),
     )
 

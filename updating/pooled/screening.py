@@ -194,13 +194,34 @@ class _Bordered:
         return 0.5 * (precision + precision.T) + np.diag(least), slope
 
 
-def contrast_of(bench: Bench, at: Fitted, parameter: str, level: Level) -> tuple[float, float]:
-    """Return the logarithm of a contact parameter of a group over that of the others, and its standard deviation.
+def contrasts(
+    bench: Bench, at: Fitted, asked: Sequence[tuple[str, Level]]
+) -> tuple[tuple[float, float], ...]:
+    """Return logarithms of contact parameters of groups over those of the others, with their standard deviations.
 
-    Nothing is known of it beforehand. Where the group has a term of its own for it, that gives way to what is returned.
+    Nothing is known of them beforehand. Where a group has a term of its own for a parameter, that gives way to what is
+    returned.
+
+    Parameters
+    ----------
+    bench : Bench
+        The specimens.
+    at : Fitted
+        The explanation.
+    asked : sequence of (str, Level)
+        The contact parameter, and the group.
     """
     bordered = _Bordered(bench, at, linearized(bench, at.at, at.coordinates))
-    own = Coordinate(
-        name=parameter, parameter=None, members=level.members, lower=-np.inf, upper=np.inf, precision=0.0
+    return tuple(
+        bordered.free(
+            Coordinate(
+                name=parameter,
+                parameter=None,
+                members=level.members,
+                lower=-np.inf,
+                upper=np.inf,
+                precision=0.0,
+            )
+        )
+        for parameter, level in asked
     )
-    return bordered.free(own)

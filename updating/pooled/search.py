@@ -15,7 +15,7 @@ from model import SolveError
 from updating.diagnosis.calibration import MODEL_FORM, STEP
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.diagnosis.explanation import Z95
-from updating.pooled.beside import Bench
+from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
 from updating.pooled.fit import Fitted, fit, stds
 from updating.pooled.linear import Place, Scales, weighed_at
 from updating.pooled.screening import Screened, screen
@@ -39,8 +39,6 @@ _STEPS, _MORE, _GLOBAL = (
     8,
     12,
 )  # steps of a first fit, of one that is followed, and of one of a global search
-MESSAGES = 8
-"""In which work is sent to other processes."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,22 +110,23 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
     for n in range(MOST_TERMS):
         _LOG.info("term %d of an explanation", n + 1)
         starts = _starts(best, beside)
-        if not best.terms:
+        if not best.terms or best.frequency_error > FAR_OFF:
             starts += _global_search(bench, best, levels)
         followed = _followed(found, starts, executor)
         followed += _followed(found, _in_common(found, followed), executor)
         fitted = [own for own in followed if not is_form(found.base, best, own)]
         found = _with(found, fitted)
         top = max(fitted, key=found.odds, default=None)
-        if top is None or found.odds(top) < found.odds(best) + STEP:
+        if top is None:
             break
+        if found.odds(top) < found.odds(best) + STEP and (n > 0 or base.scales.adequate):
+            break  # of a model that is far off, two may show that none alone does
         best = top
         if n == 0:
             found = _weighed(found, best, executor)
-            best = found.fitted[0]
-            if not best.terms:
-                break
+            best = next((own for own in found.fitted if own.terms == top.terms), found.fitted[0])
         beside = screen(found.bench, best, levels)
+    _LOG.info("a look back at each term")
     found = _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
     return _without_neutral(found, executor)
 
@@ -154,7 +153,7 @@ def _without_neutral(found: Found, executor: Executor | None) -> Found:
             most=_MORE,
         )
         others = tuple(own for own in found.fitted if own is not best)
-        further = [own for own in _done(found.bench, [start], executor, rescaled=True) if own is not None]
+        further = [own for own in _done(found.bench, [start], executor, settled=True) if own is not None]
         found = _with(replace(found, fitted=others), further)
         if not kept:
             found = replace(found, base=next(own for own in found.fitted if not own.terms))
@@ -168,7 +167,8 @@ def usual_at_most(scales: Scales) -> Scales:
     is taken for discrepancy.
     """
     sizes = {kind: min(getattr(scales, kind), MEDIAN[kind]) for kind in KINDS}
-    return replace(scales, **sizes)
+    own = {f"own_{kind}": min(scales.own(kind), MEDIAN[kind]) for kind in ("frequency", "damping")}
+    return replace(scales, **sizes, **own)
 
 
 def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
@@ -195,7 +195,7 @@ def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
     """Weigh all data by the modes at an explanation, and fit anew what was fitted: what is far off by a few steps."""
     bench = weighed_at(found.bench, best.at, best.coordinates)
     starts = [Start(terms=own.terms, at=own.at, scales=own.scales, most=_STEPS) for own in found.fitted]
-    fitted = [own for own in _done(bench, starts, executor, rescaled=True) if own is not None]
+    fitted = [own for own in _done(bench, starts, executor, settled=True) if own is not None]
     base = next(own for own in fitted if not own.terms)
     return _with(replace(found, bench=bench, base=base, fitted=()), fitted)
 
@@ -225,25 +225,26 @@ def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
     ]
 
 
-def _global_search(bench: Bench, base: Fitted, levels: Sequence[Level]) -> list[Start]:
-    """Return fits of effects of the rig from where a global search over one specimen finds them near.
+def _global_search(bench: Bench, best: Fitted, levels: Sequence[Level]) -> list[Start]:
+    """Return fits of effects of the rig, beside what is found, from where a global search over one specimen finds them.
 
     The contact of all specimens is moved as that one's is, which has the most modes. They are weighed with usual sizes:
     with those that a model leaves that is far off, all that is near seems right.
     """
     rig = next(own for own in levels if own.kind == "rig")
     looked_at = max(bench.own, key=lambda own: max(used.size for used in own.evidence.used))
-    before = base.at.nuisance[bench.own.index(looked_at)][0]
-    near = [place for place in bench.places if place.effect in bench.effects][:N_PLACES]
+    before = best.at.nuisance[bench.own.index(looked_at)][0]
+    there = {term.effect for term in best.terms}
+    near = [place for place in bench.places if place.effect in bench.effects and place.effect not in there]
     starts = []
-    for place in near:
+    for place in near[:N_PLACES]:
         away = np.log(place.G_f / looked_at.evidence.stack.contact.G_f) - before
         at = Place(
-            nuisance=tuple(np.append(x[0] + away, x[1:]) for x in base.at.nuisance),
-            coordinate=np.asarray(place.coordinate),
+            nuisance=tuple(np.append(x[0] + away, x[1:]) for x in best.at.nuisance),
+            coordinate=np.concatenate([best.at.coordinate, place.coordinate]),
         )
-        term = Term(effect=place.effect, level=rig)
-        starts.append(Start(terms=(term,), at=at, scales=Scales(), most=_GLOBAL))
+        terms = (*best.terms, Term(effect=place.effect, level=rig))
+        starts.append(Start(terms=terms, at=at, scales=Scales(), most=_GLOBAL))
     return starts
 
 
@@ -317,7 +318,7 @@ def _other_levels(found: Found, term: Term) -> list[Level]:
 def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
     """Fit explanations, and those that are near the best of them to their end."""
     bench = found.bench
-    first = [own for own in _done(bench, starts, executor, rescaled=False) if own is not None]
+    first = [own for own in _done(bench, starts, executor, settled=False) if own is not None]
     if not first:
         return []
     top = max(found.odds(own) for own in first)
@@ -326,18 +327,18 @@ def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) 
         for own in first
         if found.odds(own) > top - _CLOSE
     ]
-    return [own for own in _done(bench, near, executor, rescaled=True) if own is not None]
+    return [own for own in _done(bench, near, executor, settled=True) if own is not None]
 
 
 def _done(
-    bench: Bench, starts: Sequence[Start], executor: Executor | None, *, rescaled: bool
+    bench: Bench, starts: Sequence[Start], executor: Executor | None, *, settled: bool
 ) -> Iterator[Fitted | None]:
-    return distribute(partial(_fitted, bench, rescaled), starts, executor, MESSAGES)
+    return distribute(partial(_fitted, bench, settled), starts, executor, MESSAGES)
 
 
-def _fitted(bench: Bench, rescaled: bool, start: Start) -> Fitted | None:
+def _fitted(bench: Bench, settled: bool, start: Start) -> Fitted | None:
     try:
-        return fit(bench, start.terms, start.at, start.scales, most=start.most, rescaled=rescaled)
+        return fit(bench, start.terms, start.at, start.scales, most=start.most, settled=settled)
     except (SolveError, np.linalg.LinAlgError):
         return None
 

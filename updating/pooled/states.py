@@ -73,7 +73,7 @@ def _state(bench: Bench, own: Fitted, latent: Vector, s: int, c: int) -> Contact
 
 
 def _precision(kind: NDArray[np.str_], growth: Vector, scales: Scales) -> Vector:
-    size = np.array([getattr(scales, name) for name in KINDS])
+    size = np.array([scales.own(name) for name in KINDS])
     return 1.0 / (1.0 + size[[KINDS.index(name) for name in kind]] ** 2 * growth)
 
 
