@@ -158,6 +158,14 @@ def test_what_data_cannot_tell_is_said(other, said):
     assert said in second
 
 
+def test_what_lowers_the_error_is_not_passed_over_where_it_is_not_believed():
+    low = answer("unlike anything", (BASE, ranked(part(), odds=0.0, error=0.04))).sentences[0]
+    assert "which inertia of the clamps (clamp_inertia)" in low
+    assert "not probable enough" in low
+    high = answer("unlike anything", (BASE, ranked(part(), odds=0.0, error=0.08))).sentences[0]
+    assert "none of what was tried lowers much" in high
+
+
 def test_a_change_by_a_treatment_is_told_from_none():
     changed = Contrast(
         group="treatment = glued", parameter="G_f", label="contact stiffness", ratio=2.0, lower=1.5, upper=2.6

@@ -12,7 +12,7 @@ from rich.table import Table
 from ema import read_campaign
 from model import Stack, catalogue, read_stack
 from model.stack.stack_file import stack_inputs
-from updating.commands.options import CampaignFile, EffectFiles, Folder, Keep, ScatterFile
+from updating.commands.options import CampaignFile, Cluster, EffectFiles, Folder, Keep, ScatterFile
 from updating.commands.specimens import diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
@@ -42,6 +42,7 @@ def diagnose(
     output: Folder,
     effect_file: EffectFiles = None,
     scatter: ScatterFile = None,
+    cluster: Cluster = None,
     keep: Keep = False,
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
@@ -57,10 +58,14 @@ def diagnose(
         )
         raise FitError(message)
     if has_specimens(campaign):
-        pooled = diagnose_pooled(campaign, output, effect_file or [], OUT, scatter_file=scatter)
+        pooled = diagnose_pooled(
+            campaign, output, effect_file or [], OUT, scatter_file=scatter, cluster=cluster
+        )
         print_pooled(pooled, output, OUT)
         return
-    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter, keep=keep)
+    found = diagnose_campaign(
+        campaign, output, effect_file or [], OUT, scatter_file=scatter, cluster=cluster, keep=keep
+    )
     for sentence in found.sentences:
         OUT.print(sentence, highlight=False, markup=False)
     OUT.print(diagnosis_table(found))
@@ -83,6 +88,7 @@ def diagnose_campaign(
     *,
     scatter_file: Path | None = None,
     asked: Sequence[Sequence[str]] = (),
+    cluster: str | None = None,
     keep: bool = False,
 ) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json.
@@ -103,12 +109,12 @@ def diagnose_campaign(
         )
         raise FitError(message)
     assigned = assignments(campaign, output, keep=keep)
-    tests = every_identified(assigned, "identify", console)
+    tests = every_identified(assigned, "identify", console, cluster)
     over = [over_amplitude(own, found) for own, found in zip(assigned, tests, strict=True)]
     tested, levels = by_level(states, tests, over)
 
     def make() -> Diagnosis:
-        with workers(MESSAGES) as executor, progress("diagnose", console):
+        with workers(MESSAGES, cluster) as executor, progress("diagnose", console):
             own = replace(stack, height=states[0].height)
             return diagnose_stack(
                 own,

@@ -28,6 +28,7 @@ from updating.commands.options import (
     SharedEffects,
 )
 from updating.commands.report import make_report
+from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
 from updating.diagnosis.answer import Ranked
@@ -45,6 +46,7 @@ from updating.fitting.target import (
     target_of_modes,
     target_of_table,
 )
+from updating.pooled.campaign_file import has_specimens
 from updating.published.campaign import SCATTER
 from updating.results.identified import (
     Assignment,
@@ -85,9 +87,16 @@ def fit(
     With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
     contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
     held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers.
+
+    Of a campaign that lists specimens all are fitted together: effects are the rig's, contact each specimen's own.
     """
     known = catalogue(effect_file or [])
     find_effects(effect or [], known)  # before hours of work
+    if has_specimens(campaign):
+        print_pooled(
+            fit_pooled(campaign, output, effect or (), effect_file or (), OUT, cluster=cluster), output, OUT
+        )
+        return
     if is_modal_table(campaign):
         rows = fit_modal_table(campaign, output, OUT, cluster)
         OUT.print(modal_table(rows))

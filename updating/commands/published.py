@@ -24,16 +24,12 @@ from updating.published.plot import (
     pattern_figure,
     treatment_figure,
 )
-from updating.published.screening import Screening, screen
 from updating.published.tables import (
     parameters_csv,
-    screening_csv,
-    screening_table,
     summary_table,
     table_6_csv,
     table_7_csv,
 )
-from updating.published.verdict import published_verdict
 from updating.results.store import kept, write_bytes
 from updating.workers.workers import in_parallel
 
@@ -47,15 +43,6 @@ def published(
         typer.Option(help="C0, C1, C2 or C3; may be given several times. All four by default."),
     ] = None,
     effect: SharedEffects = None,
-    screen: Annotated[
-        float | None,
-        typer.Option(
-            metavar="MINUTES",
-            min=0.0,
-            help="Try all effects and the best pairs too, under each calibration until so much processor time is used.",
-            show_default=False,
-        ),
-    ] = None,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -70,7 +57,8 @@ def published(
 
     Writes for each calibration of planform and clamps what is fitted, with Tables 6 and 7 and figures 12 to 16 beside
     ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, and how contact
-    stiffness grows with pressure. A calibration takes some minutes; trying all effects takes half an hour.
+    stiffness grows with pressure. A calibration takes some minutes. Which effects the stacks ask for is what
+    lamella diagnose says of their campaign file.
     """
     find_effects(effect or [], catalogue())
     calibrations = calibration or list(CALIBRATIONS)
@@ -80,10 +68,6 @@ def published(
             reproduce_campaign(tables, calibrations, effect or ["clamp_inertia"], output, OUT, cluster)
         )
     )
-    if screen is not None:
-        found = screen_published(tables, calibrations, screen, output, OUT, cluster)
-        OUT.print(screening_table(found))
-        OUT.print(published_verdict(found, read_published(tables).table), highlight=False)
     OUT.print(f"Results in {output}")
 
 
@@ -122,31 +106,3 @@ def _calibrated(data: Published, effects: tuple[str, ...], output: Path, calibra
     inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
     make = partial(reproduce, data, calibration, effects)
     return kept(path, Calibrated, make, inputs=inputs, options=options)
-
-
-def screen_published(
-    folder: Path,
-    calibrations: Sequence[str],
-    minutes: float,
-    output: Path,
-    console: Console,
-    cluster: str | None = None,
-) -> tuple[Screening, ...]:
-    """Try all effects of the catalogue, and the most promising pairs, on the published campaign.
-
-    Calibrations that an earlier run left are read back.
-    """
-    task = partial(_screened, read_published(folder.absolute()), minutes, output.absolute())
-    found = tuple(in_parallel(task, calibrations, "effects one by one, then pairs", console, cluster))
-    write_bytes(output / "screening.csv", screening_csv(found))
-    return found
-
-
-def _screened(data: Published, minutes: float, output: Path, calibration: str) -> Screening:
-    path, options = output / f"screening_{calibration}.json", {"minutes": minutes}
-    inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
-    tried = [
-        name for name, effect in catalogue().items() if effect.over_strain is None
-    ]  # amplitudes are not stated
-    make = partial(screen, data, calibration, tried, seconds=60.0 * minutes)
-    return kept(path, Screening, make, inputs=inputs, options=options)

@@ -1,4 +1,4 @@
-"""Many specimens on one rig: what `lamella diagnose` does with a campaign file that lists them."""
+"""Many specimens on one rig: what `lamella diagnose` and `lamella fit` do with a campaign file that lists them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from model import catalogue
+from model import catalogue, find_effects
 from updating.commands.terminal import progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.scatter_file import read_scatter
 from updating.pooled.beside import MESSAGES
-from updating.pooled.campaign_file import read_specimens, specimens_of
-from updating.pooled.diagnosis import diagnose_specimens
+from updating.pooled.campaign_file import SpecimenCampaign, read_specimens, specimens_of
+from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
+from updating.pooled.specimen import Specimen
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.pooled_text import SPECIMEN_HEADER, explanation_text, specimen_row
@@ -31,6 +32,7 @@ def diagnose_pooled(
     console: Console,
     *,
     scatter_file: Path | None = None,
+    cluster: str | None = None,
 ) -> PooledDiagnosis:
     """Diagnose all specimens of a campaign together, and write pooled_diagnosis.json.
 
@@ -38,22 +40,57 @@ def diagnose_pooled(
     """
     known = catalogue(effect_files)
     scatter = None if scatter_file is None else read_scatter(scatter_file)
-    campaign = read_specimens(campaign_file)
-    measured = campaign.measured
-    tests = () if measured is None else every_identified(assignments(measured, output), "identify", console)
-    of = {own.configuration.name: own.modal_model for own in tests}
-    specimens = specimens_of(campaign, of.__getitem__)
+    campaign, specimens, inputs = _specimens(campaign_file, output, console, cluster)
 
     def make() -> PooledDiagnosis:
-        with workers(MESSAGES) as executor, progress("diagnose", console):
+        with workers(MESSAGES, cluster) as executor, progress("diagnose", console):
             return diagnose_specimens(
                 campaign.name, specimens, known, scatter=scatter, executor=executor, reduced=cached_model
             )
 
     stated = () if scatter_file is None else (scatter_file,)
-    modal = (own.folder / "modal_model.json" for own in tests)
-    inputs = (*campaign.inputs, *effect_files, *stated, *modal)
+    inputs = (*inputs, *effect_files, *stated)
     return kept(output / "pooled_diagnosis.json", PooledDiagnosis, make, inputs=inputs, options={})
+
+
+def fit_pooled(
+    campaign_file: Path,
+    output: Path,
+    effects: Sequence[str],
+    effect_files: Sequence[Path],
+    console: Console,
+    *,
+    cluster: str | None = None,
+) -> PooledDiagnosis:
+    """Fit effects of the rig to all specimens of a campaign together, and write pooled_fit.json.
+
+    What an earlier run left is read back.
+    """
+    known = {effect.name: effect for effect in find_effects(effects, catalogue(effect_files))}
+    campaign, specimens, inputs = _specimens(campaign_file, output, console, cluster)
+
+    def make() -> PooledDiagnosis:
+        with workers(MESSAGES, cluster) as executor, progress("fit", console):
+            return fit_specimens(campaign.name, specimens, known, executor=executor, reduced=cached_model)
+
+    inputs, options = (*inputs, *effect_files), {"effects": list(known)}
+    return kept(output / "pooled_fit.json", PooledDiagnosis, make, inputs=inputs, options=options)
+
+
+def _specimens(
+    campaign_file: Path, output: Path, console: Console, cluster: str | None
+) -> tuple[SpecimenCampaign, tuple[Specimen, ...], tuple[Path, ...]]:
+    """Return a campaign, its specimens with the modes of all their configurations, and the files they come from."""
+    campaign = read_specimens(campaign_file)
+    measured = campaign.measured
+    tests = (
+        ()
+        if measured is None
+        else every_identified(assignments(measured, output), "identify", console, cluster)
+    )
+    of = {own.configuration.name: own.modal_model for own in tests}
+    modal = (own.folder / "modal_model.json" for own in tests)
+    return campaign, specimens_of(campaign, of.__getitem__), (*campaign.inputs, *modal)
 
 
 def print_pooled(found: PooledDiagnosis, output: Path, console: Console) -> None:

@@ -16,13 +16,14 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.discrepancy import KINDS
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import Z95
+from updating.errors import FitError
 from updating.pooled.beside import Bench, bench
 from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
 from updating.pooled.linear import Scales
 from updating.pooled.parts import parts_of
 from updating.pooled.screening import contrasts
-from updating.pooled.search import Found, search
+from updating.pooled.search import Found, asked, search
 from updating.pooled.specimen import Level, Specimen, levels_of
 from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
 from updating.pooled.term import CONTACT
@@ -87,8 +88,45 @@ def diagnose_specimens(
     return concluded(name, search(beside, levels_of(specimens), executor))
 
 
-def concluded(name: str, found: Found) -> PooledDiagnosis:
-    """Return the answer that a search comes to."""
+@single_threaded
+def fit_specimens(
+    name: str,
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    *,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> PooledDiagnosis:
+    """Fit effects of the rig to all its specimens, each with contact parameters of its own, as a diagnosis does it.
+
+    Parameters
+    ----------
+    name : str
+        The campaign.
+    specimens : sequence of Specimen
+        At least two, on one rig.
+    effects : mapping of str to Effect
+        Those that the rig is to have; none fits the base model.
+    executor, reduced
+        As in `diagnose_specimens`.
+
+    Raises
+    ------
+    FitError
+        There are fewer than two specimens, no measured mode of one resembles one of its model, an effect cannot be, or
+        the model has no modes with all of them.
+    PairingError
+        Measured points do not lie on a stack, or are fewer than the modes.
+    """
+    beside = bench(specimens, effects, executor=executor, reduced=reduced)
+    if beside.impossible:
+        message = "; ".join(beside.impossible.values())
+        raise FitError(message)
+    return concluded(name, asked(beside, levels_of(specimens), tuple(effects), executor), "as asked")
+
+
+def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> PooledDiagnosis:
+    """Return the answer that a search comes to; the verdict too, where none is given."""
     beside = found.bench
     told, parts = _told(found)
     odds = np.array([found.odds(own) for own in told])
@@ -109,7 +147,8 @@ def concluded(name: str, found: Found) -> PooledDiagnosis:
         for i, own in enumerate(told)
     )
     near = [i for i in range(len(told)) if odds[i] > odds[0] - SEPARATE]
-    verdict = verdict_of(ranking[0], ranking[base], told[0].scales, len(near))
+    if verdict is None:
+        verdict = verdict_of(ranking[0], ranking[base], told[0].scales, len(near))
     best = base if verdict in ("nothing missing", "unlike anything") else 0
     answer = PooledDiagnosis(
         name=name,

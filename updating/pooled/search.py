@@ -15,6 +15,7 @@ from model import SolveError
 from updating.diagnosis.calibration import MODEL_FORM, STEP
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.diagnosis.explanation import Z95
+from updating.errors import FitError
 from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
 from updating.pooled.fit import Fitted, fit, stds
 from updating.pooled.linear import Place, Scales, weighed_at
@@ -131,6 +132,39 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
     return _without_neutral(found, executor)
 
 
+def asked(
+    bench: Bench, levels: Sequence[Level], effects: Sequence[str], executor: Executor | None = None
+) -> Found:
+    """Fit effects of the rig, one after the other beside those before, each from all places where it promises most.
+
+    Raises
+    ------
+    FitError
+        The model has no modes with all of them.
+    """
+    rig = next(own for own in levels if own.kind == "rig")
+    start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
+    base = best = fit(bench, (), start, Scales(), most=_MORE)
+    found = Found(
+        bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=(), n_effect=len(effects)
+    )
+    for name in effects:
+        _LOG.info("fit %s", name)
+        (promising,) = (own for own in screen(found.bench, best, [rig]) if own.term.effect == name)
+        starts = [_beside(best, promising)]
+        starts += [own for own in _global_search(bench, best, levels) if own.terms[-1].effect == name]
+        fitted = _followed(found, starts, executor)
+        if not fitted:
+            message = f"the stacks have no modes with {', '.join(own.effect for own in starts[0].terms)}"
+            raise FitError(message)
+        best = max(fitted, key=lambda own: own.log_evidence)
+        if len(best.terms) == 1:
+            found = _weighed(_with(found, [best]), best, executor)
+            best = next((own for own in found.fitted if own.terms == best.terms), best)
+    rest = () if best is found.base else (found.base,)
+    return replace(found, fitted=(best, *rest))
+
+
 def _without_neutral(found: Found, executor: Executor | None) -> Found:
     """Pass over explanations with a term that may as well be neutral, and fit each without it from where it stands.
 
@@ -164,11 +198,10 @@ def usual_at_most(scales: Scales) -> Scales:
     """Return scales with sizes of the discrepancy that are usual at most, by which a fit begins.
 
     With those that a model leaves that is far off, all that is near seems right, and what all specimens have in common
-    is taken for discrepancy.
+    is taken for discrepancy. What each has of its own stays: without, single stacks bend the valley of all.
     """
     sizes = {kind: min(getattr(scales, kind), MEDIAN[kind]) for kind in KINDS}
-    own = {f"own_{kind}": min(scales.own(kind), MEDIAN[kind]) for kind in ("frequency", "damping")}
-    return replace(scales, **sizes, **own)
+    return replace(scales, **sizes)
 
 
 def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
@@ -214,22 +247,24 @@ def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
             continue
         of[own.term.effect] = n + 1
         chosen.append(own)
-    return [
-        Start(
-            terms=(*best.terms, own.term),
-            at=replace(best.at, coordinate=np.concatenate([best.at.coordinate, own.start])),
-            scales=usual_at_most(best.scales),
-            most=_STEPS,
-        )
-        for own in chosen
-    ]
+    return [_beside(best, own) for own in chosen]
+
+
+def _beside(best: Fitted, own: Screened) -> Start:
+    """Return the fit of a term beside what is found, from where its changes were taken."""
+    return Start(
+        terms=(*best.terms, own.term),
+        at=replace(best.at, coordinate=np.concatenate([best.at.coordinate, own.start])),
+        scales=usual_at_most(best.scales),
+        most=_STEPS,
+    )
 
 
 def _global_search(bench: Bench, best: Fitted, levels: Sequence[Level]) -> list[Start]:
     """Return fits of effects of the rig, beside what is found, from where a global search over one specimen finds them.
 
-    The contact of all specimens is moved as that one's is, which has the most modes. They are weighed with usual sizes:
-    with those that a model leaves that is far off, all that is near seems right.
+    The contact of all specimens is moved as that one's is, which has the most modes. What the model misses alike is
+    weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
     """
     rig = next(own for own in levels if own.kind == "rig")
     looked_at = max(bench.own, key=lambda own: max(used.size for used in own.evidence.used))
@@ -244,7 +279,7 @@ def _global_search(bench: Bench, best: Fitted, levels: Sequence[Level]) -> list[
             coordinate=np.concatenate([best.at.coordinate, place.coordinate]),
         )
         terms = (*best.terms, Term(effect=place.effect, level=rig))
-        starts.append(Start(terms=terms, at=at, scales=Scales(), most=_GLOBAL))
+        starts.append(Start(terms=terms, at=at, scales=usual_at_most(best.scales), most=_GLOBAL))
     return starts
 
 

@@ -11,7 +11,6 @@ from rich.table import Table
 
 from model import printed_effects
 from updating.published.campaign import Calibrated
-from updating.published.screening import Screening
 
 TARGET = {"C0": 0.057, "C1": 0.040, "C2": 0.057, "C3": 0.040}
 """Errors that shared effects should reach: what an independent prototype with another model reached."""
@@ -69,67 +68,6 @@ def conclusion(found: Sequence[Calibrated]) -> str:
 def _range(values: Sequence[float], form: str) -> str:
     low, high = format(min(values), form), format(max(values), form)
     return low if low == high else f"{low} to {high}"
-
-
-def screening_table(found: Sequence[Screening], n_row: int = 12) -> Table:
-    """Print the effects and pairs that leave the least error, the best of any calibration first."""
-    table = Table(
-        title="Effects that all stacks share, mean error of eq. (2) in %",
-        title_justify="left",
-        caption="! = a parameter at the end of its range.\n" + survivors(found),
-        caption_justify="left",
-    )
-    table.add_column("effects", overflow="fold")
-    for one in found:
-        table.add_column(one.calibration, justify="right")
-    by_effects = {one.calibration: {t.effects: t for t in one.tried} for one in found}
-    every = dict.fromkeys(t.effects for one in found for t in one.tried)
-
-    def least(effects: tuple[str, ...]) -> float:
-        errors = [tried[effects].error for tried in by_effects.values() if effects in tried]
-        return min((e for e in errors if np.isfinite(e)), default=np.inf)
-
-    for effects in sorted(every, key=least)[:n_row]:
-        cells = [tried.get(effects) for tried in by_effects.values()]
-        table.add_row(
-            " + ".join(printed_effects(effects)),
-            *(
-                "-" if c is None or not np.isfinite(c.error) else f"{100 * c.error:.2f}" + "!" * c.at_bound
-                for c in cells
-            ),
-        )
-    return table
-
-
-def survivors(found: Sequence[Screening]) -> str:
-    """Say which effects reach the prototype's error alone and inside their ranges, under all calibrations or some."""
-    inside = [
-        {
-            t.effects[0]
-            for t in one.tried
-            if len(t.effects) == 1 and t.error <= TARGET[one.calibration] and not t.at_bound
-        }
-        for one in found
-    ]
-    names = ", ".join(one.calibration for one in found)
-    always, sometimes = set.intersection(*inside), set.union(*inside)
-    text = f"At or below the prototype's error inside their ranges, alone: under {names}: "
-    text += ", ".join(printed_effects(sorted(always))) or "none"
-    if sometimes - always:
-        text += "; under some of them: " + ", ".join(printed_effects(sorted(sometimes - always)))
-    untried = sum(bool(t.note) for one in found for t in one.tried)
-    return text + "." + (f" Without a result: {untried}, see screening.csv." if untried else "")
-
-
-def screening_csv(found: Sequence[Screening]) -> bytes:
-    """All effects and pairs that were tried under each calibration, with their parameters."""
-    rows = [["calibration", "effects", "error", "at_bound", "parameters", "note"]]
-    for one in found:
-        for t in one.tried:
-            values = "; ".join(f"{p.name} = {p.value:.6g} {p.unit}" for p in t.shared)
-            bound = "" if t.note else str(t.at_bound)
-            rows.append([one.calibration, " + ".join(t.effects), _cell(t.error), bound, values, t.note])
-    return _csv(rows)
 
 
 def table_7_csv(found: Sequence[Calibrated]) -> bytes:

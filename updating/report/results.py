@@ -128,8 +128,9 @@ def read_results(folder: Path, *, keep: bool = False) -> Results:
         The folder holds no result, one that cannot be read, or measured modes that were changed.
     """
     reader = _Reader(folder, keep=keep)
-    if (folder / "pooled_diagnosis.json").exists():
-        return _read_pooled(folder, reader)
+    for name in ("pooled_diagnosis.json", "pooled_fit.json"):  # a diagnosis says more
+        if (folder / name).exists():
+            return _read_pooled(folder, name, reader)
     if (folder / "modal_table.json").exists():
         found = _read_table(folder, reader)
     elif (folder / "campaign.json").exists():
@@ -267,8 +268,8 @@ def _read_common(folder: Path, reader: _Reader) -> dict[str, Any]:
     }
 
 
-def _read_pooled(folder: Path, reader: _Reader) -> Results:
-    pooled = reader.needed(folder / "pooled_diagnosis.json", PooledDiagnosis)
+def _read_pooled(folder: Path, name: str, reader: _Reader) -> Results:
+    pooled = reader.needed(folder / name, PooledDiagnosis)
     return Results(
         name=pooled.name,
         tested=(),

@@ -9,7 +9,9 @@ from typing import Literal
 from updating.fitting.estimate import ParameterEstimate
 
 LevelKind = Literal["rig", "group", "specimen", "each"]
-PooledVerdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
+PooledVerdict = Literal[
+    "nothing missing", "identified", "one of", "partly explained", "unlike anything", "as asked"
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +163,8 @@ class PooledDiagnosis:
         The campaign.
     verdict : str
         "nothing missing"; "identified"; "one of" where data cannot tell; "partly explained" where what remains is more
-        than a right model leaves; "unlike anything" where specimens are not predicted better for all that.
+        than a right model leaves; "unlike anything" where specimens are not predicted better for all that; "as asked"
+        of a fit of terms that somebody asks for.
     ranking : tuple of PooledRanked
         What was fitted in full, the most probable first.
     left : int

@@ -10,6 +10,7 @@ from updating.results.pooled_answer import Contrast, Part, PooledDiagnosis, Pool
 from updating.results.text import interval_text, percent
 
 _LISTED = 3  # explanations that are told in a sentence
+_LOWERED = 0.8  # of an error, from which it is much lower
 _FOLDED = 5  # names that are listed before a count stands for the rest
 
 
@@ -64,16 +65,29 @@ def _verdict(found: PooledDiagnosis) -> str:
         return (
             "Something is missing that no effect of the catalogue explains, whosever it be. The model's frequencies "
             f"are off by {percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a "
-            "specimen that is predicted from the others, which none of what was tried lowers much."
+            f"specimen that is predicted from the others, {_lowered(found, base)}."
         )
-    parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts)
-    start = {"identified": "Identified", "partly explained": "Part of what is missing"}.get(
-        found.verdict, "Most probable"
-    )
+    parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts) or "the base model"
+    start = {
+        "identified": "Identified",
+        "partly explained": "Part of what is missing",
+        "as asked": "As asked for",
+    }.get(found.verdict, "Most probable")
     return (
         f"{start}: {parts}. Mean frequency errors, before and with it: fitted {_change('frequency_error', base, best)}"
         f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
         f"; a torque predicted from all else {_change('left_out_torque_error', base, best)}."
+    )
+
+
+def _lowered(found: PooledDiagnosis, base: PooledRanked) -> str:
+    """Say how far what was tried lowers the error of specimens left out, though it is not believed."""
+    least = min(found.ranking, key=lambda own: own.left_out_error)
+    if least.left_out_error > _LOWERED * base.left_out_error:
+        return "which none of what was tried lowers much"
+    return (
+        f"which {explanation_text(least)} lowers to {percent(least.left_out_error)}; but that is not probable enough "
+        "beside something that nobody thought of"
     )
 
 
@@ -108,7 +122,7 @@ def _odd(found: PooledDiagnosis) -> str:
 def _groups(contrasts: Sequence[Contrast]) -> list[str]:
     """Say what groups change, and what they do not."""
     text, silent = [], []
-    for own in contrasts:
+    for own in sorted(contrasts, key=lambda own: own.upper / own.lower):
         if own.lower > 1.0 or own.upper < 1.0:
             text.append(
                 f"Specimens with {own.group} have {own.ratio:.2f} times the {own.label} {own.parameter} of the others "
@@ -119,7 +133,8 @@ def _groups(contrasts: Sequence[Contrast]) -> list[str]:
                 f"{own.parameter} of {own.group}: {own.ratio:.2f} times ({own.lower:.2f} to {own.upper:.2f})"
             )
     if silent:
-        text.append(f"No change beyond the scatter of specimens: {'; '.join(silent)}.")
+        more = f"; and {len(silent) - _FOLDED} more" if len(silent) > _FOLDED else ""
+        text.append(f"No change beyond the scatter of specimens: {'; '.join(silent[:_FOLDED])}{more}.")
     return text
 
 
