@@ -154,7 +154,7 @@ def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> 
         name=name,
         verdict=verdict,
         ranking=ranking,
-        left=len(near) if verdict == "one of" else 1,
+        left=len(near) if verdict in ("one of", "partly explained") else 1,
         specimens=tuple(_specimens(beside, told[base], told[best], left_out[best])),
         contrasts=tuple(_contrasts(beside, told[best], found.levels)),
         scales=_told_scales(told[best].scales),

@@ -17,7 +17,7 @@ _FOLDED = 5  # names that are listed before a count stands for the rest
 def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
     """Write the verdict, whose each effect is, which specimens are odd, and what groups change."""
     text = [_verdict(found)]
-    if found.verdict == "one of":
+    if found.left > 1:
         text.append(_cannot_tell(found))
     text.append(_odd(found))
     text += _groups(found.contrasts)
