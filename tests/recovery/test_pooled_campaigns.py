@@ -8,7 +8,7 @@ import pytest
 import model
 from updating.diagnosis.cached_model import cached_model
 from updating.pooled.campaign_file import read_specimens, specimens_of
-from updating.pooled.diagnosis import diagnose_specimens
+from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
 
 DATA = Path(__file__).parents[2] / "data" / "hidden_effect"
 MEANT = {
@@ -35,3 +35,18 @@ def test_what_was_planted_is_found_where_it_is(name, capsys):
     assert {(own.effect, own.level, own.of) for own in found.best.parts} == MEANT[name]
     odd = {own.name for own in found.specimens if own.odd}
     assert odd == {of for _, level, of in MEANT[name] if level == "specimen"}
+
+
+@pytest.mark.slow
+def test_an_effect_that_is_asked_for_is_fitted_to_all_specimens():
+    """Half a kilogram was planted under each clamp of the rig; one specimen is glued besides."""
+    campaign = read_specimens(DATA / "pooled_a" / "campaign.toml")
+    specimens = specimens_of(campaign, lambda own: None)
+    found = fit_specimens(campaign.name, specimens, {"clamp_mass": model.catalogue()["clamp_mass"]})
+    assert found.verdict == "as asked"
+    (own,) = found.best.parts
+    (mass,) = own.parameter
+    assert (own.effect, own.level) == ("clamp_mass", "rig")
+    assert 0.4 < mass.value < 0.9
+    assert found.best.frequency_error < found.ranking[1].frequency_error
+    assert found.sentences[0].startswith("As asked for: clamp mass (clamp_mass), of the rig")
