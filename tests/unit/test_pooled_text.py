@@ -6,7 +6,6 @@ from dataclasses import asdict, replace
 import pytest
 
 from updating.fitting.estimate import ParameterEstimate
-from updating.pooled.diagnosis import verdict_of
 from updating.pooled.linear import Scales
 from updating.report.page import write_report
 from updating.report.pooled_part import contact_chart, grouping, pooled_section
@@ -131,21 +130,6 @@ def test_what_remains_is_said_first(verdict, start):
 
 
 @pytest.mark.parametrize(
-    ("first", "scales", "n_near", "verdict"),
-    [
-        (ranked(part()), Scales(), 1, "identified"),
-        (ranked(part()), Scales(), 2, "one of"),
-        (ranked(part(), odds=2.0), Scales(), 1, "nothing missing"),
-        (replace(ranked(part()), left_out_score=-1.0), Scales(), 1, "nothing missing"),
-        (ranked(part(), error=0.02), Scales(frequency=0.05), 1, "partly explained"),
-        (ranked(part(), error=0.09), Scales(frequency=0.05), 1, "unlike anything"),
-    ],
-)
-def test_the_verdict_asks_for_odds_prediction_and_what_remains(first, scales, n_near, verdict):
-    assert verdict_of(first, BASE, scales, n_near) == verdict
-
-
-@pytest.mark.parametrize(
     ("other", "said"),
     [
         (part(level="each"), "cannot tell whose the effect is: as well it may be inertia of the clamps"),
@@ -156,6 +140,14 @@ def test_what_data_cannot_tell_is_said(other, said):
     first, second, *_ = answer("one of", (ranked(part()), ranked(other, odds=29.0), BASE), 2).sentences
     assert first.startswith("Most probable: inertia of the clamps")
     assert said in second
+
+
+def test_a_lead_that_is_not_the_most_probable_is_accounted_for():
+    other = ranked(part("edge_pressure", label="uneven pressure"), odds=36.0, error=0.03)
+    found = answer("partly explained", (ranked(part(), error=0.02), other, BASE), 2)
+    assert found.sentences[0].startswith("Part of what is missing: inertia of the clamps")
+    assert found.sentences[2].startswith("By the odds alone uneven pressure (edge_pressure)")
+    assert "with an error of 3.0 %, the most probable one with 4.5 %" in found.sentences[2]
 
 
 def test_what_lowers_the_error_is_not_passed_over_where_it_is_not_believed():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ema.types.threads import single_threaded
 from model import Effect
-from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS, VISIBLE
+from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.discrepancy import KINDS
 from updating.diagnosis.evidence import DiagnosisScatter
@@ -27,6 +27,7 @@ from updating.pooled.search import Found, asked, search
 from updating.pooled.specimen import Level, Specimen, levels_of
 from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
 from updating.pooled.term import CONTACT
+from updating.pooled.verdict import not_told_apart, verdict_of
 from updating.results.pooled_answer import (
     Contrast,
     Part,
@@ -146,14 +147,16 @@ def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> 
         )
         for i, own in enumerate(told)
     )
-    near = [i for i in range(len(told)) if odds[i] > odds[0] - SEPARATE]
+    adequate, near = told[0].scales.adequate, [0]
     if verdict is None:
-        verdict = verdict_of(ranking[0], ranking[base], told[0].scales, len(near))
-    best = base if verdict in ("nothing missing", "unlike anything") else 0
+        near = not_told_apart(ranking, [own.error for own in left_out], adequate=adequate)
+        verdict = verdict_of(ranking[near[0]], ranking[base], adequate=adequate, n_near=len(near))
+    best = base if verdict in ("nothing missing", "unlike anything") else near[0]
+    order = [*near, *(i for i in range(len(told)) if i not in near)]
     answer = PooledDiagnosis(
         name=name,
         verdict=verdict,
-        ranking=ranking,
+        ranking=tuple(ranking[i] for i in order),
         left=len(near) if verdict in ("one of", "partly explained") else 1,
         specimens=tuple(_specimens(beside, told[base], told[best], left_out[best])),
         contrasts=tuple(_contrasts(beside, told[best], found.levels)),
@@ -186,15 +189,6 @@ def _told(found: Found) -> tuple[list[Fitted], list[tuple[Part, ...]]]:
             told.append(own)
             parts.append(of)
     return told, parts
-
-
-def verdict_of(first: PooledRanked, base: PooledRanked, scales: Scales, n_near: int) -> PooledVerdict:
-    """Return the verdict: whether the first explanation is believed, is enough, and stands alone."""
-    if not first.parts or first.log_odds < SHOWS or first.left_out_score <= 0.0:
-        return "nothing missing" if scales.adequate else "unlike anything"
-    if not scales.adequate:
-        return "partly explained" if first.left_out_error < HELPS * base.left_out_error else "unlike anything"
-    return "identified" if n_near == 1 else "one of"
 
 
 def _told_scales(scales: Scales) -> dict[str, float]:

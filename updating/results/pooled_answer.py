@@ -166,7 +166,8 @@ class PooledDiagnosis:
         than a right model leaves; "unlike anything" where specimens are not predicted better for all that; "as asked"
         of a fit of terms that somebody asks for.
     ranking : tuple of PooledRanked
-        What was fitted in full, the most probable first.
+        What was fitted in full: the one that leads, those that the data do not tell from it, and the others, the most
+        probable first.
     left : int
         Explanations, the first of the ranking, that the data do not tell apart.
     specimens : tuple of SpecimenAnswer

@@ -19,6 +19,8 @@ def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
     text = [_verdict(found)]
     if found.left > 1:
         text.append(_cannot_tell(found))
+    if found.verdict == "partly explained":
+        text += _by_prediction(found)
     text.append(_odd(found))
     text += _groups(found.contrasts)
     text.append(_scatter(found))
@@ -109,6 +111,18 @@ def _cannot_tell(found: PooledDiagnosis) -> str:
     same = all({own.effect for own in other.parts} == first for other in others)
     what = "whose the effect is" if same else "which effect it is"
     return f"These data cannot tell {what}: as well it may be {listed}{more}."
+
+
+def _by_prediction(found: PooledDiagnosis) -> list[str]:
+    """Say why what leads is not the most probable, where it is not."""
+    first, top = found.ranking[0], max(found.ranking, key=lambda own: own.log_odds)
+    if top is first:
+        return []
+    return [
+        f"By the odds alone {explanation_text(top)} would lead; but none is a model that is nearly right, where odds "
+        "mislead, so what predicts specimens left out best comes first: that with an error of "
+        f"{percent(first.left_out_error)}, the most probable one with {percent(top.left_out_error)}."
+    ]
 
 
 def _odd(found: PooledDiagnosis) -> str:
