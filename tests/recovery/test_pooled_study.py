@@ -17,7 +17,7 @@ def case(**given):
         "seed": 1, "kind": "specimen", "planted": {"adhesive_edges": {"modulus": 5e7}}, "members": (3,),
         "truth": "adhesive_edges", "verdict": "identified",
         "named": (("adhesive_edges", "specimen", ("S4",)),), "left": ((("adhesive_edges", "specimen"),),),
-        "odd": ("S4",),
+        "odd": ("S4",), "shows": True, "alone": None,
     }  # fmt: skip
     return PooledCase(**(made | given))
 
