@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from rich.console import Console
 
 from updating.commands.command_line import main
 from updating.commands.fit import fit_campaign
+from updating.commands.specimens import diagnose_pooled
 from updating.errors import WorkerError
 from updating.workers.workers import distribute, workers
+
+DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.mark.slow
@@ -31,6 +35,17 @@ def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_p
             found.append(one)
     assert [identified.configuration.name for identified, _ in found] == ["C1", "C2", "C3", "C4"]
     assert written(tmp_path / "out") == written(whole)
+
+
+@pytest.mark.slow
+def test_a_pooled_diagnosis_on_a_cluster_gives_the_same_bytes(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    campaign, quiet = DATA / "hidden_effect" / "pooled_b" / "campaign.toml", Console(quiet=True)
+    diagnose_pooled(campaign, tmp_path / "here", (), quiet)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        diagnose_pooled(campaign, tmp_path / "there", (), quiet, cluster=cluster.scheduler_address)
+    here, there = (tmp_path / own / "pooled_diagnosis.json" for own in ("here", "there"))
+    assert here.read_bytes() == there.read_bytes()
 
 
 def test_a_task_that_kills_the_workers_of_a_cluster_is_an_error():

@@ -121,7 +121,7 @@ def measured(row, mode, shape, std, slope=None, mixing=None):
         shape=np.asarray(shape, dtype=float) / np.linalg.norm(shape),
         std=np.full(n, std),
         slope=np.zeros((n, 1)) if slope is None else slope,
-        mixing=Mixing(root=np.eye(n), steady=np.eye(n)) if mixing is None else mixing,
+        mixing=Mixing(root=np.eye(n), steady=np.eye(n), meets=False) if mixing is None else mixing,
     )
 
 
@@ -150,8 +150,8 @@ def test_one_mode_is_wrong_alike_in_all_configurations_however_its_sign_was_chos
     rng = np.random.default_rng(7)
     u, roots = rng.normal(size=4), [covariance(rng, 4) for _ in range(2)]
     own = [
-        measured(range(4), 5, u, 0.1, mixing=Mixing(root=roots[0], steady=roots[0])),
-        measured(range(4, 8), 5, -u, 0.1, mixing=Mixing(root=roots[1], steady=roots[1])),
+        measured(range(4), 5, u, 0.1, mixing=Mixing(root=roots[0], steady=roots[0], meets=False)),
+        measured(range(4, 8), 5, -u, 0.1, mixing=Mixing(root=roots[1], steady=roots[1], meets=False)),
         measured(range(8, 12), 6, u, 0.1),
     ]
     form = parts(shape_block(own))[1]

@@ -130,7 +130,7 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
             shape=np.ones(1),
             std=np.ones(1),
             slope=np.zeros((1, 1)),
-            mixing=Mixing(root=np.ones((1, 1)), steady=np.ones((1, 1))),
+            mixing=Mixing(root=np.ones((1, 1)), steady=np.ones((1, 1)), meets=False),
         )
         for (_, i), row in rows.shape.items()
     )

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -43,6 +43,7 @@ CLOSEST = 2000.0
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
 _N_ABOVE = 200  # modes above those that are solved: further ones take no part
 _CHANGES = 16.0  # k_rs of modes 3 % apart: closer ones may mix otherwise in another configuration
+_MEETS = 50.0  # k_rs of modes 1 % apart: half a per cent of a shape turns closer ones by more than first order holds
 _ALONG = 10.0  # standard deviation of a shape along itself, over its length: its scale says nothing
 
 
@@ -149,14 +150,17 @@ class Mixing:
     steady : (n_dof, n_dof) float
         The same of what it has in common with other configurations: close modes mix otherwise in each, for as little
         as changes their frequencies turns them, and past a crossing the other way round.
+    meets : bool
+        Whether another mode is so close that what the mode looks like is a matter of how these two mix.
     """
 
     root: Vector
     steady: Vector
+    meets: bool
 
     def over(self, length: float) -> Mixing:
         """Return the mixing of a discrepancy whose unit is so many times as large."""
-        return Mixing(root=self.root / length, steady=self.steady / length)
+        return replace(self, root=self.root / length, steady=self.steady / length)
 
 
 def mixing_of(mode: int, frequency: Vector, shape: Vector) -> tuple[Mixing, float]:
@@ -185,7 +189,10 @@ def mixing_of(mode: int, frequency: Vector, shape: Vector) -> tuple[Mixing, floa
     by_above = np.sum(_lean(own, _above(frequency)) ** 2) * np.mean(seen**2) / len(shape)
     above = float(np.sqrt(by_above))  # in every direction
     root, steady = (_root(columns * own_lean, above) for own_lean in (lean, lean * (lean < _CHANGES)))
-    return Mixing(root=root, steady=steady), float(np.linalg.norm(np.minimum(lean, _USUAL) * seen))
+    meets = bool(np.any(lean[seen > 0.0] > _MEETS))
+    return Mixing(root=root, steady=steady, meets=meets), float(
+        np.linalg.norm(np.minimum(lean, _USUAL) * seen)
+    )
 
 
 def _root(columns: Vector, everywhere: float) -> Vector:

@@ -16,7 +16,14 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.diagnosis.discrepancy import CORRELATION, Block, Discrepancy, block_of, shape_block
+from updating.diagnosis.discrepancy import (
+    CORRELATION,
+    Block,
+    Discrepancy,
+    MeasuredShape,
+    block_of,
+    shape_block,
+)
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.residual import Spread
 
@@ -25,6 +32,7 @@ LatentKind = Literal["frequency", "damping", "shape", "mesh"]
 
 _DIRECTIONS = 10  # in which the common discrepancy of a shape may go
 _NEGLIGIBLE = 1e-3  # share of its variance that other directions may have
+_NO_PART = 1e6  # standard deviation of what takes no part
 _LEAST = 1e-3  # of a variance that noise keeps when the mesh's share is taken out
 
 
@@ -130,11 +138,24 @@ def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> 
     return Separated(own=own, shared=own.rotated(np.hstack(columns)))
 
 
+def _apart(own: MeasuredShape, i: int) -> MeasuredShape:
+    """Return a shape with what it is wrong by less what all specimens have in common, as that of a mode of its own.
+
+    Close modes mix otherwise in each specimen. One that all but meets another takes no part: as the two pass each
+    other in one specimen they turn into each other at once, and that would keep what all specimens share from moving.
+    """
+    mixing = own.mixing
+    form = mixing.root @ mixing.root.T - CORRELATION * mixing.steady @ mixing.steady.T
+    size, direction = la.eigh(form)
+    root = (direction * np.sqrt(np.maximum(size, 0.0))) @ direction.T
+    std = np.full_like(own.std, _NO_PART) if mixing.meets else own.std
+    return replace(own, mode=i, std=std, mixing=replace(mixing, root=root, steady=np.zeros_like(root)))
+
+
 def _own(evidence: Evidence, spread: Spread, mesh: Vector) -> Discrepancy:
     """Return noise and the part of the discrepancy that differs from configuration to configuration."""
     rows = evidence.rows
-    apart = shape_block([replace(own, mode=i) for i, own in enumerate(spread.shape)])
-    blocks: list[Block] = [replace(apart, growth=(1.0 - CORRELATION) * apart.growth)]
+    blocks: list[Block] = [shape_block([_apart(own, i) for i, own in enumerate(spread.shape)])]
     noise = np.sqrt(np.maximum(spread.frequency**2 - mesh**2, _LEAST * spread.frequency**2))
     for kind, std in (("frequency", noise), ("damping", spread.damping)):
         of = np.flatnonzero(rows.kind == kind)

@@ -197,8 +197,10 @@ def fit(
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     scales, log_evidence = weighing.likeliest(scales, stated)
     if settled:
-        at, linear, scales = _settled(bench, coordinates, at, scales, most // 2)
-        log_evidence = Weighing(bench, linear, coordinates, at.coordinate).log_evidence(scales)
+        further = _settled(bench, coordinates, at, scales, most // 2)
+        reached = Weighing(bench, further[1], coordinates, further[0].coordinate).log_evidence(scales)
+        if reached > log_evidence:  # the largest evidence need not be where the misfit is least
+            (at, linear, scales), log_evidence = further, reached
     return Fitted(
         terms=tuple(terms),
         coordinates=coordinates,

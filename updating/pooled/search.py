@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError
-from updating.diagnosis.calibration import MODEL_FORM, STEP
+from updating.diagnosis.calibration import MODEL_FORM, STEP, WIDER
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.diagnosis.explanation import Z95
 from updating.errors import FitError
@@ -35,6 +35,10 @@ N_PLACES = 5
 """Places, of a global search over the effects, from which fits start where the base models are far off."""
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 8.0  # within which a fit is followed to its end
+_NEUTRAL = (
+    0.5 * (Z95 * WIDER) ** 2
+)  # odds that one coordinate of a term may bring that is not told from neutral
+_AS_NEAR = 1.2  # ratio of errors by which one is where no model is nearly right, whatever its odds
 _STEPS, _MORE, _GLOBAL = (
     6,
     8,
@@ -168,30 +172,37 @@ def asked(
 def _without_neutral(found: Found, executor: Executor | None) -> Found:
     """Pass over explanations with a term that may as well be neutral, and fit each without it from where it stands.
 
-    Such a term led the fit to a better place, and brings nothing of its own there.
+    Such a term led the fit to a better place, and brings nothing of its own there. The most neutral one goes first, for
+    of two terms that do the same each may be neutral beside the other; and none goes without which the odds fall by
+    more than a term so near to neutral can bring.
     """
-    while (best := found.fitted[0]).terms:
-        std, at, kept, coordinate = stds(found.bench, best), 0, [], []
-        for term in best.terms:
-            own = slice(at, at + len(coordinates_of(found.bench, term)))
-            at = own.stop
-            if np.any(np.abs(best.at.coordinate[own]) > Z95 * std[own]):
-                kept.append(term)
-                coordinate.append(best.at.coordinate[own])
-        if len(kept) == len(best.terms):
-            break
-        start = Start(
-            terms=tuple(kept),
-            at=replace(best.at, coordinate=np.concatenate([np.zeros(0), *coordinate])),
-            scales=best.scales,
-            most=_MORE,
-        )
-        others = tuple(own for own in found.fitted if own is not best)
+    while (best := found.fitted[0]).terms and (start := _without_most_neutral(found, best)) is not None:
         further = [own for own in _done(found.bench, [start], executor, settled=True) if own is not None]
+        if not further or found.odds(best) - found.odds(further[0]) > _NEUTRAL:
+            break
+        others = tuple(own for own in found.fitted if own is not best)
         found = _with(replace(found, fitted=others), further)
-        if not kept:
+        if not start.terms:
             found = replace(found, base=next(own for own in found.fitted if not own.terms))
     return found
+
+
+def _without_most_neutral(found: Found, best: Fitted) -> Start | None:
+    """Return the fit without the term that is nearest to neutral, if one may be: None where none is."""
+    std, at, farthest = stds(found.bench, best), 0, []
+    for term in best.terms:
+        own = slice(at, at + len(coordinates_of(found.bench, term)))
+        farthest.append((float(np.max(np.abs(best.at.coordinate[own]) / std[own])), term, own))
+        at = own.stop
+    away, neutral, own = min(farthest, key=lambda each: each[0])
+    if away > Z95:
+        return None
+    return Start(
+        terms=tuple(term for term in best.terms if term is not neutral),
+        at=replace(best.at, coordinate=np.delete(best.at.coordinate, own)),
+        scales=best.scales,
+        most=_MORE,
+    )
 
 
 def usual_at_most(scales: Scales) -> Scales:
@@ -351,16 +362,21 @@ def _other_levels(found: Found, term: Term) -> list[Level]:
 
 
 def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
-    """Fit explanations, and those that are near the best of them to their end."""
+    """Fit explanations, and those that are near the best of them to their end.
+
+    Where the best leaves more than a nearly right model does, those are near too whose errors are: see
+    `updating.pooled.verdict.not_told_apart`.
+    """
     bench = found.bench
     first = [own for own in _done(bench, starts, executor, settled=False) if own is not None]
     if not first:
         return []
-    top = max(found.odds(own) for own in first)
+    top = max(first, key=found.odds)
+    error = 0.0 if top.scales.adequate else _AS_NEAR * top.frequency_error
     near = [
         Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE)
         for own in first
-        if found.odds(own) > top - _CLOSE
+        if found.odds(own) > found.odds(top) - _CLOSE or own.frequency_error < error
     ]
     return [own for own in _done(bench, near, executor, settled=True) if own is not None]
 

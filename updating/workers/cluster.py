@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import CancelledError
 from typing import Any
 
+import dask
 from distributed import Client, KilledWorker, WorkerPlugin
 from distributed.comm import CommClosedError
 
@@ -13,6 +14,8 @@ from ema.types.threads import one_blas_thread
 LOST = (KilledWorker, CancelledError, CommClosedError)
 """Errors of a task that the cluster could not finish."""
 _ANSWER = "10 s"
+_LARGEST = "4 GB"
+"""What is sent with tasks before Dask warns: models of all specimens are some 80 MB, and all tasks need them."""
 
 
 class _OneThread(WorkerPlugin):  # type: ignore[misc]  # Dask has no types
@@ -32,6 +35,7 @@ def connect(address: str) -> Client:
     OSError, ValueError
         None answers, or the address is none.
     """
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": _LARGEST})
     client = Client(address, timeout=_ANSWER, set_as_default=False)
     client.register_plugin(_OneThread())
     return client
