@@ -113,6 +113,17 @@ def test_modes_of_one_frequency_turn_into_each_other_at_a_finite_rate():
     assert length < 20.0
 
 
+@pytest.mark.parametrize(("other", "meets"), [(312.1, True), (314.0, True), (318.0, False)])
+def test_modes_within_a_hundredth_of_a_frequency_meet(other, meets):
+    assert mixing_of(1, np.array([240.0, 312.0, other, 930.0]), SHAPE[:, :4])[0].meets == meets
+
+
+def test_a_mode_that_no_sensor_sees_is_met_by_none():
+    shape = SHAPE[:, :4].copy()
+    shape[:, 2] = 0.0
+    assert not mixing_of(1, np.array([240.0, 312.0, 312.1, 930.0]), shape)[0].meets
+
+
 def measured(row, mode, shape, std, slope=None, mixing=None):
     n = len(shape)
     return MeasuredShape(

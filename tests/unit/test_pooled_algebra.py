@@ -152,6 +152,37 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-18)
 
 
+def own_variance(mixing):
+    """The variance that a lone shape of two components has of its own, by directions, in a discrepancy of unit size."""
+    rows = Rows.of([SimpleNamespace(modes=SimpleNamespace(shape=np.zeros((2, 1))))], [np.arange(1)], [np.arange(1)],
+                   touching=True)  # fmt: skip
+    own = MeasuredShape(row=rows.shape[0, 0], mode=0, shape=np.array([1.0, 0.0]), std=np.full(2, 1e-3),
+                        slope=np.zeros((2, 1)), mixing=mixing)  # fmt: skip
+    evidence = SimpleNamespace(
+        rows=rows,
+        scatter=SimpleNamespace(mesh=0.0),
+        shift=[SimpleNamespace(mesh=np.zeros(1))],
+        used=[np.arange(1)],
+    )
+    spread = Spread(frequency=np.full(1, 1e-4), damping=np.full(1, 1e-2), shape=(own,))
+    block = separated(evidence, spread, latents_of([evidence], [spread])).own.blocks[0]
+    turned = np.linalg.inv(block.rotation)
+    return turned @ np.diag(block.growth) @ turned.T, turned @ turned.T
+
+
+def test_modes_that_mix_otherwise_in_each_specimen_have_all_of_that_of_their_own():
+    root, steady = np.diag([0.2, 3.0]), np.diag([0.2, 0.5])
+    form, _ = own_variance(Mixing(root=root, steady=steady, meets=False))
+    expected = np.diag([(1.0 - CORRELATION) * 0.04, 9.0 - CORRELATION * 0.25])
+    assert form == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_shape_of_a_mode_that_meets_another_takes_no_part():
+    root = np.eye(2)
+    _, noise = own_variance(Mixing(root=root, steady=root, meets=True))
+    assert np.diag(noise).min() > 1e9
+
+
 class Hill(Weighing):
     """An evidence that is largest where a model is far off: sixty times the usual in frequency."""
 

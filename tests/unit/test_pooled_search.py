@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from updating.pooled import search
+from updating.pooled.linear import Place, Scales
 from updating.pooled.search import is_form
 from updating.pooled.specimen import Level
 from updating.pooled.term import Term
@@ -40,3 +42,34 @@ def test_what_one_specimen_has_is_no_error_of_form_of_the_rig():
 
 def test_the_first_term_is_no_error_of_form():
     assert not is_form(BASE, BASE, fitted((FIRST,), 99.0, 99.0))
+
+
+def searched(monkeypatch, std, odds):
+    """What is left of two terms of the rig, by the standard deviations of these and the odds without either."""
+    terms = FIRST, FURTHER
+    values = {terms: 50.0, (FIRST,): odds, (FURTHER,): odds, (): 0.0}
+
+    def own(terms):
+        at = Place(nuisance=(), coordinate=np.ones(len(terms)))
+        return SimpleNamespace(terms=terms, at=at, scales=Scales(), log_evidence=values[terms])
+
+    monkeypatch.setattr(search, "stds", lambda bench, best: np.array(std)[: len(best.terms)])
+    monkeypatch.setattr(search, "coordinates_of", lambda bench, term: (term,))
+    monkeypatch.setattr(search, "log_prior", lambda n, term, levels: 0.0)
+    monkeypatch.setattr(
+        search, "_done", lambda bench, starts, executor, settled: [own(s.terms) for s in starts]
+    )
+    found = search.Found(
+        bench=None, levels=(RIG,), base=own(()), fitted=(own(terms), own(())), screened=(), n_effect=2
+    )
+    return search._without_neutral(found, None).fitted[0].terms
+
+
+def test_of_two_terms_that_do_the_same_one_stays(monkeypatch):
+    assert searched(monkeypatch, (0.9, 0.8), odds=49.0) == (
+        FURTHER,
+    )  # each alone is far from neutral, or the last
+
+
+def test_a_term_that_brings_much_stays_though_it_may_be_neutral(monkeypatch):
+    assert searched(monkeypatch, (0.9, 0.8), odds=3.0) == (FIRST, FURTHER)
