@@ -151,11 +151,16 @@ def test_a_dimension_that_is_slightly_off_is_met_by_its_influence(candidates, na
     assert np.linalg.norm(left(change, change) - reference) < 0.07 * np.linalg.norm(moved)
 
 
+def as_they_are(evidence, nuisance):
+    """Return what is left with all rows as they are, not rotated."""
+    n = evidence.rows.kind.size
+    block = Block(row=np.arange(n), rotation=np.eye(n), growth=np.zeros(n), log_noise=0.0)
+    return residual(replace(evidence, covariance=Discrepancy(blocks=(block,))), nuisance)
+
+
 def compared(evidence, nuisance):
     """Return logarithms of measured over modelled frequencies, and what all shapes differ by, (n_shape, n_dof)."""
-    n = evidence.rows.kind.size
-    as_they_are = Block(row=np.arange(n), rotation=np.eye(n), growth=np.zeros(n), log_noise=0.0)
-    found = residual(replace(evidence, covariance=Discrepancy(blocks=(as_they_are,))), nuisance)
+    found = as_they_are(evidence, nuisance)
     return found.log_frequency, np.stack([found.rotated[row] for row in evidence.rows.shape.values()])
 
 
@@ -170,6 +175,19 @@ def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
     one, other = residual(evidence, evidence.start), residual(turned, evidence.start)
     np.testing.assert_array_equal(other.value, one.value)
     np.testing.assert_array_equal(other.jacobian, one.jacobian)
+
+
+@pytest.mark.parametrize("name", ["G_f", "density", "gain[sensor 2]"])
+def test_what_is_left_has_right_derivatives(candidates, name):
+    """Shapes at unit length too: a denser stack moves less in each mode, which is no other shape."""
+    evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 17, (), {}))[:2])
+    i, step = evidence.nuisances.index(name), 1e-3 * np.eye(len(evidence.nuisances))
+    ahead, behind = (as_they_are(evidence, evidence.start + s * step[i]).rotated for s in (1.0, -1.0))
+    found = as_they_are(evidence, evidence.start)
+    for kind in ("frequency", "damping", "shape"):
+        of = evidence.rows.kind == kind
+        slope, column = ((ahead - behind) / 2e-3)[of], found.rotated_jacobian[of, i]
+        np.testing.assert_allclose(slope, column, atol=5e-3 * np.abs(found.rotated_jacobian[:, i]).max())
 
 
 def test_a_shape_that_is_stated_uncertain_counts_less(candidates):

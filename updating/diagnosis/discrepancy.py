@@ -43,7 +43,6 @@ CLOSEST = 2000.0
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
 _N_ABOVE = 200  # modes above those that are solved: further ones take no part
 _CHANGES = 16.0  # k_rs of modes 3 % apart: closer ones may mix otherwise in another configuration
-_MEETS = 50.0  # k_rs of modes 1 % apart: half a per cent of a shape turns closer ones by more than first order holds
 _ALONG = 10.0  # standard deviation of a shape along itself, over its length: its scale says nothing
 
 
@@ -189,7 +188,7 @@ def mixing_of(mode: int, frequency: Vector, shape: Vector) -> tuple[Mixing, floa
     by_above = np.sum(_lean(own, _above(frequency)) ** 2) * np.mean(seen**2) / len(shape)
     above = float(np.sqrt(by_above))  # in every direction
     root, steady = (_root(columns * own_lean, above) for own_lean in (lean, lean * (lean < _CHANGES)))
-    meets = bool(np.any(lean[seen > 0.0] > _MEETS))
+    meets = bool(np.any(lean * np.minimum(seen, 1.0) >= _CHANGES))
     return Mixing(root=root, steady=steady, meets=meets), float(
         np.linalg.norm(np.minimum(lean, _USUAL) * seen)
     )

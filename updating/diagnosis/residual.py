@@ -337,13 +337,15 @@ def _compared(
     least = np.maximum(damped[column], _LEAST * measured.damping[used])
     damping_rows[:, len(evidence.nuisances) :] -= by_slip / least[:, None]
     damping_rows[:, n_common - 1] = -by_decay[column] / least
-    u, v, length = unit_shapes(measured.shape[:, used], shape[:, column])
+    u, unit, length = unit_shapes(measured.shape[:, used], shape[:, column])
     along = gain[:, None, None] * (evidence.place_slope[c] @ motion(modes, u, shape, column))
-    v = v + shift.mesh_shape[:, used] + moved * along[:, 0]
+    v = unit + shift.mesh_shape[:, used] + moved * along[:, 0]
     rows = []
     for i, m in enumerate(column):
         slope = spread(_without_twins(gradient[:, i], shape, modes.frequency, int(m))) / length[i]
-        slope[:, n_sized : n_common - 2] = by_gain * v[:, i, None]
+        slope[:, n_sized : n_common - 2] = by_gain * unit[:, i, None]
+        # at unit length: else mass, by which modes are normalised, would seem to shrink what shapes differ by
+        slope -= np.outer(unit[:, i], unit[:, i] @ slope)
         slope[:, n_common - 2] = along[:, 0, i]
         rows.append(-slope)
     return _Compared(

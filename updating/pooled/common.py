@@ -139,17 +139,13 @@ def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> 
 
 
 def _apart(own: MeasuredShape, i: int) -> MeasuredShape:
-    """Return a shape with what it is wrong by less what all specimens have in common, as that of a mode of its own.
+    """Return a shape with the part of what it is wrong by that it has alone, as that of a mode of its own.
 
-    Close modes mix otherwise in each specimen. One that all but meets another takes no part: as the two pass each
-    other in one specimen they turn into each other at once, and that would keep what all specimens share from moving.
+    One of close modes takes no part: how these mix is otherwise in each specimen, and as two pass each other in one
+    they turn into each other at once, which would keep what all specimens share from moving.
     """
-    mixing = own.mixing
-    form = mixing.root @ mixing.root.T - CORRELATION * mixing.steady @ mixing.steady.T
-    size, direction = la.eigh(form)
-    root = (direction * np.sqrt(np.maximum(size, 0.0))) @ direction.T
-    std = np.full_like(own.std, _NO_PART) if mixing.meets else own.std
-    return replace(own, mode=i, std=std, mixing=replace(mixing, root=root, steady=np.zeros_like(root)))
+    std = np.full_like(own.std, _NO_PART) if own.mixing.meets else own.std
+    return replace(own, mode=i, std=std, mixing=own.mixing.over(1.0 / np.sqrt(1.0 - CORRELATION)))
 
 
 def _own(evidence: Evidence, spread: Spread, mesh: Vector) -> Discrepancy:

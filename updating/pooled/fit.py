@@ -19,7 +19,7 @@ from updating.pooled.term import Coordinate, Term, coordinates_of
 
 Vector = NDArray[np.float64]
 
-SCALES = ("frequency", "own_frequency", "damping", "own_damping", "shape", "stiffness", "loss")
+SCALES = ("frequency", "own_frequency", "damping", "own_damping", "shape", "own_shape", "stiffness", "loss")
 _LOOKS = (0.7, 0.35, 0.2)  # steps of the logarithm of a scale at which it is looked for
 _MOST_LOOKS, _STAYS = (
     8,

@@ -40,7 +40,7 @@ class Scales:
     ----------
     frequency, damping, shape : float
         Sizes of the discrepancy, see `updating.diagnosis.discrepancy.Sizes`, by what all configurations have in common.
-    own_frequency, own_damping : float
+    own_frequency, own_damping, own_shape : float
         Sizes of it, by what each configuration has of its own: no two stacks are built alike, and by how much is no
         matter of the model.
     stiffness, loss : float
@@ -52,6 +52,7 @@ class Scales:
     shape: float = MEDIAN["shape"]
     own_frequency: float = MEDIAN["frequency"]
     own_damping: float = MEDIAN["damping"]
+    own_shape: float = MEDIAN["shape"]
     stiffness: float = SPREAD["stiffness"][0]
     loss: float = SPREAD["loss"][0]
 
@@ -60,11 +61,8 @@ class Scales:
         """Logarithm of the prior density of their logarithms, up to a constant."""
         sizes = sum(
             float(log_density(kind, np.asarray(size)))
-            for kind, size in [
-                *((kind, getattr(self, kind)) for kind in KINDS),
-                ("frequency", self.own_frequency),
-                ("damping", self.own_damping),
-            ]
+            for kind in KINDS
+            for size in (getattr(self, kind), self.own(kind))
         )
         away = [np.log(getattr(self, name) / median) / std for name, (median, std) in SPREAD.items()]
         return sizes - 0.5 * float(np.sum(np.square(away)))
@@ -77,7 +75,7 @@ class Scales:
 
     def own(self, kind: Kind) -> float:
         """Return the size of a discrepancy by what each configuration has of its own."""
-        return float(getattr(self, kind if kind == "shape" else f"own_{kind}"))
+        return float(getattr(self, f"own_{kind}"))
 
     def whole(self, kind: Kind) -> float:
         """Return the size of a discrepancy, what is common and what is own together."""
