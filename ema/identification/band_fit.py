@@ -19,13 +19,14 @@ from ema.identification.run_poles import RunPoles, response
 from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.stabilization import stabilization
-from ema.identification.unexplained import Peak, unexplained_peaks
+from ema.identification.unexplained import Peak, holds_pole, unexplained_peaks
 from ema.types.frf import FRF
 
 STRAYS = 0.5
 """Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""
 _Values = TypeVar("_Values", NDArray[np.float64], NDArray[np.complex128])
 _COMMON = "what is left beside it has several peaks as high, as noise or a rattle brings"
+_LOST = "a mode that all runs together show there is lost where each run has poles of its own"
 _OF_MODES = ("variance", "frequency_std", "damping_std", "enlargement", "probability")
 
 
@@ -88,21 +89,41 @@ def _fit_at_once(
         fit, runs, left = fit_chosen(data, chosen, band)
         return BandFit(value=frf.value, fit=fit, runs=runs, left=left)
     fit, runs, left = select_modes(data, stabilization(frf, order=order).chosen, band)
+    found = BandFit(value=frf.value, fit=fit, runs=runs, left=left)
     followed = (
         follow_runs(frf, data, order, band, fit)
         if inside(fit.pole, band).any() and runs_apart(fit, runs, left, band)
         else None
     )
-    if followed is None:
-        return _without_common(frf, BandFit(value=frf.value, fit=fit, runs=runs, left=left))
-    value = followed.value.reshape(frf.value.shape)
-    return _without_common(
-        frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left)
-    )
+    if followed is not None:
+        value = followed.value.reshape(frf.value.shape)
+        found = _told_of(
+            frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left), found, _LOST
+        )
+    return _told_of(frf, _without_common(frf, found), found, _COMMON)
+
+
+def _told_of(frf: FRF, found: BandFit, before: BandFit, reason: str) -> BandFit:
+    """List the peaks that had a pole before, or were listed, and have none now."""
+    data = _functions(replace(frf, value=found.value))
+    earlier = _functions(replace(frf, value=before.value))
+    told = [*found.left]
+    for peak in unexplained_peaks(data, found.fit):
+        if holds_pole(data, found.fit, peak) or any(_overlap(peak, p) for p, _ in told):
+            continue
+        why = [said for other, said in before.left if _overlap(peak, other)]
+        if why or holds_pole(earlier, before.fit, peak):
+            told.append((peak, why[0] if why else reason))
+    return replace(found, left=tuple(told))
+
+
+def _overlap(peak: Peak, other: Peak) -> bool:
+    """Whether two peaks share a line."""
+    return peak.first <= other.last and other.first <= peak.last
 
 
 def _without_common(frf: FRF, found: BandFit) -> BandFit:
-    """Take away poles beside which peaks as high are left, and list what is seen of them.
+    """Take away poles beside which peaks as high are left.
 
     Runs that differ leave such peaks of the strongest modes, too, until they are followed: so this comes last.
     """
@@ -114,16 +135,8 @@ def _without_common(frf: FRF, found: BandFit) -> BandFit:
         covariance = own.fit.pole_covariance[np.ix_(pairs, pairs)]
         fit = linear_fit(data.frequency, data.value, own.fit.pole[kept], data.quantity, own.fit.weight)
         runs = {name: getattr(own.runs, name)[..., kept] for name in ("pole", "residue", *_OF_MODES)}
-        lost = np.abs(own.fit.pole[common]) / (2.0 * np.pi)
         own = replace(own, fit=replace(fit, pole_covariance=covariance), runs=replace(own.runs, **runs))
-        peaks = (peak for peak in unexplained_peaks(data, own.fit) if _within(peak, lost, data.frequency))
-        own = replace(own, left=(*own.left, *((peak, _COMMON) for peak in peaks)))
     return own
-
-
-def _within(peak: Peak, place: NDArray[np.float64], frequency: NDArray[np.float64]) -> bool:
-    """Whether one of some places, Hz, lies in a peak."""
-    return bool(np.any((place >= frequency[peak.first]) & (place <= frequency[peak.last])))
 
 
 def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArray[np.bool_]:

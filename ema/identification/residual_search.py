@@ -2,13 +2,15 @@
 
 A peak is judged in its own surroundings. What is left of the functions there is fitted once with the modes that are
 near and once with one more; the likelihood of these lines alone decides, so that a misfit of a strong mode elsewhere in
-the band, or noise of another size, does not hide a mode that anyone sees in the function.
+the band, or noise of another size, does not hide a mode that anyone sees in the function. Peaks that are near each
+other hide each other, since what one leaves counts as noise of the next: such a peak is tried beside poles for the
+others, too, which are then judged in their turn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.special as special
@@ -57,6 +59,7 @@ WANDER = 0.5
 """Half bandwidths that a pole judged on the lines around it may move when all are refined together."""
 _TRIES = 3
 _LESS = "a mode there explains less than half of it"
+_NONE = np.empty(0, dtype=complex)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,21 +95,27 @@ class Refusal:
     ----------
     reason : str
         In words.
-    listed : bool
-        Whether it is still a peak that a user is to know of: not if it is noise, or explained by other modes.
+    least : float
+        Share of its power, left by the modes in the end, from which on it is still a peak that a user is to know of:
+        infinite if it is noise.
     """
 
     reason: str
-    listed: bool = True
+    least: float = LEAST_ALONE
 
 
 Left = tuple[tuple[Peak, str], ...]
 """Peaks that stay unexplained, each with the reason why."""
 
 
+def _reach(peak: Peak) -> int:
+    """Lines on each side of a peak that are its surroundings."""
+    return int(max(np.ceil(SURROUNDINGS * peak.half_width), FEWEST_LINES))
+
+
 def surroundings(data: Functions, fit: Fit, peak: Peak) -> Surroundings:
     """Fit the lines around a peak with the modes that are near."""
-    reach = int(max(np.ceil(SURROUNDINGS * peak.half_width), FEWEST_LINES))
+    reach = _reach(peak)
     lines = slice(max(0, peak.line - reach), min(data.frequency.size, peak.line + reach + 1))
     frequency = data.frequency[lines]
     near = (fit.pole.imag > 2.0 * np.pi * frequency[0]) & (fit.pole.imag < 2.0 * np.pi * frequency[-1])
@@ -122,14 +131,39 @@ def surroundings(data: Functions, fit: Fit, peak: Peak) -> Surroundings:
     return Surroundings(lines=lines, frequency=frequency, target=target, near=near, without=without)
 
 
+def _with_others(
+    data: Functions, around: Surroundings, peak: Peak, beside: NDArray[np.complex128]
+) -> Surroundings:
+    """Fit the lines around a peak with poles of other peaks, too; one that is drawn into the peak stays in its own."""
+    pole = np.append(around.without.pole, beside)
+    without = refine(around.frequency, around.target, pole, data.quantity)
+    if holds_pole(data, without, peak):
+        without = linear_fit(around.frequency, around.target, pole, data.quantity)
+    return replace(around, without=without)
+
+
 def try_peak(
     data: Functions,
     fit: Fit,
     peak: Peak,
     start: NDArray[np.complex128],
     band: tuple[float, float],
+    beside: NDArray[np.complex128] = _NONE,
 ) -> NDArray[np.complex128] | Refusal:
     """Judge a peak on the lines around it, from each of several starting poles.
+
+    Parameters
+    ----------
+    data : Functions
+    fit : Fit
+        The modes so far.
+    peak : Peak
+    start : (n_start,) complex
+        Poles to begin with, rad/s.
+    band : (float, float)
+        Where modes are wanted, Hz.
+    beside : (n_beside,) complex
+        Poles, rad/s, that other peaks nearby may have: fitted beside it, and neither judged nor returned.
 
     Returns
     -------
@@ -138,11 +172,13 @@ def try_peak(
         or why it is not to be taken in.
     """
     around = surroundings(data, fit, peak)
+    if beside.size:
+        around = _with_others(data, around, peak, beside)
     if _share_left(data, around, around.without, peak) < LEAST_SHARE * min(peak.share, 1.0):
         # Such lines count for little beside resonances; but what anyone sees there is in no mode of the result.
         return Refusal(
             reason="the modes explain it where the lines around it are fitted alone, but not beside all others",
-            listed=peak.visible and peak.share > LISTED,
+            least=LISTED if peak.visible else np.inf,
         )
     best: tuple[float, NDArray[np.complex128]] | None = None
     refusal = Refusal(reason="no pole of the fit comes to rest there")
@@ -155,7 +191,10 @@ def try_peak(
             refusal = objection
         elif best is None or extended.objective < best[0]:
             best = extended.objective, extended.pole
-    return refusal if best is None else np.concatenate([fit.pole[~around.near], best[1]])
+    if best is None:
+        return refusal
+    n_near = int(np.count_nonzero(around.near))
+    return np.concatenate([fit.pole[~around.near], best[1][:n_near], best[1][-1:]])
 
 
 def _objections(
@@ -175,11 +214,11 @@ def _objections(
         reason = (
             f"the likelihood rises by {0.5 * gain:.3g} of the {0.5 * correlated:.3g} that noise may bring"
         )
-        yield Refusal(reason=reason, listed=far)
+        yield Refusal(reason=reason, least=LEAST_ALONE if far else np.inf)
     if verdicts.statistic[-1] < verdicts.threshold:
         # Where both the summed power and the likelihood stand out of the noise, each function need not.
-        listed = far or (peak.visible and peak.share > LEAST_SHARE)
-        yield Refusal(reason="its residues do not stand out of the noise", listed=listed)
+        least = LEAST_ALONE if far else LEAST_SHARE if peak.visible else np.inf
+        yield Refusal(reason="its residues do not stand out of the noise", least=least)
     if apart[-1] > spacing * max(2.0 * peak.half_width, 1.0):
         yield Refusal(reason="no pole of the fit comes to rest there")
     modal = verdicts.collinearity[-1] >= MIN_COLLINEARITY and verdicts.realness[-1] >= MIN_REALNESS
@@ -239,6 +278,22 @@ def starting_poles(data: Functions, peak: Peak, candidates: NDArray[np.complex12
     return np.append(candidates[near], complex(-half_bandwidth, place))
 
 
+def _beside(
+    data: Functions, fit: Fit, peak: Peak, candidates: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Poles for the other peaks without one that anyone sees around a peak, each its likeliest starting pole."""
+    reach = _reach(peak)
+    others = [
+        starting_poles(data, other, candidates)[0]
+        for other in unexplained_peaks(data, fit)
+        if other.visible
+        and 0 < abs(other.line - peak.line) <= reach
+        and not peak.first <= other.line <= peak.last
+        and not holds_pole(data, fit, other)
+    ]
+    return np.array(others, dtype=complex)
+
+
 def take_in_peaks(
     data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
 ) -> tuple[Fit, Left]:
@@ -270,7 +325,12 @@ def take_in_peaks(
             if peak.line in refused or tries.get(peak.line, 0) >= _TRIES or holds_pole(data, fit, peak):
                 continue
             tries[peak.line] = tries.get(peak.line, 0) + 1
-            found = try_peak(data, fit, peak, starting_poles(data, peak, candidates), band)
+            start = starting_poles(data, peak, candidates)
+            found = try_peak(data, fit, peak, start, band)
+            if isinstance(found, Refusal):
+                others = _beside(data, fit, peak, candidates)
+                again = try_peak(data, fit, peak, start, band, others) if others.size else found
+                found = found if isinstance(again, Refusal) else again
             if isinstance(found, Refusal):
                 refused[peak.line] = found
             else:
@@ -278,6 +338,12 @@ def take_in_peaks(
                 taken.append(peak)
         if not taken:
             return fit, _listed(data, fit, refused)
+        # What hid a peak may be among what is taken in beside it.
+        refused = {
+            line: refusal
+            for line, refusal in refused.items()
+            if not any(abs(line - peak.line) <= _reach(peak) for peak in taken)
+        }
         fit, useless = _without_useless(data, _settled(data, fit), taken)
         refused |= dict.fromkeys(useless, Refusal(reason=_LESS))
 
@@ -318,6 +384,8 @@ def _listed(data: Functions, fit: Fit, refused: dict[int, Refusal]) -> Left:
         if holds_pole(data, fit, peak):
             if peak.visible and peak.share > LISTED:
                 left.append((peak, "a mode is there, but the resonance is not that of a linear mode"))
-        elif peak.share > (LEAST_ALONE if peak.visible else LISTED) and (refusal is None or refusal.listed):
+        elif peak.share > max(
+            LEAST_ALONE if peak.visible else LISTED, LEAST_ALONE if refusal is None else refusal.least
+        ):
             left.append((peak, _LESS if refusal is None else refusal.reason))
     return tuple(left)

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from ema.identification.band_fit import BandFit, _told_of
 from ema.identification.common_peaks import SEVERAL, is_common
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
+from ema.identification.run_poles import run_poles
+from ema.identification.unexplained import unexplained_peaks
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 
@@ -96,3 +99,37 @@ def test_of_a_band_full_of_high_lines_the_modes_alone_are_named():
     geometry = Geometry(node=nodes, coordinate=np.outer(nodes, [1.0, 0, 0]), line=np.empty((0, 2), dtype=int))
     model = identify_frf(frf, geometry, name="a wide band")
     np.testing.assert_allclose(model.frequency, [120.0, 300.0], rtol=1e-3)
+
+
+def test_a_peak_whose_pole_is_gone_is_listed():
+    """Beside an antiresonance a pole lies off the lines on which its peak stands out, and was not told to be lost."""
+    pole = 2 * np.pi * np.array([120.0, 400.0, 430.0]) * (1j - np.array([0.002, 0.002, 0.012]))
+    s = 2j * np.pi * LINES
+    residue = 1j * np.array([[1.0, 1.0, -0.5]])
+    value = s**2 * (residue @ (1 / (s - pole[:, None])) + residue.conj() @ (1 / (s - pole.conj()[:, None])))
+    axis = np.array([[0.0, 0.0, 1.0]])
+    frf = FRF(
+        frequency=LINES,
+        value=value[:, None],
+        quantity="accelerance",
+        output=Dofs(node=np.array([1]), direction=axis),
+        input=Dofs(node=np.array([2]), direction=axis),
+        run=np.zeros(1, dtype=int),
+        source=("simulated",),
+    )
+    data = Functions(
+        frequency=LINES, value=value, run=frf.run, quantity="accelerance", weight=np.ones(value.shape)
+    )
+    two = data.linear_fit(pole[:2])
+    (peak,) = (p for p in unexplained_peaks(data, two) if p.visible and abs(p.frequency - 430) < 10)
+    before, after = peak.frequency - LINES[peak.first], LINES[peak.last] - peak.frequency
+    assert abs(after - before) > 1  # Hz
+    off = peak.frequency + (0.95 * (before + after) / 2) * (1 if before > after else -1)
+    assert not LINES[peak.first] <= off <= LINES[peak.last]
+    three = data.linear_fit(np.append(pole[:2], 2 * np.pi * off * (1j - 0.012)))
+    with_it, without = (
+        BandFit(value=frf.value, fit=fit, runs=run_poles(data, fit), left=()) for fit in (three, two)
+    )
+    assert [(p.line, why) for p, why in _told_of(frf, without, with_it, "gone").left] == [(peak.line, "gone")]
+    assert _told_of(frf, with_it, with_it, "gone").left == ()
+    assert _told_of(frf, without, without, "gone").left == ()  # what never had a pole was refused or is noise

@@ -7,7 +7,7 @@ import pytest
 
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
-from ema.identification.residual_search import Refusal, try_peak
+from ema.identification.residual_search import LISTED, Refusal, _listed, take_in_peaks, try_peak
 from ema.identification.unexplained import _peaks, _peaks_of_any_width, unexplained_peaks
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.noise_colour import noise_slope, whitest
@@ -88,6 +88,29 @@ def test_neighbours_in_one_function_are_two_modes_in_every_band(band):
     inside = [f for f in frequency if band[0] < f < band[1]]
     np.testing.assert_allclose(model.frequency, inside, rtol=2e-3)  # 470 Hz outside of a band pulls a little
     assert model.unexplained == ()
+
+
+@pytest.mark.parametrize(("n", "size", "gap"), [(1, 0.2, 7.5), (1, 0.4, 6), (2, 0.2, 6)])
+def test_two_peaks_that_have_no_mode_do_not_hide_each_other(n, size, gap):
+    # what one of them leaves counted as noise where the other was tried, and both were refused
+    frequency, damping = [54, 135, 215, 417.5, 300, 300 + gap], [0.007, 0.007, 0.007, 0.007, 0.005, 0.004]
+    shape = np.array([[1, 1.2, 0.9, 0.8, size, size], [0.7, -0.9, 1, 0.8, size, -size]])[:n]
+    data = rows(functions(frequency, damping, shape, 1e-3))
+    four = data.linear_fit(poles(frequency[:4], damping[:4]))
+    fit, left = take_in_peaks(data, four, np.empty(0, dtype=complex), (20, 500))
+    np.testing.assert_allclose(np.sort(np.abs(fit.pole)) / (2 * np.pi), np.sort(frequency), rtol=1e-3)
+    assert left == ()
+
+
+def test_what_the_modes_leave_in_the_end_decides_whether_a_peak_is_listed():
+    # it was decided when the peak was tried, with modes that were given up later
+    data = rows(functions([80, 190, 330], [0.01] * 3, beam(4, 3), 1e-3))
+    two = data.linear_fit(poles([80, 190], [0.01] * 2))
+    (peak,) = unexplained_peaks(data, two)
+    assert peak.share > LISTED
+    refused = {peak.line: Refusal(reason="explained by others once", least=LISTED)}
+    assert [reason for _, reason in _listed(data, two, refused)] == ["explained by others once"]
+    assert _listed(data, two, {peak.line: Refusal(reason="noise", least=np.inf)}) == ()
 
 
 def test_a_line_of_the_mains_is_listed_and_no_mode():
