@@ -378,7 +378,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
 
 
 def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correction:
-    files = named_files(path, folder, "correction: files", (given.files,))
+    files = named_files(path, folder, "correction: files", given.files)
     return Correction(
         files=files,
         function=given.function,

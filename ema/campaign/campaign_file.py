@@ -177,7 +177,7 @@ class ConfigurationSection(Section):
 class CorrectionSection(Section):
     """A correction of single functions."""
 
-    files: str = "**/*"
+    files: FileNames = ("**/*",)
     function: int | None = Field(default=None, ge=1)
     output: DofEntry | None = None
     scale: float = 1.0

@@ -101,6 +101,16 @@ def guess_table(path: Path) -> Contents | None:
     )
 
 
+def columns_without_axis(path: Path) -> str | None:
+    """Return the columns of a table of numbers, in words, whose first one is no frequency or time; else None."""
+    text = _cut(path)
+    if text is None or np.all(np.diff(text.value[:, 0].real) > 0):
+        return None
+    width = text.value.shape[1]
+    titles = ", ".join(filter(None, (text.title(c) for c in range(width))))
+    return f"{width} columns" + (f" ({titles})" if titles else "")
+
+
 def _cut(path: Path) -> _Text | None:
     try:
         data = path.read_bytes()

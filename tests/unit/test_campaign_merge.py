@@ -138,6 +138,15 @@ def test_corrections(tmp_path):
     assert any("corrected as the campaign file says: loose" in note for note in measurement.notes)
 
 
+def test_a_correction_of_several_files_lists_them_as_a_configuration_does(tmp_path):
+    for k in (1, 2, 3):
+        run(tmp_path, k, [k], [45])
+    correction = '[[correction]]\nfiles = ["run1.uff", "run3.uff"]\nscale = -2\nreason = "amplifier"\n'
+    measurement = measure(tmp_path, HEAD + correction)
+    expected = [factor * value(k, 45) for k, factor in ((1, -2), (2, 1), (3, -2))]
+    np.testing.assert_allclose(measurement.frf.value[:, 0], expected, rtol=1e-6)
+
+
 def test_dofs_from_the_campaign_file(tmp_path):
     run(tmp_path, 1, [1, 2], [45])
     run(tmp_path, 2, [3], [45])

@@ -335,6 +335,16 @@ def test_a_folder_without_measurements(tmp_path, name, said):
         draft(tmp_path / name)
 
 
+def test_histories_without_a_time_are_named_with_the_way_out(tmp_path):
+    rows = "".join(f"{np.sin(k):.3f},{np.cos(k):.3f}\n" for k in range(20))
+    for k in (1, 2, 10):
+        (tmp_path / f"blow_{k}.csv").write_text("force,acceleration\n" + rows)
+    with pytest.raises(
+        CampaignError, match=r"blow_1\.csv and 2 more: 2 columns \(force, acc.*axis_column = 0"
+    ):
+        draft(tmp_path)
+
+
 def test_files_that_are_left_out_are_named(tmp_path):
     for k in range(3):
         (tmp_path / f"{k + 1}z_45z.csv").write_text(real_imaginary(VALUE[:, [k]]))
