@@ -17,6 +17,7 @@ from ema.quality.identical import repeated
 from ema.quality.peaks import MIN_LINES, peaks
 from ema.quality.run_states import run_states
 from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undetectable_signs
+from ema.quality.turned import turned_functions
 from ema.quality.verdict import Verdict
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF
@@ -48,7 +49,8 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     Checked are, in this order: frequency axis, numbers, dead and clipped channels, copies, runs of two states
     of the structure (`ema.quality.run_states`), channels that share nothing with the others,
     coherence, driving points (the real part of the mobility must not be negative,
-    which also places an anti-resonance between any two resonances), sign, scale and exchange of channels
+    which also places an anti-resonance between any two resonances), single functions that are turned against those of
+    the other forces (`ema.quality.turned`), sign, scale and exchange of channels
     (see `ema.quality.channels.spatial_consistency`), reciprocity, units, and the number of lines in a resonance.
     """
     frf = measurement.frf if band is None else measurement.frf.band(*band)
@@ -65,6 +67,7 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     findings += _unshared(frf, _sound(frf, findings))
     findings += _coherence(frf, _sound(frf, findings))
     findings += _driving_points(measurement, _sound(frf, findings))
+    findings += _turned(frf, _sound(frf, findings))
     noisy = [c for v in findings if v.check == "unshared" for c in v.channel]
     findings += _spatial(measurement, np.setdiff1d(_sound(frf, findings), noisy))
     findings += _reciprocity(frf, _sound(frf, findings))
@@ -304,6 +307,18 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                     "structure does where response and force are at one point: one of them is elsewhere than stated"
                 )
                 yield _verdict(frf, "driving point", "warn", int(channel), message, band)
+
+
+def _turned(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+    for function in turned_functions(frf, sound):
+        over = frf.input.name(function.input)
+        which = over if frf.input.node.size > 2 else f"{over} or the other one"
+        places = ", ".join(f"{f:.5g}" for f in function.resonances)
+        message = (
+            f"the function over {which} is turned: with it, the functions of this point contradict those of the others "
+            f"at {places} Hz; confirm, then correct it with scale = -1 in the campaign file"
+        )
+        yield _verdict(frf, "sign", "fail", function.output, message)
 
 
 def _fits_neighbours(measurement: Measurement, sound: NDArray[np.int64], channel: int, force: int) -> bool:

@@ -222,3 +222,28 @@ def test_failed_channels_are_left_out_with_the_reason():
     assert rest.frf.output.node.tolist() == [1, 2, 3, 4, *range(6, N + 1)]
     assert rest.overload.shape == (N - 1,)
     assert rest.notes[0].startswith("left out: 5+z (run 3, run2.uff): dead")
+
+
+@pytest.mark.parametrize("inputs", [(1, 20, 7), (1, 20)])
+def test_one_function_of_several_forces_that_is_turned_is_named_and_makes_no_modes(inputs):
+    """Its point contradicted all others, and the rank of the residues became that of two modes at every pole."""
+    sound = bar(inputs=inputs)
+
+    def turn(value):
+        value = value.copy()
+        value[1] *= -1
+        return value
+
+    fault = changed(sound, 4, turn)
+    assert not any(v.level == "fail" for v in check(sound))
+    (failed,) = (v for v in check(fault) if v.level == "fail")
+    assert (failed.check, failed.channel) == ("sign", (4,))
+    assert ("20+z is turned" in failed.message) or (len(inputs) == 2 and "or the other one" in failed.message)
+    model = identify_frf(usable(fault, check(fault)).frf, fault.geometry, name="a")
+    np.testing.assert_allclose(model.frequency, MODES, rtol=1e-3)
+
+
+def test_a_pair_of_modes_at_one_frequency_turns_no_function():
+    """At a double root the forces have another proportion from point to point, without a fault."""
+    sound = bar(inputs=(1, 20, 7), modes=np.array([120.0, 120.1, 380.0]))
+    assert not any(v.check == "sign" and v.level == "fail" for v in check(sound))
