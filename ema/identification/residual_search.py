@@ -178,7 +178,7 @@ def try_peak(
         # Such lines count for little beside resonances; but what anyone sees there is in no mode of the result.
         return Refusal(
             reason="the modes explain it where the lines around it are fitted alone, but not beside all others",
-            least=LISTED if peak.visible else np.inf,
+            least=_least(peak, LISTED),
         )
     best: tuple[float, NDArray[np.complex128]] | None = None
     refusal = Refusal(reason="no pole of the fit comes to rest there")
@@ -217,7 +217,7 @@ def _objections(
         yield Refusal(reason=reason, least=LEAST_ALONE if far else np.inf)
     if verdicts.statistic[-1] < verdicts.threshold:
         # Where both the summed power and the likelihood stand out of the noise, each function need not.
-        least = LEAST_ALONE if far else LEAST_SHARE if peak.visible else np.inf
+        least = LEAST_ALONE if far else _least(peak, LEAST_SHARE)
         yield Refusal(reason="its residues do not stand out of the noise", least=least)
     if apart[-1] > spacing * max(2.0 * peak.half_width, 1.0):
         yield Refusal(reason="no pole of the fit comes to rest there")
@@ -239,6 +239,13 @@ def _objections(
         yield Refusal(reason="it is seen in one run only, beside a mode that is elsewhere there")
     if _share_left(data, around, extended, peak) > max(MOST_LEFT * peak.share, LEAST_SHARE):
         yield Refusal(reason=_LESS)
+
+
+def _least(peak: Peak, share: float) -> float:
+    """Share from which on a peak is listed whose power must have been left by so much, when it was tried or is now."""
+    if not peak.visible:
+        return np.inf
+    return LEAST_ALONE if peak.share > share else share
 
 
 def _stands_alone(fit: Fit, peak: Peak) -> bool:
