@@ -1,13 +1,11 @@
 """Which explanation of many specimens leads, what is not told from it, and the verdict."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from updating.pooled.linear import Scales
-from updating.pooled.verdict import matters, not_told_apart, verdict_of
+from updating.pooled.verdict import not_told_apart, verdict_of
 from updating.results.pooled_answer import Part, PooledRanked
 
 
@@ -41,45 +39,7 @@ INERTIA = ranked("clamp_inertia")
     ],
 )
 def test_the_verdict_asks_for_odds_prediction_and_what_remains(first, adequate, n_near, verdict):
-    assert verdict_of(first, BASE, adequate=adequate, counts=True, n_near=n_near) == verdict
-
-
-def test_what_is_of_no_matter_gets_no_name():
-    assert verdict_of(INERTIA, BASE, adequate=True, counts=False, n_near=1) == "nothing missing"
-
-
-def fitted(*effects, frequency, damping=0.01, members=(1,)):
-    """A fit whose second specimen's logarithms are as large as stated, and whose first one's do not change."""
-    terms = tuple(SimpleNamespace(level=SimpleNamespace(members=members)) for _ in effects)
-    found = [
-        SimpleNamespace(log_frequency=np.full(4, f), log_damping=np.full(4, d))
-        for f, d in ((1e-3, 0.01), (frequency, damping))
-    ]
-    return SimpleNamespace(terms=terms, linear=SimpleNamespace(found=found), scales=Scales())
-
-
-BENCH = SimpleNamespace(own=[SimpleNamespace(evidence=SimpleNamespace(scatter=SimpleNamespace(stated=())))])
-
-
-@pytest.mark.parametrize(
-    ("after", "torque", "counts"),
-    [
-        (fitted("a", frequency=8e-4), 0.03, False),  # hundredths of a per cent
-        (fitted("a", frequency=8e-4), 0.006, True),  # a torque is predicted from the other
-        (fitted("a", frequency=1e-3, damping=0.001), 0.03, False),
-    ],
-)
-def test_what_right_models_leave_is_of_no_matter(after, torque, counts):
-    before = fitted(frequency=1e-3)
-    ranks = replace(BASE, left_out_torque_error=0.03), replace(INERTIA, left_out_torque_error=torque)
-    assert matters(BENCH, (before, after), ranks) == counts
-
-
-def test_what_one_specimen_has_counts_by_what_it_takes_off_that_one():
-    ranks = replace(BASE, left_out_torque_error=0.03), replace(INERTIA, left_out_torque_error=0.03)
-    assert matters(BENCH, (fitted(frequency=0.01), fitted("a", frequency=0.001)), ranks)
-    first = fitted("a", frequency=0.001, members=(0,))
-    assert not matters(BENCH, (fitted(frequency=0.01), first), ranks)
+    assert verdict_of(first, BASE, adequate=adequate, n_near=n_near) == verdict
 
 
 EDGE = ranked("edge_pressure", odds=40.0, error=0.048)

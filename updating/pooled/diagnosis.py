@@ -27,7 +27,7 @@ from updating.pooled.search import Found, asked, search
 from updating.pooled.specimen import Level, Specimen, levels_of
 from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
 from updating.pooled.term import CONTACT
-from updating.pooled.verdict import matters, not_told_apart, verdict_of
+from updating.pooled.verdict import not_told_apart, verdict_of
 from updating.results.pooled_answer import (
     Contrast,
     Part,
@@ -150,11 +150,7 @@ def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> 
     adequate, near = told[0].scales.adequate, [0]
     if verdict is None:
         near = not_told_apart(ranking, [own.error for own in left_out], adequate=adequate)
-        first = near[0]
-        counts = matters(beside, (told[base], told[first]), (ranking[base], ranking[first]))
-        verdict = verdict_of(
-            ranking[first], ranking[base], adequate=adequate, counts=counts, n_near=len(near)
-        )
+        verdict = verdict_of(ranking[near[0]], ranking[base], adequate=adequate, n_near=len(near))
     best = base if verdict in ("nothing missing", "unlike anything") else near[0]
     order = [*near, *(i for i in range(len(told)) if i not in near)]
     answer = PooledDiagnosis(

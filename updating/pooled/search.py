@@ -19,6 +19,7 @@ from updating.errors import FitError
 from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
 from updating.pooled.fit import Fitted, fit, stds
 from updating.pooled.linear import Place, Scales, weighed_at
+from updating.pooled.matter import matters
 from updating.pooled.screening import Screened, screen
 from updating.pooled.specimen import Level
 from updating.pooled.term import Term, candidates, coordinates_of, log_prior
@@ -119,7 +120,9 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
             starts += _global_search(bench, best, levels)
         followed = _followed(found, starts, executor)
         followed += _followed(found, _in_common(found, followed), executor)
-        fitted = [own for own in followed if not is_form(found.base, best, own)]
+        fitted = [
+            own for own in followed if not is_form(found.base, best, own) and matters(found.bench, best, own)
+        ]
         found = _with(found, fitted)
         top = max(fitted, key=found.odds, default=None)
         if top is None:

@@ -7,18 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.calibration import HELPS, NEGLIGIBLE, SEPARATE, SHOWS
-from updating.diagnosis.discrepancy import KINDS, MEDIAN
-from updating.pooled.beside import Bench
-from updating.pooled.fit import Fitted
+from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS
 from updating.results.pooled_answer import PooledRanked, PooledVerdict
 
 Vector = NDArray[np.float64]
 
 
-def verdict_of(
-    first: PooledRanked, base: PooledRanked, *, adequate: bool, counts: bool, n_near: int
-) -> PooledVerdict:
+def verdict_of(first: PooledRanked, base: PooledRanked, *, adequate: bool, n_near: int) -> PooledVerdict:
     """Return the verdict: whether the first explanation is believed, is enough, and stands alone.
 
     Parameters
@@ -27,56 +22,14 @@ def verdict_of(
         The explanation that leads, and the base model.
     adequate : bool
         Whether no more is left than nearly right models leave.
-    counts : bool
-        Whether the first one takes off what is of any matter, see `matters`.
     n_near : int
         Explanations that the data do not tell apart.
     """
-    if not (counts and _is_believed(first)):
+    if not _is_believed(first):
         return "nothing missing" if adequate else "unlike anything"
     if not adequate:
         return "partly explained" if first.left_out_error < HELPS * base.left_out_error else "unlike anything"
     return "identified" if n_near == 1 else "one of"
-
-
-def matters(bench: Bench, fitted: tuple[Fitted, Fitted], ranked: tuple[PooledRanked, PooledRanked]) -> bool:
-    """Tell whether an explanation takes more off what is left without it than any model that is right may leave.
-
-    Many specimens of one rig bear out hundredths of a per cent that the model misses in all of them alike, as some
-    effect would. What counts is what it takes off frequencies and damping ratios of those that have it, off shapes, or
-    off the frequencies at a torque that is predicted from all else.
-
-    Parameters
-    ----------
-    bench : Bench
-        The specimens.
-    fitted, ranked : (before, after)
-        The base model and the explanation.
-    """
-    if bench.own[0].evidence.scatter.stated:
-        return True
-    before, after = fitted
-    members = sorted({s for term in after.terms for s in term.level.members})
-    torque = ranked[0].left_out_torque_error - ranked[1].left_out_torque_error
-    fell = {
-        "frequency": max(_fell(before, after, "log_frequency", members), torque),
-        "damping": _fell(before, after, "log_damping", members),
-        "shape": _root(before.scales.whole("shape") ** 2 - after.scales.whole("shape") ** 2),
-    }
-    return any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS)
-
-
-def _fell(before: Fitted, after: Fitted, name: str, members: Sequence[int]) -> float:
-    """Return the root of the fall of the mean square of logarithms over some specimens."""
-    square = [
-        np.mean(np.square(np.concatenate([getattr(own.linear.found[s], name) for s in members])))
-        for own in (before, after)
-    ]
-    return _root(float(square[0] - square[1]))
-
-
-def _root(square: float) -> float:
-    return float(np.sqrt(max(square, 0.0)))
 
 
 def not_told_apart(ranking: Sequence[PooledRanked], error: Sequence[Vector], *, adequate: bool) -> list[int]:

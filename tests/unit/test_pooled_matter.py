@@ -1,0 +1,56 @@
+"""What a further term takes off, and whether that is of any matter."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from updating.pooled import matter
+from updating.pooled.linear import Scales
+from updating.pooled.matter import matters
+from updating.pooled.specimen import Level
+from updating.pooled.term import Term
+
+
+def bench(stated=()):
+    return SimpleNamespace(
+        own=[SimpleNamespace(evidence=SimpleNamespace(scatter=SimpleNamespace(stated=stated)))]
+    )
+
+
+def fitted(*members, frequency=1e-3, damping=0.01, torque=0.03):
+    """A fit whose second specimen's logarithms are as large as stated, and whose first one's do not change."""
+    level = Level(kind="specimen", of="", members=members)
+    terms = (Term(effect="adhesive_edges", level=level),) if members else ()
+    found = [
+        SimpleNamespace(log_frequency=np.full(4, f), log_damping=np.full(4, d))
+        for f, d in ((1e-3, 0.01), (frequency, damping))
+    ]
+    return SimpleNamespace(terms=terms, linear=SimpleNamespace(found=found), scales=Scales(), torque=torque)
+
+
+@pytest.fixture(autouse=True)
+def torques(monkeypatch):
+    monkeypatch.setattr(matter, "torques_left_out", lambda bench, own: np.array([own.torque]))
+
+
+@pytest.mark.parametrize(
+    ("given", "counts"),
+    [
+        ({"frequency": 8e-4}, False),  # hundredths of a per cent
+        ({"frequency": 8e-4, "torque": 0.006}, True),  # a torque is predicted from the other
+        ({"damping": 0.001}, False),
+    ],
+)
+def test_what_right_models_leave_is_of_no_matter(given, counts):
+    assert matters(bench(), fitted(), fitted(1, **given)) == counts
+
+
+def test_what_one_specimen_has_counts_by_what_it_takes_off_that_one():
+    before = fitted(frequency=0.01)
+    assert matters(bench(), before, fitted(1, frequency=0.001))
+    assert not matters(bench(), before, fitted(0, frequency=0.001))
+
+
+def test_what_a_laboratory_states_is_no_estimate_that_could_fall():
+    assert matters(bench(("frequency",)), fitted(), fitted(1))
