@@ -45,6 +45,8 @@ class Screened:
         Linear fall of the misfit that it can bring within its range.
     start : (n_parameter,) float
         Coordinates that bring it.
+    elsewhere : tuple of (n_parameter,) float
+        Coordinates of the best steps where parameters that have no strength of their own have other values.
     log_gain : float
         Rise of the logarithm of the marginal likelihood by the same step, sizes of the discrepancy integrated out.
     detectability : float
@@ -58,6 +60,7 @@ class Screened:
     strength: NDArray[np.intp]
     gain: float
     start: Vector
+    elsewhere: tuple[Vector, ...]
     log_gain: float
     detectability: float
 
@@ -97,6 +100,7 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
         own = evidence.parameters([name])
         if any(_begins_far_off(p) for p in own):
             best, turned, most = _from_trials(evidence, at, name, r)
+            elsewhere: tuple[Vector, ...] = ()
         else:
             columns = [place[p.name] for p in own]
             trials = []
@@ -109,7 +113,9 @@ def screen(evidence: Evidence, at: Explanation) -> tuple[Screened, ...]:
                 continue
             best, turned = max(trials, key=lambda trial: trial[0].gain)
             most = max(screened.detectability for screened, _ in trials)
-        found.append(replace(best, log_gain=_log_gain(evidence, at, best, turned), detectability=most))
+            elsewhere = tuple(screened.start for screened, _ in trials if screened is not best)
+        gain = _log_gain(evidence, at, best, turned)
+        found.append(replace(best, elsewhere=elsewhere, log_gain=gain, detectability=most))
     return tuple(found)
 
 
@@ -274,6 +280,7 @@ def _screened(
         strength=strength,
         gain=float(r @ r - np.sum((r + c @ step) ** 2)),
         start=start,
+        elsewhere=(),
         log_gain=-np.inf,
         detectability=detectability,
     )

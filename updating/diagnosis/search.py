@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -189,7 +190,12 @@ def search(
     screened = screen(evidence, base)
     chosen = _promising(screened, N_SINGLE)
     _LOG.info("fit %d effects, each alone", len(chosen))
-    starts = [Start([s.effect], base.nuisance, s.start, _STEPS) for s in chosen]
+    astray = base.residual.frequency_error > _FAR_OFF  # a step's own place of an effect may mislead
+    starts = [
+        Start([s.effect], base.nuisance, where, _STEPS)
+        for s in chosen
+        for where in (s.start, *(s.elsewhere if astray else ()))
+    ]
     starts += [Start([name], base.nuisance, np.zeros(0), _STEPS) for name in _supposed(evidence, base)]
     begun = _begun(evidence, starts, executor)
     nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
@@ -198,7 +204,8 @@ def search(
         singles += _global_search(evidence, places, executor)
     best = likeliest([base, *singles])
     evidence = _weighed(_richer(evidence, [best, *singles]), best)
-    base, *singles = _again(evidence, [base, *_best_of_each(singles)], executor)
+    base, *singles = _again(evidence, [base, *_best_of_each_place(singles)], executor)
+    singles = _best_of_each(singles)
     fitted = _with_further(evidence, base, singles, screened, executor)
     fitted = _with_asked(evidence, base, fitted, screened, asked, executor)
     return Search(
@@ -265,9 +272,12 @@ def _with_further(
         if not beyond:  # what else is there cannot be told from the error of a form
             break
         best = beyond[0]
-        first = [x for x in beyond[:N_FIRST] if best.log_evidence - x.log_evidence < 3.0 * _CLOSE]
+        # where the base model is far off, odds are large, and so are their differences
+        near = np.inf if base.residual.frequency_error > _FAR_OFF else 3.0 * _CLOSE
+        first = [x for x in beyond[:N_FIRST] if best.log_evidence - x.log_evidence < near]
         beside = list(distribute(partial(screen, evidence.alone), first, executor))
         starts = _further_starts(evidence, base, screened if n == 2 else (), first, beside)
+        starts += _from_alone(starts, singles) if near > 3.0 * _CLOSE else []
         _LOG.info("fit %d explanations of %d effects", len(starts), n)
         level = _best_of_each(_done(_begun(evidence, starts, executor)))
         fitted += level
@@ -302,6 +312,18 @@ def _further_starts(
         start = np.concatenate(coordinate)
         start_of.setdefault(frozenset(names), Start(names, base.nuisance, start, _REFIT))
     return list(start_of.values())
+
+
+def _from_alone(starts: Sequence[Start], singles: Sequence[Explanation]) -> list[Start]:
+    """Return the same starts with the further effect where it ended alone, if it has a place beside its strength."""
+    alone = {own.effects[0]: own.coordinate for own in singles if own.coordinate.size > 1}
+    found = []
+    for start in starts:
+        where = alone.get(start.effects[-1])
+        if where is not None:
+            begin = np.concatenate([start.coordinate[: -where.size], where])
+            found.append(replace(start, coordinate=begin))
+    return found
 
 
 def _promising(screened: Sequence[Screened], most: int) -> list[Screened]:
@@ -425,6 +447,16 @@ def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
     return list(best.values())
 
 
+def _best_of_each_place(fitted: Sequence[Explanation]) -> list[Explanation]:
+    """Return the best fits of each explanation that ended apart from each other: other weights may prefer another."""
+    best: dict[frozenset[str], list[Explanation]] = {}
+    for own in sorted(fitted, key=lambda x: -x.log_evidence):
+        places = best.setdefault(frozenset(own.effects), [])
+        if all(np.max(np.abs(own.coordinate - x.coordinate), initial=0.0) > _ELSEWHERE for x in places):
+            places.append(own)
+    return list(itertools.chain.from_iterable(best.values()))
+
+
 def _richer(evidence: Assembled, fitted: Sequence[Explanation]) -> Assembled:
     """Take the modes at the best explanations into the basis."""
     ordered = sorted(fitted, key=lambda x: -x.log_evidence)
@@ -437,9 +469,18 @@ def _richer(evidence: Assembled, fitted: Sequence[Explanation]) -> Assembled:
 def _again(
     evidence: Assembled, fitted: Sequence[Explanation], executor: Executor | None
 ) -> list[Explanation]:
-    """Fit explanations again with another basis and other weights, those that have lost by one evaluation alone."""
+    """Fit explanations again with another basis and other weights, those that have lost by one evaluation alone.
+
+    Which of several places of an explanation is the best is open under other weights.
+    """
     top = max(x.log_evidence for x in fitted)
-    starts = [_from(x, _REFIT if not x.effects or top - x.log_evidence < 3.0 * _CLOSE else 1) for x in fitted]
+    places = Counter(frozenset(x.effects) for x in fitted)
+
+    def is_open(own: Explanation) -> bool:
+        near = top - own.log_evidence < 3.0 * _CLOSE
+        return not own.effects or near or places[frozenset(own.effects)] > 1
+
+    starts = [_from(x, _REFIT if is_open(x) else 1) for x in fitted]
     return _done(_begun(evidence, starts, executor))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import HELPS, MOST_JUDGED, NEGLIGIBLE, SEPARATE, SHOWS, STRAINED
+from updating.diagnosis.calibration import HALVES, HELPS, MOST_JUDGED, NEGLIGIBLE, SEPARATE, SHOWS, STRAINED
 from updating.diagnosis.discrepancy import KINDS, MEDIAN, Kind
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
@@ -84,6 +84,8 @@ def _shown(found: Search) -> list[Explanation]:
 def _helps(found: Search, own: Explanation) -> bool:
     """Tell whether an explanation predicts modes that it has not seen better than without it, or relieves others.
 
+    Each of several effects must do so beside the others: a loss that is sure brings no credit to what stands beside it.
+
     What changes between configurations alone, such as the law of pressure, predicts no mode better: without it, what
     is known of assembly and torque is strained. Nothing may predict clearly worse. Beside a hypothesis about the
     measurement, the effects must help where that is supposed: what it frees is no merit of theirs.
@@ -105,7 +107,31 @@ def _helps(found: Search, own: Explanation) -> bool:
         kinds = KINDS
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
     better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
-    return better or _relieves(found, base, own)
+    return (better or _relieves(found, base, own)) and _each_helps(found, own)
+
+
+def _each_helps(found: Search, own: Explanation) -> bool:
+    """Tell whether each of several effects helps beside the others, in frequencies or damping ratios.
+
+    What more than halves that which is left does so as well: few modes that each tell one parameter predict no other.
+    """
+    physical = set(own.effects) - set(found.evidence.hypotheses)
+    if len(physical) < 2:
+        return True
+    after = left_out(found.evidence, own)
+    for effect in physical:
+        others = set(own.effects) - {effect}
+        without = next((x for x in found.fitted if set(x.effects) == others), None)
+        if without is None or _relieves(found, without, own):
+            continue
+        before = left_out(found.evidence, without)
+        kinds: tuple[Kind, ...] = ("frequency", "damping")
+        predicted = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
+        left = np.array([getattr(own.mean, kind) / getattr(without.mean, kind) for kind in kinds])
+        better = np.nanmin(predicted, initial=np.inf) < HELPS or np.min(left) < HALVES
+        if not (better and _matters(found, without, own)):
+            return False
+    return True
 
 
 def _supposing_alone(found: Search, own: Explanation) -> Explanation:
@@ -153,7 +179,7 @@ def _beyond_its_form(found: Search, steps: tuple[Explanation, ...]) -> Explanati
 
 
 def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
-    """Return what is nearly as probable as an explanation or more, of as many effects, each beyond the others' form.
+    """Return what is nearly as probable as an explanation or more, of as many effects, and helps beyond others' form.
 
     It comes first itself, but for what does with fewer of its effects; what only adds an effect to another of these
     says nothing new.
@@ -163,7 +189,7 @@ def _ambiguous(found: Search, own: Explanation) -> tuple[Explanation, ...]:
         for x in found.fitted
         if found.odds(own) - found.odds(x) < SEPARATE
         and len(x.effects) <= len(own.effects)
-        and (x is own or _beyond_its_form(found, _steps(found, x)) is x)
+        and (x is own or (_beyond_its_form(found, _steps(found, x)) is x and _helps(found, x)))
     ]
     near = [x for x in near if x is own or not any(set(y.effects) < set(x.effects) for y in near)]
     simpler = {id(x) for x in near if set(x.effects) < set(own.effects)}
