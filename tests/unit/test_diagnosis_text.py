@@ -107,6 +107,15 @@ def test_identified():
     )
 
 
+def test_modes_left_out_that_are_predicted_worse_are_explained():
+    few = replace(STINGER, left_out_error=0.3)
+    text = sentences(diagnosis("identified", few, ranking=(BASE, few)))[0]
+    assert text.endswith(
+        "where each mode is predicted from all others, it goes from 24 % to 30 % (so few modes tell the values of "
+        "what was added that they foretell no other)."
+    )
+
+
 def test_a_discrepancy_that_a_laboratory_states_is_said_to_be_stated():
     found = diagnosis("identified", STINGER, discrepancy_spread=Sizes(shape=0.0))
     assert (

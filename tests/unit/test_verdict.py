@@ -19,13 +19,17 @@ PRICE = float(np.log(0.5 / len(EFFECTS)))
 
 
 def explanation(
-    effects, odds, *, misfit=100.0, losses=0.0, left_out=(0.5, 1.0, 1.0), score=0.0, strain=0.0, left=1.0,
+    effects, odds, *, misfit=100.0, losses=0.0, left_out=None, score=0.0, strain=0.0, left=None,
     at_a_point=0.0, between=0.0, known=9.0,
 ):  # fmt: skip
     """An explanation with the logarithm of its odds against the base model, and so many times the usual size left.
 
-    What an effect leaves has nothing to do with what it takes away: `misfit` of frequencies, `losses` of damping.
+    What an effect leaves has nothing to do with what it takes away: `misfit` of frequencies, `losses` of damping. If
+    nothing else is said, each effect halves the error of frequencies left out.
     """
+    n = len(effects)
+    left_out = (0.5**n, 1.0, 1.0) if left_out is None else left_out
+    left = 1.1 - 0.1 * max(n, 1) if left is None else left
     value = np.zeros(4)
     value[0 if not effects else 1], value[2 if not effects else 3] = np.sqrt([misfit, losses])
     return SimpleNamespace(
@@ -102,6 +106,31 @@ def test_what_is_nearly_as_probable_cannot_be_told_apart_and_the_most_probable_c
     assert names(decision.left) == ["a", "b", "c"]
 
 
+@pytest.mark.parametrize(
+    ("beside", "left", "helps"),
+    [
+        ((0.5, 1.0, 0.5), 0.55, False),  # shapes alone bring nobody a name beside another
+        ((0.35, 1.0, 1.0), 0.55, True),
+        ((0.5, 0.7, 1.0), 0.55, True),  # of damping alone
+        ((2.0, 1.0, 1.0), 0.45, True),  # what halves that which is left
+    ],
+)
+def test_each_of_several_effects_helps_beside_the_others(beside, left, helps):
+    """`a` alone has modes left out at half the base model's error and as much as usual left, `b` stands beside it."""
+    alone = explanation("a", 30.0, misfit=5000.0, left_out=(0.5, 1.0, 1.0))
+    both = explanation("ab", 60.0, misfit=1.0, losses=4000.0, left_out=beside, left=left)
+    other = explanation("b", 10.0, misfit=9000.0, left_out=(1.5, 1.5, 1.0), left=15.0)
+    decision = decide(found(alone, other, both))
+    assert names(decision.left)[0] == ("ab" if helps else "a")
+
+
+def test_what_is_as_probable_and_does_not_help_is_not_listed():
+    fitted = [explanation("a", 9.0), explanation("b", 10.0, left_out=(1.0, 1.0, 1.0), strain=12.0)]
+    decision = decide(found(*fitted))
+    assert decision.verdict == "identified"
+    assert names(decision.left) == ["a"]
+
+
 def test_what_only_adds_an_effect_to_another_says_nothing_new():
     """Beside two together, one of them alone may do, and others together; what is one of these and more may not."""
     fitted = [explanation("ab", 9.0), explanation("c", 8.0), explanation("cd", 8.5), explanation("ef", 8.2)]
@@ -165,7 +194,8 @@ def test_what_every_test_strains_is_no_relief():
 )
 def test_several_effects_that_meet_shapes_alone_are_met_by_chance(left_out, expected):
     together = explanation("ab", SHOWS + 60.0, left_out=left_out, strain=12.0)
-    decision = decide(found(explanation("a", SHOWS + 30.0, misfit=1000.0), together))
+    alone = explanation("a", SHOWS + 30.0, misfit=1000.0, left_out=(1.0, 1.0, 0.5))
+    decision = decide(found(alone, together))
     assert names(decision.left) == [expected]
 
 

@@ -157,6 +157,8 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
         if np.isfinite([base.left_out(kind), own.left_out(kind)]).all():
             ends = percent(base.left_out(kind)), percent(own.left_out(kind))
             text += f"; where each mode is predicted from all others, it goes from {ends[0]} to {ends[1]}"
+            if own.left_out(kind) > base.left_out(kind):
+                text += " (so few modes tell the values of what was added that they foretell no other)"
         return f"{text}." if kind == "frequency" else f"{text}; {stays}."
     length = f"{percent(own.discrepancy.shape)} of their length instead of {percent(base.discrepancy.shape)}"
     predicted = ""
