@@ -4,10 +4,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from updating.diagnosis import verdict
-from updating.diagnosis.calibration import HELPS, MODEL_FORM, SEPARATE, SHOWS, STRAINED, VISIBLE
-from updating.diagnosis.discrepancy import MEDIAN, Sizes
+from updating.diagnosis.calibration import (
+    HALVES,
+    HELPS,
+    MODEL_FORM,
+    P_ADEQUATE,
+    SEPARATE,
+    SHOWS,
+    STRAINED,
+    VISIBLE,
+)
+from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.held_out import LeftOut
 from updating.diagnosis.search import Search, is_form, log_odds
@@ -46,6 +56,9 @@ def explanation(
 
 
 BASE = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=20.0)
+TOO_MUCH, ENOUGH = (share * float(np.exp(SPREAD * ndtri(1.0 - P_ADEQUATE))) for share in (1.25, 0.75))
+"""Times of the usual that a right model does not leave, and that it may: the one is not halved by the other."""
+INADEQUATE = explanation("", 0.0, misfit=10_000.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=TOO_MUCH)
 FINE = explanation("", 0.0, misfit=100.0, left_out=(1.0, 1.0, 1.0), strain=12.0)
 
 
@@ -125,8 +138,8 @@ def test_each_of_several_effects_helps_beside_the_others(beside, left, helps):
 
 
 def test_what_is_as_probable_and_does_not_help_is_not_listed():
-    fitted = [explanation("a", 9.0), explanation("b", 10.0, left_out=(1.0, 1.0, 1.0), strain=12.0)]
-    decision = decide(found(*fitted))
+    useless = explanation("b", 10.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=ENOUGH)
+    decision = decide(found(explanation("a", 9.0), useless, base=INADEQUATE))
     assert decision.verdict == "identified"
     assert names(decision.left) == ["a"]
 
@@ -158,10 +171,12 @@ def test_unlike_anything_where_much_is_left_and_no_effect_shows():
         ({"left_out": (np.nan, np.nan, np.nan)}, True),  # where none can be left out, evidence decides
         ({"left_out": (1.0, 1.0, 1.0), "strain": 12.0 - STRAINED**2 - 0.1}, True),
         ({"left_out": (0.1, 1.0, 1.0), "score": -SHOWS - 0.1}, False),  # in all, it predicts worse
+        ({"left_out": (1.0, 1.0, 1.0), "left": (HALVES - 0.01) * TOO_MUCH}, True),
     ],
 )
 def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(given, helps):
-    decision = decide(found(explanation("a", 50.0, **({"strain": 12.0} | given))))
+    own = explanation("a", 50.0, **({"strain": 12.0, "left": ENOUGH} | given))
+    decision = decide(found(own, base=INADEQUATE))
     assert decision.verdict == ("identified" if helps else "unlike anything")
     assert names(decision.left) == (["a"] if helps else [])
 
@@ -178,8 +193,9 @@ def test_unlike_anything_where_a_change_at_one_point_explains_more_than_the_best
 def test_what_every_test_strains_is_no_relief():
     """Of what is known of steel and dimensions, some is off by two deviations; further off it asks for a reason."""
     for known, expected in ((STRAINED - 0.1, "unlike anything"), (STRAINED + 0.1, "identified")):
-        base = explanation("", 0.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=20.0, known=known)
-        relieving = explanation("a", 50.0, left_out=(1.0, 1.0, 1.0), strain=12.0 - STRAINED**2 - 0.1)
+        base = explanation("", 0.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=TOO_MUCH, known=known)
+        relieved = 12.0 - STRAINED**2 - 0.1
+        relieving = explanation("a", 50.0, left_out=(1.0, 1.0, 1.0), strain=relieved, left=ENOUGH)
         assert decide(found(relieving, base=base)).verdict == expected
 
 
@@ -201,9 +217,9 @@ def test_several_effects_that_meet_shapes_alone_are_met_by_chance(left_out, expe
 
 def test_what_is_named_must_itself_help():
     """Two effects help, but the second may be no more than the error of the first one's form, which does not."""
-    first = explanation("a", 500.0, misfit=1000.0, left_out=(1.0, 1.0, 0.9), strain=12.0)
+    first = explanation("a", 500.0, misfit=1000.0, left_out=(1.0, 1.0, 0.9), strain=12.0, left=ENOUGH)
     both = explanation("ab", 530.0, misfit=300.0, left_out=(0.5, 1.0, 0.9), strain=12.0)
-    assert decide(found(first, both)).verdict == "unlike anything"
+    assert decide(found(first, both, base=INADEQUATE)).verdict == "unlike anything"
 
 
 def test_several_effects_may_relieve_what_differs_between_torques():
@@ -333,8 +349,8 @@ def test_what_takes_next_to_nothing_off_is_of_no_matter_however_sure(left, state
 @pytest.mark.parametrize(("strain", "expected"), [(2.0, "unlike anything"), (-10.0, "identified")])
 def test_what_a_hypothesis_about_the_measurement_frees_is_no_merit_of_the_effects_beside_it(strain, expected):
     """Here ``s`` supposes a gain; with two effects beside it nothing is predicted better."""
-    supposed = explanation("s", 4.0, left_out=(1.0, 1.0, 1.0), strain=2.0, left=20.0, misfit=9000.0)
-    beside = explanation("sab", 60.0, left_out=(1.1, 1.1, 0.5), strain=strain, left=0.5, misfit=10.0)
-    given = found(supposed, beside)
+    supposed = explanation("s", 4.0, left_out=(1.0, 1.0, 1.0), strain=2.0, left=TOO_MUCH, misfit=9000.0)
+    beside = explanation("sab", 60.0, left_out=(1.1, 1.1, 0.5), strain=strain, left=ENOUGH, misfit=10.0)
+    given = found(supposed, beside, base=INADEQUATE)
     given.evidence.hypotheses = {"s": {}}
     assert decide(given).verdict == expected

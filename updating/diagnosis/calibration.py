@@ -13,8 +13,8 @@ HELPS = 0.8
 """Ratio of the errors, of frequencies, damping ratios or shapes, of modes that are predicted from all others, below
 which an explanation helps to predict."""
 HALVES = 0.5
-"""Ratio of what is left of frequencies or damping ratios, with one of several effects and without it, below which it
-helps, however little others tell of the modes that it is seen in."""
+"""Ratio of what is left of frequencies or damping ratios, with an effect and without it, below which it helps, however
+little others tell of the modes that it is seen in."""
 NEGLIGIBLE = 0.25
 """Share of what right models leave, in the median, of frequencies, damping ratios or shapes: an effect that takes less
 off what a model leaves is of no matter, however sure it seems. Where a model misses hundredths of a per cent, it does

@@ -93,6 +93,8 @@ def _helps(found: Search, own: Explanation) -> bool:
     What no effect has is often met in shapes by two that have nothing to do with it: a side of the stack that is soft,
     by contact lost in a corner and a mass at the shaker. One effect may be seen in shapes alone, several at once
     hardly are.
+
+    What more than halves that which is left helps as well: few modes that each tell one parameter predict no other.
     """
     base = _supposing_alone(found, own)
     if not (_matters(found, base, own) or _relieves(found, base, own)):
@@ -106,7 +108,7 @@ def _helps(found: Search, own: Explanation) -> bool:
     else:
         kinds = KINDS
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
-    better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS)
+    better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS or _halves(base, own))
     return (better or _relieves(found, base, own)) and _each_helps(found, own)
 
 
@@ -127,11 +129,17 @@ def _each_helps(found: Search, own: Explanation) -> bool:
         before = left_out(found.evidence, without)
         kinds: tuple[Kind, ...] = ("frequency", "damping")
         predicted = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
-        left = np.array([getattr(own.mean, kind) / getattr(without.mean, kind) for kind in kinds])
-        better = np.nanmin(predicted, initial=np.inf) < HELPS or np.min(left) < HALVES
+        better = np.nanmin(predicted, initial=np.inf) < HELPS or _halves(without, own)
         if not (better and _matters(found, without, own)):
             return False
     return True
+
+
+def _halves(before: Explanation, after: Explanation) -> bool:
+    """Tell whether less than half is left of the discrepancy of frequencies, or of damping ratios."""
+    return any(
+        getattr(after.mean, kind) < HALVES * getattr(before.mean, kind) for kind in ("frequency", "damping")
+    )
 
 
 def _supposing_alone(found: Search, own: Explanation) -> Explanation:
