@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
+import itertools
+
 import scipy.sparse as sp
 
 from model import Assembly, Clamp, Effect, Kron, Monomial, Parameter, Stack, Term
-from model.effects.parts import mean_over, square
+from model.effects.parts import mean_over
 from model.elements.clamping import height_shares
 from model.elements.mesh import FIELDS, Field
 
-_STEP = 2e-3  # m, over which the slope is taken
+_STEP = 5e-3  # m, of the parabola along each axis
 _FARTHEST = 0.02  # m
 
 
 def clamp_places(stack: Stack) -> tuple[Effect, ...]:
     """Return for each clamp of a stack what it does to the equations of motion that it sits farther along x or y.
 
-    Its mass is taken from where the file has it and put where it is, to first order of the distance (m).
+    Its mass is taken from where the file has it and put where it is. What it moves with is the mean displacement under
+    it, of second order in the distance (m): at the crest of a mode, the first order alone says that nothing changes,
+    and then the square of the slope counts that comes from where the mode has a node.
     """
     return tuple(
         _placed(i, clamp, axis) for i, clamp in enumerate(stack.clamps) if clamp.mass > 0.0 for axis in (0, 1)
@@ -28,18 +31,30 @@ def _name(i: int, axis: int) -> str:
     return f"clamp_{i + 1}_{'xy'[axis]}"
 
 
-def _slope(assembly: Assembly, field: Field, clamp: Clamp, axis: int) -> sp.csr_matrix:
-    """Return the row that takes how the mean of a field under a clamp changes as that moves along an axis."""
-    half = (assembly.stack.length / 2.0, assembly.stack.width / 2.0)
-    ends = [np.array([clamp.x, clamp.y]) for _ in range(2)]
-    for end, step in zip(ends, (-_STEP, _STEP), strict=True):
-        end[axis] = np.clip(end[axis] + step, -half[axis], half[axis])
-    before, after = (mean_over(assembly, field, (x, y), clamp.footprint) for x, y in ends)
-    return sp.csr_matrix((after - before) / (ends[1] - ends[0])[axis])
+def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, int], sp.csr_matrix]:
+    """Return the rows whose sum, each times powers of the distances along x and y, takes the mean under a clamp.
 
+    Along each axis it is a parabola through the places a step before and after, less far where the stack ends.
+    """
 
-def _mixed(field: Field, one: sp.csr_matrix, other: sp.csr_matrix, z: sp.csr_array) -> Kron:
-    return Kron(row=field, column=field, z=z, planar=(one.T @ other + other.T @ one).tocsr())
+    def mean_at(x: float, y: float) -> sp.csr_matrix:
+        return mean_over(assembly, field, (x, y), clamp.footprint)
+
+    here = mean_at(clamp.x, clamp.y)
+    rows = {(0, 0): here}
+    for along, place, size in (
+        ((1, 0), clamp.x, assembly.stack.length),
+        ((0, 1), clamp.y, assembly.stack.width),
+    ):
+        back, on = (max(0.0, min(_STEP, size / 2.0 + side * place)) for side in (1, -1))
+        before = mean_at(clamp.x - back * along[0], clamp.y - back * along[1]) - here
+        after = mean_at(clamp.x + on * along[0], clamp.y + on * along[1]) - here
+        if min(back, on) == 0.0:  # at an edge there is one side alone
+            rows[along] = (after - before) / (back + on)
+            continue
+        rows[along] = (back / on * after - on / back * before) / (back + on)
+        rows[2 * along[0], 2 * along[1]] = (after / on + before / back) / (back + on)
+    return rows
 
 
 def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
@@ -47,26 +62,27 @@ def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
 
     def terms(assembly: Assembly) -> tuple[Term, ...]:
         z = sp.diags_array(clamp.mass * height_shares(clamp, assembly.stack.n_lamina)).tocsr()
-        linear: list[Kron] = []
-        squared: list[Kron] = []
-        crossed: list[Kron] = []
+        krons: dict[tuple[int, int], list[Kron]] = {}
         for field in FIELDS:
-            here = mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint)
-            slope = _slope(assembly, field, clamp, axis)
-            linear.append(_mixed(field, here, slope, z))
-            squared.append(square(field, slope, z))
-            crossed.append(_mixed(field, slope, _slope(assembly, field, clamp, 1 - axis), z))
-        # mass stays positive, for it is that of the mean displacement there, to first order of both distances
-        found = [
-            Term(name=name, target="M", factor=Monomial(exponent={name: 1}), krons=tuple(linear)),
+            rows = _powers(assembly, field, clamp)
+            products: dict[tuple[int, int], sp.csr_matrix] = {}
+            # the mass stays positive, for it is that of the square of one displacement with all its powers
+            for (m, one), (n, other) in itertools.product(rows.items(), repeat=2):
+                power = (m[0] + n[0], m[1] + n[1])
+                products[power] = products.get(power, 0.0 * (one.T @ one)) + one.T @ other
+            for power, planar in products.items():
+                kron = Kron(row=field, column=field, z=z, planar=planar.tocsr())
+                krons.setdefault(power, []).append(kron)
+        return tuple(
             Term(
-                name=f"{name} squared", target="M", factor=Monomial(exponent={name: 2}), krons=tuple(squared)
-            ),
-        ]
-        if axis == 1:
-            both = Monomial(exponent={_name(i, 0): 1, name: 1})
-            found.append(Term(name=f"{name} and x", target="M", factor=both, krons=tuple(crossed)))
-        return tuple(found)
+                name=f"{name} {power[0]} {power[1]}",
+                target="M",
+                factor=Monomial(exponent={_name(i, other): n for other, n in enumerate(power) if n}),
+                krons=tuple(found),
+            )
+            for power, found in krons.items()
+            if (power[1] > 0 if axis == 1 else power[0] > 0 == power[1])
+        )
 
     parameter = Parameter(
         name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"
