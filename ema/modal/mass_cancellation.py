@@ -11,7 +11,7 @@ scaling (Parloo, Verboven, Guillaume and Van Overmeire, Mech. Syst. Signal Proce
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -23,6 +23,11 @@ _CONVERGED = 1e-11  # of the unknowns, relative
 _LEAST_GAIN = (
     1e-8  # of the squared misfit, by which a step must lower it: directions that no data tell go on for long
 )
+_WIDE = 1e-2
+"""Standard deviation of squared frequencies, relative, that is added to theirs in a first fit: exact ones make a valley
+so narrow that a fit ends on its side."""
+_MOST_SCALED = 5.0
+"""Factor by which the shifts may say that the scale of a mode is another than that at the driving point."""
 _DIFFERENCE = 1e-6  # of an unknown, for derivatives
 _MOST_AT_FORCE = 10.0
 """Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
@@ -157,8 +162,16 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
         None where they tell one mass for all modes.
     """
     problem = _Problem.of(modes, load)
-    x, damping = problem.start(), 1e-3
-    misfit = problem.misfit(x)
+    wide = replace(problem, rough=np.hypot(problem.rough, _WIDE))
+    ends = [_fitted(problem, _fitted(wide, start)[0]) for start in problem.starts()]
+    return _result(problem, *min(ends, key=lambda end: float(end[2] @ end[2])))
+
+
+def _fitted(
+    problem: _Problem, x: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the vector of least misfit near another, its covariance, and its misfit."""
+    damping, misfit = 1e-3, problem.misfit(x)
     for _ in range(_MAX_STEP):
         jacobian = problem.jacobian(x, misfit)
         scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
@@ -176,7 +189,7 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
         moved = np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size))
         if useless or moved < _CONVERGED:
             break
-    return _result(problem, x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit)
+    return x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -268,18 +281,36 @@ class _Problem:
             shape.reshape(self.modes.shape.shape),
         ]
 
-    def start(self) -> NDArray[np.float64]:
-        """Return the first guess: what was measured, as if loads had changed no shape."""
+    def starts(self) -> list[NDArray[np.float64]]:
+        """Return first guesses: what was measured, as if loads had changed no shape, and with the scale of the shifts.
+
+        At a node of a mode, the driving point says little of its scale; the shifts from run to run tell it to first
+        order where the load is one mass.
+        """
+        if self.modes.drive_run is None or self.sought.shape[1] > 1 or not (self.given + self._first()).any():
+            return [self._start(np.ones(self.rough.shape[1]))]
+        load = self.given + self._first()
+        told = _first_load(self.modes, np.eye(load.size))
+        ratio = np.divide(told, load, out=np.ones_like(load), where=load > 0.0)
+        scale = np.clip(np.sqrt(ratio), 1.0 / _MOST_SCALED, _MOST_SCALED)
+        return [self._start(np.ones(load.size)), self._start(scale)]
+
+    def _first(self) -> NDArray[np.float64]:
+        """Return the first guess of the loads that are sought, by mode, (n_mode,)."""
+        n_mode = self.rough.shape[1]
+        return np.asarray(self.sought @ self.size[n_mode : n_mode + self.sought.shape[1]])
+
+    def _start(self, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the first guess with the shape of each mode scaled, and that at the force by the inverse."""
         n_run, n_mode = self.rough.shape
+        shape = self.modes.shape * scale
         square = np.average((2.0 * np.pi * self.modes.frequency) ** 2, axis=0, weights=self.rough**-2.0)
         first = self.size[n_mode : n_mode + self.sought.shape[1]]
-        felt = np.array([np.sum(self.modes.shape[self.modes.run == k] ** 2, axis=0) for k in range(n_run)])
-        load = self.given + self.sought @ first
+        felt = np.array([np.sum(shape[self.modes.run == k] ** 2, axis=0) for k in range(n_run)])
+        load = self.given + self._first()
         square = square * (1.0 + load * np.average(felt, axis=0, weights=self.rough**-2.0))
-        drive = self.modes.drive if self.modes.drive_run is not None else np.zeros(0)
-        return np.concatenate(
-            [np.log(square), first, drive, np.zeros(len(self.pair)), self.modes.shape.reshape(-1)]
-        )
+        drive = self.modes.drive / scale if self.modes.drive_run is not None else np.zeros(0)
+        return np.concatenate([np.log(square), first, drive, np.zeros(len(self.pair)), shape.reshape(-1)])
 
     def limited(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a vector with loads that are no less than nothing and not beyond what modes of the band can tell."""
