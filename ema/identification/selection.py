@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from scipy.optimize import linear_sum_assignment
 from ema.identification.functions import Functions, inside
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.residual_search import Left, take_in_peaks
-from ema.identification.run_poles import RunPoles, run_poles
+from ema.identification.run_evidence import RunEvidence, run_evidence
+from ema.identification.run_poles import FALSE_ALARM, RunPoles, run_poles
 from ema.identification.significance import (
     is_confined,
     is_split,
@@ -26,6 +28,9 @@ MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
 CLOSE = 3.0
 """Poles of different runs nearer than this many sums of their half bandwidths may be one mode."""
+NEEDED, MANY = 0.5, 10.0
+"""Rise of the logarithm of the likelihood that a pole brings to runs with poles of their own, over what these bring by
+themselves and over the number of its unknowns, from which it is no image of another one."""
 _ASIDE = 0.03  # of the band, from its ends: where a flank's pole is first sought; refinement moves it
 
 
@@ -72,7 +77,50 @@ def select_modes(
                 break
     fit = _without_images(data, _refined(data, fit.pole, band), band, before)
     fit, left = take_in_peaks(data, fit, candidates, band)
-    return *_finished(data, fit, band), left
+    return *_run_by_run_borne_out(data, fit, candidates, band), left
+
+
+def _run_by_run_borne_out(
+    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
+    """Finish a fit, and take runs to differ in those modes alone that are borne out on the lines around them.
+
+    A mode beside another one, whose pole it draws elsewhere in each run, is taken in.
+    """
+    fit, runs = _finished(data, fit, band)
+    while True:
+        doubtful = np.flatnonzero((runs.probability < FALSE_ALARM).any(axis=0) & inside(fit.pole, band))
+        found = {int(r): run_evidence(data, fit, int(r), candidates) for r in doubtful}
+        extended = _with_modes_beside(data, fit, found.values(), band)
+        if extended is None:
+            break
+        fit, runs = _finished(data, extended, band)
+    still = np.array([r not in found or found[r].moves for r in range(fit.pole.size)], dtype=bool)
+    return fit, replace(runs, probability=np.where(still, runs.probability, 1.0))
+
+
+def _with_modes_beside(
+    data: Functions, fit: Fit, found: Iterable[RunEvidence], band: tuple[float, float]
+) -> Fit | None:
+    """Return the fit with the likeliest mode that was found beside others, if there is any.
+
+    Whether it has the phases of a mode is seen on the lines around it: beside all others what else is missing counts.
+    """
+    threshold = significance_threshold(*data.value.shape)
+    further = [one.beside for one in found if one.beside is not None and inside(one.beside.pole, band)[-1]]
+    best = None
+    for local in further:
+        verdicts = judge(data.frequency[: local.residual.shape[1]], local, data.quantity)
+        if not verdicts.accepted[-1] or is_split(local, -1):
+            continue
+        trial = np.append(fit.pole, local.pole[-1])
+        extended = refine(data.frequency, data.value, trial, data.quantity, fit.weight)
+        stays = _sound(extended, trial, band)[-1] and not is_confined(extended, data.run)[-1]
+        gain = 2.0 * (fit.objective - extended.objective)
+        kept = stays and gain > threshold and not is_split(extended, -1)
+        if kept and extended.objective < (fit if best is None else best).objective:
+            best = extended
+    return best
 
 
 def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit, RunPoles]:
@@ -156,15 +204,25 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
     added = np.ones(fit.pole.size, dtype=bool)
     added[row] = distance[row, column] > -fit.pole.real[row]
     suspects = np.any(close & (added[:, None] | added), axis=1)
+
+    def run_by_run(pole: NDArray[np.complex128]) -> float:
+        return sum(
+            refine(data.frequency, data.value[data.run == n], pole, data.quantity).objective for n in numbers
+        )
+
     for i in np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0)):
         if not suspects[i]:
             continue
         rest = np.delete(fit.pole, i)
-        alone = sum(
-            refine(data.frequency, data.value[data.run == n], rest, data.quantity).objective for n in numbers
-        )
+        alone = run_by_run(rest)
         # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
-        if alone + 2 * rest.size * (numbers.size - 1) < fit.objective + 2:
+        if alone + 2 * rest.size * (numbers.size - 1) >= fit.objective + 2:
+            continue
+        # Poles of its own let a run meet whatever else the fit lacks. A mode is one that runs with poles of their own
+        # need, too; an image is one mode more than each of them has.
+        needed = alone - run_by_run(fit.pole)
+        unknowns = 2 * (numbers.size + data.value.shape[0])
+        if needed < max(NEEDED * (fit.objective - alone), MANY * unknowns):
             return int(i)
     return None
 

@@ -1,0 +1,58 @@
+"""Runs that differ, and a mode beside another one that only makes them seem to."""
+
+import numpy as np
+import pytest
+
+from ema.identification.functions import Functions
+from ema.identification.run_evidence import run_evidence
+
+N_RUN, SENSORS = 8, 2
+RUN = np.repeat(np.arange(N_RUN), SENSORS)
+LINES = np.arange(60.0, 140.0, 0.25)
+NONE = np.empty(0, dtype=complex)
+
+
+def pole(frequency, damping=0.01):
+    return 2.0 * np.pi * np.asarray(frequency) * (1j * np.sqrt(1.0 - damping**2) - damping)
+
+
+def functions(poles, residue, noise=1e-3):
+    """Receptances of modes whose poles are those of each run, (n_run, n_mode), with noise."""
+    rng = np.random.default_rng(7)
+    s = 2j * np.pi * LINES
+    own = np.asarray(poles)[RUN]
+    value = np.sum(
+        residue[..., None] / (s - own[..., None]) + residue.conj()[..., None] / (s - own.conj()[..., None]),
+        axis=1,
+    )
+    scatter = rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)
+    value += noise * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True)) * scatter
+    return Functions(
+        frequency=LINES, value=value, run=RUN, quantity="receptance", weight=np.ones_like(value.real)
+    )
+
+
+def residues(*size):
+    """Modal constants of real shapes, of modes that answer with such sizes."""
+    shape = np.random.default_rng(3).standard_normal((RUN.size, len(size)))
+    return -1j * shape * np.array(size)
+
+
+@pytest.mark.parametrize("apart", [0.7, 1.5])
+def test_a_mode_beside_another_one_is_no_shift_of_it(apart):
+    true = pole([100.0, 100.0 + apart])
+    data = functions(np.tile(true, (N_RUN, 1)), residues(1.0, 0.3))
+    fit = data.linear_fit(true[:1])
+    found = run_evidence(data, fit, 0, NONE)
+    assert not found.moves
+    np.testing.assert_allclose(np.sort(found.beside.pole.imag), true.imag, rtol=1e-4)
+
+
+def test_a_mode_that_moves_is_told_from_one_beside_it():
+    true = pole([100.0 + 0.1 * np.sin(np.arange(N_RUN)), 110.0 + np.zeros(N_RUN)]).T
+    data = functions(true, residues(1.0, 0.3))
+    fit = data.linear_fit(true.mean(axis=0))
+    assert run_evidence(data, fit, 0, NONE).moves
+    still = run_evidence(data, fit, 1, NONE)
+    assert not still.moves
+    assert still.beside is None
