@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from ema.identification.functions import Functions, inside
 from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.residual_search import Left
-from ema.identification.run_poles import RunPoles, response, run_poles
+from ema.identification.run_poles import FALSE_ALARM, RunPoles, response, run_poles
 from ema.identification.selection import select_modes
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
@@ -62,9 +62,8 @@ def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) 
 
     Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
     """
-    if runs.run.size == 1 or not runs.disagree():
-        return False
-    known = np.isfinite(runs.frequency_std) & inside(fit.pole, band)
+    differs = (runs.probability < FALSE_ALARM).any(axis=0) & inside(fit.pole, band)
+    known = np.isfinite(runs.frequency_std) & differs
     off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
     return bool(np.any(off > (SLIGHTLY if left else APART)))
 

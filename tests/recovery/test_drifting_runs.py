@@ -38,9 +38,11 @@ def test_poles_beyond_the_band_do_not_call_for_runs_of_their_own():
     pole = 2.0 * np.pi * np.array([100.0, 280.0]) * (1j - 0.005)
     own = pole + np.array([[0.1, -2.0], [-0.1, 2.0]]) * -pole.real * 1j
     fit = SimpleNamespace(pole=pole)
-    runs = SimpleNamespace(run=np.arange(2), pole=own, frequency_std=np.ones((2, 2)), disagree=lambda: True)
+    runs = SimpleNamespace(pole=own, frequency_std=np.ones((2, 2)), probability=np.zeros((2, 2)))
     assert not runs_apart(fit, runs, (), (50.0, 250.0))
     assert runs_apart(fit, runs, (), (50.0, 300.0))
+    runs.probability = np.ones((2, 2))  # nor one about which runs do not disagree
+    assert not runs_apart(fit, runs, (), (50.0, 300.0))
 
 
 def test_modes_that_sensors_move_by_many_bandwidths_are_found_once_and_corrected():
