@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ema.identification.functions import Functions
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.run_poles import FALSE_ALARM, response
-from ema.identification.significance import inflation
+from ema.identification.significance import inflation, is_confined
 
 REACH = 5.0
 """Half bandwidths on each side of a mode on which it is judged, and at least `FEWEST_LINES` lines."""
@@ -82,6 +82,7 @@ def run_evidence(data: Functions, fit: Fit, mode: int, candidates: NDArray[np.co
     # Unknowns are counted as Akaike does.
     by_runs = float(gain.sum()) - 2 * 2 * (numbers.size - 1)
     by_further = 2.0 * (shared.objective - further.objective) - 2 * (2 + 2 * len(own))
-    if by_further > by_runs:
+    # A pole that one run alone needs is its own of the mode, and no further mode of all runs.
+    if by_further > by_runs and not is_confined(further, data.run)[-1]:
         return RunEvidence(moves=False, beside=further)
     return RunEvidence(moves=True, beside=None)

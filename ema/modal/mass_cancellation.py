@@ -18,6 +18,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from ema.modal.beyond_band import moved_by_beyond, yielding_beyond
+
 _MAX_STEP = 100
 _CONVERGED = 1e-11  # of the unknowns, relative
 _LEAST_GAIN = (
@@ -33,8 +35,6 @@ _MOST_AT_FORCE = 10.0
 """Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
 _MOST_YIELDING = 0.5
 """Share of the motion of a sensor's mass that may be the yielding of its point."""
-_ABOVE = 30
-"""Modes above the band that are thought to let a point yield."""
 _FEW_SENSORS = 4
 """Sensors of a run up to which it counts that a force at one lets the point of another yield."""
 _UNEVEN = 0.5
@@ -247,7 +247,7 @@ class _Problem:
         pair = _pairs(modes.run, n_run)
         each = np.tile(rms, len(modes.shape))
         size = np.concatenate([np.ones(n_mode), first, force, np.ones(len(pair)), each])
-        unit = _unit_beyond(modes, square) if in_kg else np.zeros(n_mode)
+        unit = yielding_beyond(modes.shape, square) if in_kg else np.zeros(n_mode)
         off = _SHAPE_STD if modes.rest is not None else np.hypot(_SHAPE_STD, _UNCERTAIN * shift)
         return cls(
             modes=modes,
@@ -455,7 +455,7 @@ def _result(
         np.average((2.0 * np.pi * problem.modes.frequency) ** 2, axis=0, weights=problem.rough**-2.0) / square
         - 1.0
     )
-    unsure = (1.0 if problem.modes.rest is None else _UNEVEN) * _beyond_band(
+    unsure = (1.0 if problem.modes.rest is None else _UNEVEN) * moved_by_beyond(
         square, np.where(load > 0.0, lost, 0.0)
     )
     frequency = np.sqrt(square) / (2.0 * np.pi)
@@ -490,35 +490,3 @@ def _first_load(modes: RovedModes, sought: NDArray[np.float64]) -> NDArray[np.fl
     stiffness = sought.T @ np.sum(weight * around**2, axis=0)
     most = _HEAVIEST / np.maximum(sought.T @ felt.max(axis=0), 1e-300)
     return np.clip(pull / np.maximum(stiffness, 1e-300), 1e-3 * most, most)
-
-
-def _unit_beyond(modes: RovedModes, square: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what modes above the band are thought to yield at a sensor per unit force at each mode, m/N, (n_mode,).
-
-    They go on as far apart as those of the band are, and are felt as they are: the sum of phi**2 / (lambda_s - lambda).
-    """
-    own = np.sqrt(square)
-    apart = np.ptp(own) / (own.size - 1) if own.size > 1 else 0.5 * own[0]
-    above = own.max() + apart * np.arange(1, _ABOVE + 1)
-    return np.asarray(np.mean(modes.shape**2) * np.sum(1.0 / (above[:, None] ** 2 - square), axis=0))
-
-
-def _beyond_band(square: NDArray[np.float64], lost: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what the next modes beyond both ends of the band may move the frequencies by, as shares of them.
-
-    To second order a mode s moves the squared frequency of a mode r by its share m**2 phi_r**2 phi_s**2 /
-    (1 - lambda_s / lambda_r), see Fox and Kapoor, AIAA J. 6, 1968. It is taken to be as far beyond the band as the
-    modes in it are apart, and to feel the sensors as they do in the mean.
-
-    Parameters
-    ----------
-    square : (n_mode,) float
-        Squared angular frequencies without the sensors.
-    lost : (n_mode,) float
-        Shares that the squared frequencies lose by the sensors, m phi**2.
-    """
-    own = np.sort(np.sqrt(square))
-    apart = (own[-1] - own[0]) / (own.size - 1) if own.size > 1 else 0.5 * own[0]
-    ends = np.array([end for end in (own[0] - apart, own[-1] + apart) if end > 0.0])
-    near = np.abs(1.0 - ends[:, None] ** 2 / square)
-    return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
