@@ -132,13 +132,14 @@ def mode_derivatives(
     gap = lam - eigenvalues[:, None]
     scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
     apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
-    slopes, damped = _images(
-        system, theta, names, lambda matrix: vectors.T @ (matrix @ chosen), lam.size, omega
-    )
-    coupling = slopes["K"] - slopes["M"] * lam  # (n_parameter, n, n_mode), as all below
-    mixing = coupling / apart
-    mixing[:, row, column] = -0.5 * slopes["M"][:, row, column]
-    d_modal = 2.0 * np.sum(mixing * damped, axis=1) + slopes["C"][:, row, column]
+    slopes, damped = _images(system, theta, names, chosen, omega)
+    # beside all modes once for each parameter, which takes part in many terms
+    unbalanced = np.moveaxis(slopes["K"] - slopes["M"] * lam, 0, 1).reshape(len(vectors), -1)
+    coupling = np.moveaxis((vectors.T @ unbalanced).reshape(len(vectors), len(slopes["K"]), lam.size), 0, 1)
+    damped = vectors.T @ damped
+    mixing = coupling / apart  # (n_parameter, n, n_mode)
+    mixing[:, row, column] = -0.5 * _own(chosen, slopes["M"])
+    d_modal = 2.0 * np.sum(mixing * damped, axis=1) + _own(chosen, slopes["C"])
     return Derivatives(
         eigenvalue=lam,
         coordinate=chosen,
@@ -173,7 +174,7 @@ def own_derivatives(
         As in `mode_derivatives`.
     """
     eigenvalue = theta[OMEGA] ** 2
-    found, image = _images(system, theta, names, lambda matrix: matrix @ shape[:, None], 1)
+    found, image = _images(system, theta, names, shape[:, None])
     slopes, damped = {target: own[:, :, 0].T for target, own in found.items()}, image[:, 0]
     unbalanced = slopes["K"] - eigenvalue * slopes["M"]
     answer = orthogonal_answers(
@@ -191,23 +192,27 @@ def own_derivatives(
     )
 
 
+def _own(shape: NDArray[np.float64], image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what each mode has of its own image, (n_parameter, n_mode)."""
+    return np.asarray(np.einsum("nm,pnm->pm", shape, image))
+
+
 def _images(
     system: ReducedEquations,
     theta: Mapping[str, float],
     names: tuple[str, ...],
-    image: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    n_mode: int,
+    shape: NDArray[np.float64],
     omega: NDArray[np.float64] | None = None,
 ) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
     """Return the images of modes by the derivatives of M, C and K, (n_parameter, n, n_mode) each, and by C.
 
-    `image` takes a matrix to its image, (n, n_mode), once for terms that share it. With `omega`, (n_mode,), factors
-    are taken at each mode's own.
+    `shape` are the modes, (n, n_mode). With `omega`, (n_mode,), factors are taken at each mode's own.
     """
     known: dict[int, NDArray[np.float64]] = {}
-    shape = (system.size, n_mode)
-    slopes: dict[Target, NDArray[np.float64]] = {t: np.zeros((len(names), *shape)) for t in ("M", "C", "K")}
-    damped = np.zeros(shape)
+    slopes: dict[Target, NDArray[np.float64]] = {
+        t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")
+    }
+    damped = np.zeros(shape.shape)
     for term in system.terms:
         used = term.factor.names(theta)
         here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
@@ -221,7 +226,7 @@ def _images(
         if not (shares or factor.any()):
             continue
         if id(term.matrix) not in known:
-            known[id(term.matrix)] = image(term.matrix)
+            known[id(term.matrix)] = term.matrix @ shape
         for j, share in shares.items():
             slopes[term.target][j] += share * known[id(term.matrix)]
         if factor.any():
