@@ -84,12 +84,14 @@ def holds_pole(data: Functions, fit: Fit, peak: Peak) -> bool:
 def unexplained_peaks(data: Functions, fit: Fit) -> list[Peak]:
     """Find the peaks of which a fit leaves more than noise, the largest first.
 
-    These are the peaks of the functions' summed power, and those of what is left of it: a mode between two others
-    may be no more than a shoulder.
+    These are the peaks of the functions' summed power, as measured and with each function over its mean, and those of
+    what is left of it: a mode between two others may be no more than a shoulder. Functions over their mean show a mode
+    of which most of them have little, and their plain sum one that is strong in a few of which the mean is large.
     """
     each, rest = powers(data, fit)
     power, left = each.sum(axis=0), rest.sum(axis=0)
-    seen = [(*place, True) for place in _peaks_of_any_width(power, VISIBLE)]
+    plain = np.sum(np.abs(data.value) ** 2, axis=0)
+    seen = [(*place, True) for own in (power, plain) for place in _peaks_of_any_width(own, VISIBLE)]
     hidden = [(*place, False) for place in _peaks(left, PROMINENCE)]
     found: list[Peak] = []
     for line, first, last, visible in seen + hidden:

@@ -102,6 +102,17 @@ def test_two_peaks_that_have_no_mode_do_not_hide_each_other(n, size, gap):
     assert left == ()
 
 
+def test_a_peak_of_few_loud_functions_is_seen_beside_many_that_are_noise():
+    # each function counted by its own mean: those that hardly move are loudest where the others are quiet
+    loud = rows(functions([80, 260], [0.004, 0.01], np.array([[1, 0.3], [0.8, -0.2]]), 1e-3))
+    noise = np.random.default_rng(4).standard_normal((2, 30, LINES.size))
+    value = np.vstack([loud.value, 1e-3 * (noise[0] + 1j * noise[1])])
+    data = replace(loud, value=value, run=np.zeros(32, dtype=int), weight=np.ones(value.shape))
+    peak = peak_at(data, data.linear_fit(poles([80], [0.004])), 260)
+    assert peak.visible
+    assert peak.frequency == pytest.approx(260, abs=1)
+
+
 def test_what_the_modes_leave_in_the_end_decides_whether_a_peak_is_listed():
     # it was decided when the peak was tried, with modes that were given up later
     data = rows(functions([80, 190, 330], [0.01] * 3, beam(4, 3), 1e-3))
