@@ -71,9 +71,9 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
         return RunChanges(cause="none", finding="")
     std = modal_model.resolved_run_std / modal_model.frequency
     weight = np.where(np.isfinite(std), std, np.inf) ** -2.0
-    shift = modal_model.run_frequency / modal_model.frequency - 1.0
-    shift = shift - np.average(shift, axis=0, weights=weight)
-    freedom = np.count_nonzero(weight) - shift.shape[1]
+    shift = np.where(weight > 0.0, modal_model.run_frequency / modal_model.frequency - 1.0, 0.0)
+    shift = shift - _over_runs(shift, weight)
+    freedom = int(np.count_nonzero(weight)) - int(np.count_nonzero(weight.any(axis=0)))
     whole = float(np.sum(weight * shift**2))
     best, least = _Pattern(cause="scatter", shift=np.zeros_like(shift), unknowns=0, text=""), np.log(whole)
     patterns = [*_patterns(shift, weight)]
@@ -93,11 +93,17 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
     return RunChanges(cause=best.cause, finding=f"{_size(modal_model, differs)}; {_cause(best)}")
 
 
+def _over_runs(value: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weighted mean over runs of each mode, 0 of one that no run determines."""
+    whole = weight.sum(axis=0)
+    return np.asarray(np.sum(weight * value, axis=0) / np.where(whole > 0.0, whole, 1.0))
+
+
 def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_Pattern]:
     """Return what drifts and common shifts can explain of shifts of zero mean."""
     patterns = []
     order = np.broadcast_to(np.arange(len(shift), dtype=float)[:, None], shift.shape)
-    line = order - np.average(order, axis=0, weights=weight)
+    line = order - _over_runs(order, weight)
     slope = float(np.sum(weight * line * shift) / np.sum(weight * line**2))
     change = 100.0 * slope * (len(shift) - 1)
     text = f"by {change:+.2g} % from the first to the last"
@@ -105,7 +111,7 @@ def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_
     if shift.shape[1] > 1:
         own = np.sum(weight * shift, axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
         alike = np.broadcast_to(own[:, None], shift.shape)
-        alike = alike - np.average(alike, axis=0, weights=weight)
+        alike = alike - _over_runs(alike, weight)
         patterns.append(_Pattern(cause="all modes alike", shift=alike, unknowns=len(shift) - 1, text=""))
     return patterns
 
@@ -118,7 +124,7 @@ def _falls_with_shape(
 ) -> float:
     """Return the share of squared shifts that falls with the squared shapes at the sensors, a slope for each mode."""
     felt = np.array([np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run])
-    around = felt - np.average(felt, axis=0, weights=weight)
+    around = felt - _over_runs(felt, weight)
     stiffness = np.sum(weight * around**2, axis=0)
     slope = -np.sum(weight * around * shift, axis=0) / np.where(stiffness > 0.0, stiffness, np.inf)
     left = np.sum(weight * (shift + np.maximum(slope, 0.0) * around) ** 2)
@@ -137,7 +143,7 @@ def _mass(
     n_mode = shift.shape[1]
     bare = without_sensors(modes, None if scaled else np.full(n_mode, np.nan))
     explained = np.where(weight > 0.0, shift - bare.off_as_measured, 0.0)
-    explained = explained - np.average(explained, axis=0, weights=weight)
+    explained = explained - _over_runs(explained, weight)
     text = f"{1e3 * bare.load[0]:.2g} g each" if scaled else ""
     return _Pattern(cause="sensor mass", shift=explained, unknowns=1 if scaled else n_mode, text=text)
 

@@ -99,6 +99,15 @@ def test_shifts_by_the_square_of_the_shapes_are_a_mass(scaled):
     assert changes(model, sensors_rove=False).cause == "scatter"
 
 
+def test_a_mode_that_no_run_determines_says_nothing_of_the_others():
+    shift = np.outer(np.linspace(0.0, 1e-3, 7), np.ones(3))
+    model = roved(shift)
+    model.resolved_run_std[:, 2] = np.inf
+    found = changes(model)
+    assert found.cause == "drift"
+    assert found.finding.endswith("by +0.1 % from the first to the last")
+
+
 def test_shifts_upwards_or_by_several_masses_are_no_mass():
     rng = np.random.default_rng(1)
     shape = rng.standard_normal((8, 3))
