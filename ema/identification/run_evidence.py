@@ -24,6 +24,9 @@ REACH = 5.0
 FEWEST_LINES = 16
 ASIDE = (-1.0, -0.5, 0.5, 1.0)
 """Half bandwidths beside a mode at which a further one is sought."""
+APART = 0.5
+"""Half bandwidths beside any other at which it may be: two poles nearer to each other are what one that moves by as
+little in some runs looks like to first order."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,10 +78,11 @@ def run_evidence(data: Functions, fit: Fit, mode: int, candidates: NDArray[np.co
         return RunEvidence(moves=False, beside=None)
     start = [pole - 1j * aside * pole.real for aside in ASIDE]
     start += [c for c in candidates if 0.5 * -pole.real < np.abs(c - pole) < reach]
-    further = min(
-        (refine(frequency, own, np.append(shared.pole, s), data.quantity) for s in start),
-        key=lambda one: one.objective,
-    )
+    tried = [refine(frequency, own, np.append(shared.pole, s), data.quantity) for s in start]
+    apart = [t for t in tried if np.abs(t.pole[-1] - t.pole[:-1]).min() > -APART * pole.real]
+    if not apart:
+        return RunEvidence(moves=True, beside=None)
+    further = min(apart, key=lambda one: one.objective)
     # Unknowns are counted as Akaike does.
     by_runs = float(gain.sum()) - 2 * 2 * (numbers.size - 1)
     by_further = 2.0 * (shared.objective - further.objective) - 2 * (2 + 2 * len(own))
