@@ -24,7 +24,7 @@ REACH = 5.0
 FEWEST_LINES = 16
 ASIDE = (-1.0, -0.5, 0.5, 1.0)
 """Half bandwidths beside a mode at which a further one is sought."""
-APART = 0.5
+APART = 0.35
 """Half bandwidths beside any other at which it may be: two poles nearer to each other are what one that moves by as
 little in some runs looks like to first order."""
 
