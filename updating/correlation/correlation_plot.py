@@ -136,8 +136,9 @@ def region_plotter(
         for clamp in stack.clamps:
             ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
             plotter.add_mesh(pv.lines_from_points(ends), color="steelblue", line_width=4)
-        # one line: those of VTK's text touch each other
-        plotter.add_text(f"{title}: {view}" if column == 0 else view, font_size=10, color="black")
+        # one line, for VTK's touch each other, and at a place, for in a corner long text is smaller than short
+        heading = f"{title}: {view}" if column == 0 else view
+        plotter.add_text(heading, position=(8.0, size[1] - 30.0), font_size=10, color="black")
         plotter.add_axes(color="black", viewport=(0.8, 0.0, 1.0, 0.3))
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
