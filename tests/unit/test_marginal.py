@@ -107,6 +107,31 @@ def test_a_stated_size_is_taken_as_stated():
     assert found.covariance[0, 0] == pytest.approx(1.0 / precision, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    "near", [None, (Sizes(frequency=0.2), Sizes(frequency=0.02, damping=0.2, shape=0.01))]
+)
+def test_sizes_far_beyond_the_usual_are_integrated_over_as_well(near):
+    """A model that is far off leaves a tenth and more of frequencies; the size of one kind then sways the other's."""
+    rng, prior_std = np.random.default_rng(6), 0.3
+    kind = np.repeat(["frequency", "shape"], [16, 300])
+    column = np.concatenate([np.ones(16), 0.3 * rng.normal(size=300)])
+    value = np.repeat([0.25, 0.15], [16, 300]) * rng.normal(size=316) + 0.2 * column
+    found = marginal(problem(value, column, kind, prior_std), near=near)
+    logs = [np.linspace(np.log(size) - 1.5, np.log(size) + 1.5, 301) for size in (0.25, 0.15)]
+    variance = [NOISE**2 + np.exp(2.0 * own) for own in logs]
+    parts = [(value[kind == own], column[kind == own]) for own in ("frequency", "shape")]
+    precision, slope, constant = prior_std**-2.0, 0.0, 2.0 * np.log(prior_std)
+    for axis, (own, (y, c)) in enumerate(zip(variance, parts, strict=True)):
+        over = np.expand_dims(own, 1 - axis)
+        precision, slope = precision + c @ c / over, slope + c @ y / over
+        constant = constant + y @ y / over + y.size * np.log(over / NOISE**2)
+    log = -0.5 * (constant - slope**2 / precision + np.log(precision))
+    log += log_density("frequency", np.exp(logs[0]))[:, None] + log_density("shape", np.exp(logs[1]))
+    expected = logsumexp(log) + sum(np.log(own[1] - own[0]) for own in logs)
+    assert found.log_evidence == pytest.approx(expected, abs=0.02)
+    assert found.mean.frequency == pytest.approx(0.25, rel=0.5)
+
+
 def test_what_the_data_do_not_show_leaves_the_evidence_as_it_is():
     value = 1e-3 * np.random.default_rng(5).normal(size=20)
     one = problem(value, np.ones(20), prior_std=0.1)

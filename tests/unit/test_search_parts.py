@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from updating.diagnosis.search import Start, _best_of_each_place, _from_alone, _parts
+from updating.diagnosis.discrepancy import Sizes
+from updating.diagnosis.search import _best_of_each_place, _from_alone, _parts
+from updating.diagnosis.starts import Start
 
 
 def parameter(name):
@@ -13,6 +15,11 @@ def parameter(name):
 
 OF = {"inertia": ("inertia", "station"), "mass": ("mass",), "place": ("place",)}
 EVIDENCE = SimpleNamespace(parameters=lambda names: tuple(parameter(p) for name in names for p in OF[name]))
+
+
+SMALL, LARGE = Sizes(frequency=1e-4), Sizes(frequency=0.1)
+BASE = SimpleNamespace(effects=(), likeliest=LARGE)
+FITTED = [SimpleNamespace(effects=("mass",), likeliest=SMALL)]
 
 
 def explanation(coordinates, nuisance=(0.5,)):
@@ -26,7 +33,9 @@ def explanation(coordinates, nuisance=(0.5,)):
 
 
 def test_every_part_begins_where_the_whole_stands():
-    starts = _parts(EVIDENCE, explanation({"mass": [3.0], "inertia": [1.0, 2.0], "place": [4.0]}))
+    starts = _parts(
+        EVIDENCE, explanation({"mass": [3.0], "inertia": [1.0, 2.0], "place": [4.0]}), BASE, FITTED
+    )
     places = {tuple(start.effects): start.coordinate.tolist() for start in starts}
     assert places == {
         ("mass",): [3.0], ("inertia",): [1.0, 2.0], ("place",): [4.0],
@@ -34,11 +43,14 @@ def test_every_part_begins_where_the_whole_stands():
         ("inertia", "place"): [1.0, 2.0, 4.0],
     }  # fmt: skip
     assert all(start.nuisance.tolist() == [0.5] for start in starts)
+    sizes = {tuple(start.effects): start.sizes for start in starts}
+    assert sizes.pop(("mass",)) is SMALL
+    assert set(sizes.values()) == {LARGE}
 
 
 def test_one_effect_and_the_base_model_have_no_parts():
-    assert _parts(EVIDENCE, explanation({"mass": [3.0]})) == []
-    assert _parts(EVIDENCE, explanation({})) == []
+    assert _parts(EVIDENCE, explanation({"mass": [3.0]}), BASE, FITTED) == []
+    assert _parts(EVIDENCE, explanation({}), BASE, FITTED) == []
 
 
 def fitted(effect, coordinate, log_evidence):

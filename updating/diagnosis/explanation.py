@@ -112,6 +112,7 @@ def explain(
     nuisance: Vector | None = None,
     coordinate: Vector | None = None,
     most: int = 12,
+    sizes: Sizes | None = None,
 ) -> Explanation:
     """Fit nuisances and the parameters of some effects to all configurations by weighted least squares.
 
@@ -125,6 +126,8 @@ def explain(
         Where the search starts.
     most : int
         Largest number of evaluations.
+    sizes : Sizes, optional
+        Of the discrepancy, by which the fit is weighed first; those of the evidence by default.
 
     Raises
     ------
@@ -132,6 +135,7 @@ def explain(
         The model has no modes where the search starts.
     """
     evidence = evidence.supposing(effects)
+    begun = evidence if sizes is None else replace(evidence, sizes=sizes)
     parameters = evidence.parameters(effects)
     bounds = _bounds(evidence, parameters)
     first = np.concatenate(
@@ -141,10 +145,10 @@ def explain(
         ]
     )
     first = np.clip(first, bounds[0] + 1e-9, bounds[1] - 1e-9)
-    at = _Residuals(evidence, parameters)
+    at = _Residuals(begun, parameters)
     if np.mean(at(first).value ** 2) > _FAR_OFF:
         # modes that are still taken for others must not decide
-        first = _minimum(_Residuals(evidence.rough, parameters), first, bounds, most, "cauchy")
+        first = _minimum(_Residuals(begun.rough, parameters), first, bounds, most, "cauchy")
     solution = first
     for _ in range(_REWEIGHED if most > 1 else 1):
         solution = _minimum(at, solution, bounds, most, "linear")

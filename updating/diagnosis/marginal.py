@@ -19,8 +19,13 @@ Vector = NDArray[np.float64]
 _COUNTS = 0.1  # of the largest weight, from which sizes count for the covariance
 _N_LOOKED, _N_TRIED = 11, 7  # sizes of a kind at which its posterior is looked for, and over which the sum is
 _ZOOMED = 1.25  # steps of a look to either side of the best size, which the next look is at
+_AGAIN = 4.0  # standard deviations to either side of where a posterior was, at which it is looked for again
+_CUT, _WIDENED = (
+    0.01,
+    2.0,
+)  # density over the largest that a look cuts off, and how much wider the next one then is
 _RESOLVED = 0.6  # standard deviations over steps, from which a look is fine enough
-_MOST_LOOKS, _MOST_ROUNDS = 5, 4
+_MOST_LOOKS, _MOST_ROUNDS = 8, 4
 _NO_GROWTH = 1e-12  # of a variance, which the largest size adds to it
 _SETTLED = 0.3  # standard deviations that a size may still move from round to round
 
@@ -88,7 +93,12 @@ class Marginal:
     noise_variance: Vector
 
 
-def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[Kind, ...] = ()) -> Marginal:
+def marginal(
+    own: Linearized,
+    stated: Sizes | None = None,
+    stated_kinds: tuple[Kind, ...] = (),
+    near: tuple[Sizes, Sizes] | None = None,
+) -> Marginal:
     """Integrate an explanation over its coordinates and over the sizes of the discrepancy.
 
     Parameters
@@ -99,10 +109,12 @@ def marginal(own: Linearized, stated: Sizes | None = None, stated_kinds: tuple[K
         What a laboratory states.
     stated_kinds : tuple of str
         The kinds for which it does.
+    near : (Sizes, Sizes), optional
+        `mean` and `spread` of an explanation that differs little: where sizes are looked for first.
     """
     known = {kind: float(getattr(stated, kind)) for kind in stated_kinds} if stated is not None else {}
     rows = {kind: _Rows.of(own, kind) for kind in KINDS}
-    size, log_step = _placed(own, rows, known)
+    size, log_step = _placed(own, rows, known, near)
     found = _tried(own, {kind: rows[kind].at(size[kind]) for kind in KINDS})
     log_posterior = found.log_likelihood + _log_prior(found.size, known) + log_step
     top = float(np.max(log_posterior))
@@ -221,20 +233,23 @@ def _tried(own: Linearized, equations: Mapping[Kind, _Equations]) -> _Tried:
 
 
 def _placed(
-    own: Linearized, rows: Mapping[Kind, _Rows], known: Mapping[Kind, float]
+    own: Linearized,
+    rows: Mapping[Kind, _Rows],
+    known: Mapping[Kind, float],
+    near: tuple[Sizes, Sizes] | None,
 ) -> tuple[dict[Kind, Vector], float]:
     """Return the sizes of each kind that the sum is over, and the logarithm of the volume between them.
 
     They lie about the posterior of each size, the others being where theirs are.
     """
-    center = {kind: known.get(kind, MEDIAN[kind]) for kind in KINDS}
-    spread = dict.fromkeys(KINDS, 0.0)
+    center = {kind: MEDIAN[kind] if near is None else getattr(near[0], kind) for kind in KINDS} | dict(known)
+    spread = {kind: np.inf if near is None else getattr(near[1], kind) for kind in KINDS}
     free = [kind for kind in KINDS if kind not in known]
     for _ in range(_MOST_ROUNDS):
         moved = 0.0
         for kind in free:
             before = center[kind]
-            center[kind], spread[kind] = _looked(own, rows, kind, center, known)
+            center[kind], spread[kind] = _looked(own, rows, kind, center, known, spread[kind])
             moved = max(moved, abs(np.log(center[kind] / before)) / spread[kind])
         if moved < _SETTLED:
             break
@@ -251,22 +266,33 @@ def _looked(
     kind: Kind,
     center: Mapping[Kind, float],
     known: Mapping[Kind, float],
+    spread: float,
 ) -> tuple[float, float]:
-    """Return where the posterior of a kind's size is, and the standard deviation of its logarithm."""
+    """Return where the posterior of a kind's size is, and the standard deviation of its logarithm.
+
+    It is looked for about where it was, with the standard deviation that it had there, or else in all its range.
+    """
     low, high = np.log(MEDIAN[kind] * np.array(RANGE))
+    whole = 0.5 * (high - low)
+    middle, half = 0.5 * (low + high), whole
+    if np.isfinite(spread):
+        middle, half = float(np.log(center[kind])), _AGAIN * spread
     others = {other: rows[other].at(np.array([center[other]])) for other in KINDS if other != kind}
     for _ in range(_MOST_LOOKS):
-        logs = np.linspace(low, high, _N_LOOKED)
+        logs = np.linspace(middle - half, middle + half, _N_LOOKED)
         found = _tried(own, {**others, kind: rows[kind].at(np.exp(logs))})
         log_posterior = found.log_likelihood + _log_prior(found.size, known)
         weight = np.exp(log_posterior - np.max(log_posterior))
+        best, cut = float(logs[np.argmax(weight)]), max(weight[0], weight[-1])
         weight /= weight.sum()
         mean, step = float(weight @ logs), float(logs[1] - logs[0])
         spread = float(np.sqrt(weight @ (logs - mean) ** 2))
+        if cut >= (_CUT if half < whole else 1.0):
+            middle, half = best, _WIDENED * half
+            continue
         if spread >= _RESOLVED * step:
             break
-        best = logs[int(np.argmax(weight))]
-        low, high = best - _ZOOMED * step, best + _ZOOMED * step
+        middle, half = best, _ZOOMED * step
     return float(np.exp(mean)), max(spread, _RESOLVED * step)
 
 

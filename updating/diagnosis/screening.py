@@ -202,7 +202,7 @@ def _log_gain(evidence: Evidence, at: Explanation, own: Screened, column: Vector
         free=np.append(before.free, ~held),
     )
     stated = (evidence.scatter.sizes, evidence.scatter.stated)
-    return marginal(after, *stated).log_evidence - at.log_evidence
+    return marginal(after, *stated, near=(at.mean, at.spread)).log_evidence - at.log_evidence
 
 
 def release(evidence: Evidence, at: Explanation, hypothesis: str) -> float:
@@ -214,7 +214,8 @@ def release(evidence: Evidence, at: Explanation, hypothesis: str) -> float:
     precision = before.prior_precision.copy()
     precision[: std.size] = std**-2.0
     stated = (evidence.scatter.sizes, evidence.scatter.stated)
-    return marginal(replace(before, prior_precision=precision), *stated).log_evidence - at.log_evidence
+    found = marginal(replace(before, prior_precision=precision), *stated, near=(at.mean, at.spread))
+    return found.log_evidence - at.log_evidence
 
 
 def stepped(at: Explanation, own: Screened) -> Explanation:

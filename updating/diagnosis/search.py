@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from model import SolveError, enriched
+from model import enriched
 from model.modes.enrichment import nominal_factor
 from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.assembly import Assembled, scattered
@@ -21,10 +21,12 @@ from updating.diagnosis.calibration import MIXED_UP, MODEL_FORM, STEP, STRAINED,
 from updating.diagnosis.candidates import N_MODEL
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import Explanation, explain, explained, likeliest
+from updating.diagnosis.global_search import global_search
 from updating.diagnosis.mixed_up import MOST, MixedUp, put_right
 from updating.diagnosis.residual import covariance_of
-from updating.diagnosis.scan import MESSAGES, Place, nearest, with_modes_of
+from updating.diagnosis.scan import Place, nearest, with_modes_of
 from updating.diagnosis.screening import Screened, pair_steps, release, screen
+from updating.diagnosis.starts import Start, begin, finished, started_at
 from updating.workers.workers import distribute
 
 Vector = NDArray[np.float64]
@@ -40,11 +42,9 @@ N_FIRST = 2
 """Explanations beside which a further effect is sought: steps from the base model mislead where one is strong."""
 N_EXACT = 3
 """Explanations whose modes are taken into the basis."""
-N_NEAR, N_FIRST_STEPS, N_FOLLOWED, N_FULL_STEPS = 5, 6, 5, 20
-"""Places of a global search that are fitted in full, evaluations of the others, how many are then followed, and the
-evaluations of a full fit."""
 _STIFF, _LOSSY = ("frequency", "shape"), ("damping",)  # kinds of data in which a form is wrong together
 _FAR_OFF = 0.02  # frequency error of the best single effect, beyond which steps from the base model mislead
+_MET = 0.005  # frequency error of an explanation that meets what a far-off base model misses: steps from that are idle
 _ASTRAY = 0.2  # frequency error of the base model, beyond which its shapes say nothing of single points
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 6.0  # logarithm of odds within which an explanation may still turn out to be as good
@@ -52,30 +52,7 @@ _ELSEWHERE = (
     0.1  # difference of two coordinates, in units of a range, from which a fit may have ended elsewhere
 )
 _STEPS = 12  # evaluations of a fit
-_WEIGHED = 3  # times that a fit of the global search is weighed
 _REFIT = 8  # the same after basis or weights have changed, and of several effects
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """Effects, and where their fit starts.
-
-    Attributes
-    ----------
-    effects : sequence of str
-        Which.
-    nuisance : (n_nuisance,) float
-        Nuisance coordinates.
-    coordinate : (n_parameter,) float
-        Effect parameters in units of their ranges.
-    most : int
-        Largest number of evaluations.
-    """
-
-    effects: Sequence[str]
-    nuisance: Vector
-    coordinate: Vector
-    most: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,11 +174,11 @@ def search(
         for where in (s.start, *(s.elsewhere if astray else ()))
     ]
     starts += [Start([name], base.nuisance, np.zeros(0), _STEPS) for name in _supposed(evidence, base)]
-    begun = _begun(evidence, starts, executor)
+    fits = begin(evidence, starts, executor)
     nominal_factor(evidence.system.assembly)  # while those are fitted, for `enriched`
-    singles = _done(begun)
+    singles = finished(fits)
     if places or likeliest([base, *singles]).residual.frequency_error > _FAR_OFF:
-        singles += _global_search(evidence, places, executor)
+        singles += global_search(evidence, places, executor)
     best = likeliest([base, *singles])
     evidence = _weighed(_richer(evidence, [best, *singles]), best)
     base, *singles = _again(evidence, [base, *_best_of_each_place(singles)], executor)
@@ -228,13 +205,13 @@ def _with_asked(
 ) -> list[Explanation]:
     """Return what was fitted with what was asked for beside it, each from its effects' own linear steps."""
     known = {frozenset(x.effects) for x in fitted}
-    begin = {p.name: float(z) for s in screened for p, z in zip(s.parameter, s.start, strict=True)}
+    places = {p.name: float(z) for s in screened for p, z in zip(s.parameter, s.start, strict=True)}
     starts = [
-        Start(names, base.nuisance, np.array([begin[p.name] for p in evidence.parameters(names)]), _STEPS)
+        Start(names, base.nuisance, np.array([places[p.name] for p in evidence.parameters(names)]), _STEPS)
         for names in asked
         if frozenset(names) not in known
     ]
-    return _best_of_each([*fitted, *_done(_begun(evidence, starts, executor))])
+    return _best_of_each([*fitted, *finished(begin(evidence, starts, executor))])
 
 
 def _in_order(evidence: Assembled, base: Explanation) -> tuple[Assembled, Explanation, tuple[MixedUp, ...]]:
@@ -273,17 +250,21 @@ def _with_further(
             break
         best = beyond[0]
         # where the base model is far off, odds are large, and so are their differences
-        near = np.inf if base.residual.frequency_error > _FAR_OFF else 3.0 * _CLOSE
+        astray = base.residual.frequency_error > _FAR_OFF and not _is_met(base, fitted)
+        near = np.inf if astray else 3.0 * _CLOSE
         first = [x for x in beyond[:N_FIRST] if best.log_evidence - x.log_evidence < near]
         beside = list(distribute(partial(screen, evidence.alone), first, executor))
-        starts = _further_starts(evidence, base, screened if n == 2 else (), first, beside)
-        starts += _from_alone(starts, singles) if near > 3.0 * _CLOSE else []
+        pairs = screened if n == 2 and not _is_met(base, fitted) else ()
+        starts = _further_starts(evidence, base, pairs, first, beside)
+        starts += _from_alone(starts, singles) if astray else []
         _LOG.info("fit %d explanations of %d effects", len(starts), n)
-        level = _best_of_each(_done(_begun(evidence, starts, executor)))
+        level = _best_of_each(finished(begin(evidence, starts, executor)))
         fitted += level
         level = list(_ordered(evidence, base, level))
     best = max([base, *fitted], key=lambda x: log_odds(evidence, x, base))
-    return _best_of_each([*fitted, *_done(_begun(evidence, _parts(evidence, best), executor))])
+    return _best_of_each(
+        [*fitted, *finished(begin(evidence, _parts(evidence, best, base, fitted), executor))]
+    )
 
 
 def _further_starts(
@@ -295,7 +276,7 @@ def _further_starts(
 ) -> list[Start]:
     """Return explanations of one effect more that are worth a fit, and from where.
 
-    `beside` is what was screened beside each of the `first`; `screened`, beside the base model, gives pairs.
+    `beside` is what was screened beside each of the `first`; `screened`, beside the base model, gives pairs, if any.
     """
     start_of: dict[frozenset[str], Start] = {}
     for own, others in zip(first, beside, strict=True):
@@ -340,17 +321,28 @@ def _supposed(evidence: Evidence, own: Explanation) -> list[str]:
     ]
 
 
-def _parts(evidence: Evidence, own: Explanation) -> list[Start]:
+def _is_met(base: Explanation, fitted: Sequence[Explanation]) -> bool:
+    """Tell whether the best explanation meets what the base model misses by far: steps from there lead nowhere."""
+    best = likeliest([base, *fitted])
+    return base.residual.frequency_error > _FAR_OFF and best.residual.frequency_error < _MET
+
+
+def _parts(
+    evidence: Evidence, own: Explanation, base: Explanation, fitted: Sequence[Explanation]
+) -> list[Start]:
     """Return what an explanation is without some of its effects, from where it stands.
 
-    Each was perhaps fitted alone already, but a strong effect may then have ended elsewhere.
+    Each was perhaps fitted alone already, but a strong effect may then have ended elsewhere. It is weighed with what it
+    left then, or else with what the base model leaves, as a part may.
     """
     there = dict(zip((p.name for p in own.parameter), own.coordinate.tolist(), strict=True))
+    sizes = {frozenset(x.effects): x.likeliest for x in fitted}
     starts = []
     for n in range(1, len(own.effects)):
         for kept in itertools.combinations(own.effects, n):
             where = np.array([there[p.name] for p in evidence.parameters(kept)])
-            starts.append(Start(kept, own.nuisance, where, _STEPS))
+            begins = sizes.get(frozenset(kept), base.likeliest)
+            starts.append(Start(kept, own.nuisance, where, _STEPS, begins))
     return starts
 
 
@@ -365,76 +357,10 @@ def _weighed(evidence: Assembled, own: Explanation | None = None) -> Assembled:
     )
 
 
-def _global_search(
-    evidence: Assembled, places: Sequence[Place], executor: Executor | None
-) -> list[Explanation]:
-    """Fit effects from where they come nearest in a global search.
-
-    They are weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
-    And each with the modes of its own place: those of the base model are others, and a fit so weighed runs off.
-    """
-    evidence = replace(evidence, sizes=evidence.scatter.sizes)
-    starts: list[Start] = []
-    for place in places or nearest(evidence.alone, executor):
-        nuisance = evidence.start.copy()
-        nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
-        starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
-    fit = partial(_explained_there, evidence.alone)
-    near, rest = starts[:N_NEAR], starts[N_NEAR:]  # a few steps mislead from where much is right already
-    first = [replace(start, most=N_FULL_STEPS) for start in near] + rest
-    found = _done(distribute(fit, first, executor, MESSAGES))
-    followed = [_from(own, N_FULL_STEPS) for own in sorted(found, key=lambda x: -x.log_evidence)[:N_FOLLOWED]]
-    return [*found, *_done(distribute(fit, followed, executor, MESSAGES))]
-
-
 def _state(evidence: Assembled, own: Explanation) -> dict[str, float]:
     """Return the model's parameters at an explanation, at a pressure amid those that were tested."""
     pressure = float(np.exp(np.mean([np.log(t.pressure) for t in evidence.tested])))
     return {**evidence.theta(own.nuisance, 0), "pressure": pressure, **own.effect_values}
-
-
-def _begun(
-    evidence: Assembled, starts: Sequence[Start], executor: Executor | None
-) -> Iterator[Explanation | None]:
-    """Begin to fit explanations, where there is an executor at once."""
-    return distribute(partial(_explained, evidence.alone), starts, executor, MESSAGES)
-
-
-def _done(begun: Iterator[Explanation | None]) -> list[Explanation]:
-    """Wait for the fits that were begun; one that started where the model has no modes is left out."""
-    return [own for own in begun if own is not None]
-
-
-def _explained(evidence: Evidence, start: Start) -> Explanation | None:
-    try:
-        return explain(
-            evidence, start.effects, nuisance=start.nuisance, coordinate=start.coordinate, most=start.most
-        )
-    except SolveError:
-        return None
-
-
-def _explained_there(evidence: Evidence, start: Start) -> Explanation | None:
-    """Fit an explanation that is weighed where it starts, and again where it ends while that is better.
-
-    Its evidence is one over the noise of `evidence`.
-    """
-    parameters = evidence.supposing(start.effects).parameters(start.effects)
-    best: Explanation | None = None
-    for _ in range(_WEIGHED):
-        try:
-            covariance = covariance_of(evidence, start.nuisance, parameters, start.coordinate)
-        except SolveError:
-            return best
-        own = _explained(replace(evidence, covariance=covariance), start)
-        if own is None:
-            return best
-        other = 0.5 * (covariance.log_noise - evidence.covariance.log_noise)
-        own = replace(own, log_evidence=own.log_evidence - other)
-        if best is not None and own.log_evidence < best.log_evidence + 1.0:
-            return likeliest([best, own])
-        best, start = own, _from(own, start.most)
-    return best
 
 
 def _best_of_each(fitted: Sequence[Explanation]) -> list[Explanation]:
@@ -471,24 +397,22 @@ def _again(
 ) -> list[Explanation]:
     """Fit explanations again with another basis and other weights, those that have lost by one evaluation alone.
 
-    Which of several places of an explanation is the best is open under other weights.
+    Which of several places of an explanation is the best is open under other weights, unless one meets the data. Each
+    is weighed with what it left itself: by what the best leaves, one that is far off would run off.
     """
+    base, *others = fitted
     top = max(x.log_evidence for x in fitted)
     places = Counter(frozenset(x.effects) for x in fitted)
+    met = _is_met(base, others)
 
     def is_open(own: Explanation) -> bool:
         near = top - own.log_evidence < 3.0 * _CLOSE
-        return not own.effects or near or places[frozenset(own.effects)] > 1
+        return not own.effects or near or (places[frozenset(own.effects)] > 1 and not met)
 
-    starts = [_from(x, _REFIT if is_open(x) else 1) for x in fitted]
-    return _done(_begun(evidence, starts, executor))
+    starts = [replace(started_at(x, _REFIT if is_open(x) else 1), sizes=x.likeliest) for x in fitted]
+    return finished(begin(evidence, starts, executor))
 
 
 def _ordered(evidence: Evidence, base: Explanation, fitted: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """Return explanations by their number of effects, within each the most probable first."""
     return tuple(sorted(fitted, key=lambda x: (len(x.effects), -log_odds(evidence, x, base))))
-
-
-def _from(own: Explanation, most: int) -> Start:
-    """Return a start where an explanation stands."""
-    return Start(own.effects, own.nuisance, own.coordinate, most)
