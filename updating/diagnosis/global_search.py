@@ -18,10 +18,10 @@ from updating.diagnosis.scan import MESSAGES, Place, nearest
 from updating.diagnosis.starts import Start, explained_from, finished, started_at
 from updating.workers.workers import distribute
 
-N_NEAR, N_FIRST_STEPS, N_FOLLOWED, N_FULL_STEPS = 5, 6, 5, 20
-"""Places of a global search that are fitted in full, evaluations of the others, how many are then followed, and the
-evaluations of a full fit."""
-_WEIGHED = 3  # times that a fit of the global search is weighed
+N_NEAR, N_FIRST_STEPS = 5, 6
+"""Places that are fitted in full, and evaluations of a first fit of the others."""
+N_FOLLOWED, N_FULL_STEPS, N_WEIGHED = 5, 20, 3
+"""How many of the others are then fitted in full, the evaluations of that, and times that it is weighed."""
 
 
 def global_search(
@@ -38,24 +38,23 @@ def global_search(
         nuisance = evidence.start.copy()
         nuisance[0] = np.log(place.G_f / evidence.stack.contact.G_f)
         starts.append(Start([place.effect], nuisance, place.coordinate, N_FIRST_STEPS))
-    fit = partial(_fitted_there, evidence.alone)
     near, rest = starts[:N_NEAR], starts[N_NEAR:]  # a few steps mislead from where much is right already
-    first = [replace(start, most=N_FULL_STEPS) for start in near] + rest
-    found = finished(distribute(fit, first, executor, MESSAGES))
-    followed = [
-        started_at(own, N_FULL_STEPS) for own in sorted(found, key=lambda x: -x.log_evidence)[:N_FOLLOWED]
-    ]
-    return [*found, *finished(distribute(fit, followed, executor, MESSAGES))]
+    in_full = partial(_fitted_there, evidence.alone, N_WEIGHED)
+    begun = distribute(in_full, [replace(start, most=N_FULL_STEPS) for start in near], executor, MESSAGES)
+    found = finished(distribute(partial(_fitted_there, evidence.alone, 1), rest, executor, MESSAGES))
+    first = sorted(found, key=lambda x: -x.log_evidence)[:N_FOLLOWED]
+    followed = distribute(in_full, [started_at(own, N_FULL_STEPS) for own in first], executor, MESSAGES)
+    return [*finished(begun), *found, *finished(followed)]
 
 
-def _fitted_there(evidence: Evidence, start: Start) -> Explanation | None:
-    """Fit an explanation that is weighed where it starts, and again where it ends while that is better.
+def _fitted_there(evidence: Evidence, times: int, start: Start) -> Explanation | None:
+    """Fit an explanation that is weighed where it starts, and again where it ends while that is better, so many times.
 
     Its evidence is one over the noise of `evidence`.
     """
     parameters = evidence.supposing(start.effects).parameters(start.effects)
     best: Explanation | None = None
-    for _ in range(_WEIGHED):
+    for _ in range(times):
         try:
             covariance = covariance_of(evidence, start.nuisance, parameters, start.coordinate)
         except SolveError:
