@@ -13,12 +13,12 @@ from updating.pooled.term import Term
 
 
 def bench(stated=()):
-    return SimpleNamespace(
-        own=[SimpleNamespace(evidence=SimpleNamespace(scatter=SimpleNamespace(stated=stated)))]
-    )
+    evidence = SimpleNamespace(scatter=SimpleNamespace(stated=stated), nuisances=("G_f", "density"))
+    own = SimpleNamespace(evidence=evidence, known=np.zeros(2))
+    return SimpleNamespace(own=[own, own], nuisance_std={"G_f": np.inf, "density": 0.01})
 
 
-def fitted(*members, frequency=1e-3, damping=0.01, torque=0.03):
+def fitted(*members, frequency=1e-3, damping=0.01, torque=0.03, density=(0.0, 0.0)):
     """A fit whose second specimen's logarithms are as large as stated, and whose first one's do not change."""
     level = Level(kind="specimen", of="", members=members)
     terms = (Term(effect="adhesive_edges", level=level),) if members else ()
@@ -26,7 +26,9 @@ def fitted(*members, frequency=1e-3, damping=0.01, torque=0.03):
         SimpleNamespace(log_frequency=np.full(4, f), log_damping=np.full(4, d))
         for f, d in ((1e-3, 0.01), (frequency, damping))
     ]
-    return SimpleNamespace(terms=terms, linear=SimpleNamespace(found=found), scales=Scales(), torque=torque)
+    at = SimpleNamespace(nuisance=[np.array([1.0, own]) for own in density])
+    linear = SimpleNamespace(found=found)
+    return SimpleNamespace(terms=terms, linear=linear, scales=Scales(), torque=torque, at=at)
 
 
 @pytest.fixture(autouse=True)
@@ -54,3 +56,17 @@ def test_what_one_specimen_has_counts_by_what_it_takes_off_that_one():
 
 def test_what_a_laboratory_states_is_no_estimate_that_could_fall():
     assert matters(bench(("frequency",)), fitted(), fitted(1))
+
+
+@pytest.mark.parametrize(
+    ("density", "members", "counts"),
+    [
+        ((0.04, 0.04), (0, 1), True),  # both stacks of steel four deviations too dense: the rig has a mass
+        ((0.04, -0.04), (0, 1), False),  # as many are lighter: that is their steel
+        ((0.02, 0.02), (0, 1), False),
+        ((0.04, 0.0), (0,), True),
+        ((0.04, 0.0), (1,), False),
+    ],
+)
+def test_what_relieves_all_that_have_it_matters(density, members, counts):
+    assert matters(bench(), fitted(density=density), fitted(*members)) == counts

@@ -45,6 +45,7 @@ def ranked(*parts, odds=30.0, error=0.002):
         left_out_error=1.5 * error,
         left_out_torque_error=2.0 * error,
         left_out_score=10.0,
+        relieves=False,
     )
 
 
@@ -85,6 +86,8 @@ def answer(verdict="identified", ranking=None, left=1, contrasts=()):
         scales=asdict(Scales()),
         not_visible=("temperature",),
         impossible={},
+        relieved=(),
+        strained=(),
         sentences=(),
     )
     return replace(found, sentences=sentences(found))
@@ -100,6 +103,15 @@ def test_the_first_sentence_is_the_answer():
         "from the others 12 % and 0.30 %; a torque predicted from all else 16 % and 0.40 %."
     )
     assert odd == "Odd among the 3 specimens: S2 (adhesive_edges)."
+
+
+def test_what_would_have_to_be_far_off_without_it_comes_next_and_what_is_so_with_it_last():
+    found = replace(
+        answer(), relieved=("the stack's density would have to differ from the file's by 4.1 %.",)
+    )
+    assert sentences(found)[1] == (
+        "Without it, in the mean of all specimens, the stack's density would have to differ from the file's by 4.1 %."
+    )
 
 
 def test_of_what_specimens_have_much_alike_it_is_said_how_much():

@@ -16,11 +16,13 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.discrepancy import KINDS
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import Z95
+from updating.diagnosis.nuisance_text import strained
 from updating.errors import FitError
 from updating.pooled.beside import Bench, bench
 from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
 from updating.pooled.linear import Scales
+from updating.pooled.matter import far_off, relieves
 from updating.pooled.parts import parts_of
 from updating.pooled.screening import contrasts
 from updating.pooled.search import Found, asked, search
@@ -144,15 +146,18 @@ def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> 
             left_out_error=float(np.mean(left_out[i].error)),
             left_out_torque_error=_mean(torques_left_out(beside, own)),
             left_out_score=float(np.sum(left_out[i].score - left_out[base].score)),
+            relieves=relieves(beside, told[base], own, range(len(beside.own))),
         )
         for i, own in enumerate(told)
     )
     adequate, near = told[0].scales.adequate, [0]
     if verdict is None:
-        near = not_told_apart(ranking, [own.error for own in left_out], adequate=adequate)
-        verdict = verdict_of(ranking[near[0]], ranking[base], adequate=adequate, n_near=len(near))
+        near = not_told_apart(ranking, ranking[base], [own.error for own in left_out], adequate=adequate)
+        enough = (adequate, told[base].scales.adequate)
+        verdict = verdict_of(ranking[near[0]], ranking[base], adequate=enough, n_near=len(near))
     best = base if verdict in ("nothing missing", "unlike anything") else near[0]
     order = [*near, *(i for i in range(len(told)) if i not in near)]
+    off = [far_off(beside, told[i]) for i in (base, best)]
     answer = PooledDiagnosis(
         name=name,
         verdict=verdict,
@@ -171,6 +176,8 @@ def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> 
             )
         ),
         impossible=beside.impossible,
+        relieved=tuple(strained([own for own in off[0] if own.name not in {still.name for still in off[1]}])),
+        strained=tuple(strained(off[1])),
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from updating.diagnosis.calibration import NEGLIGIBLE
+from updating.diagnosis.answer import Strained
+from updating.diagnosis.calibration import NEGLIGIBLE, STRAINED
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted
 from updating.pooled.held_out import torques_left_out
+from updating.pooled.linear import SHARED_PART
+
+Vector = NDArray[np.float64]
 
 
 def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
@@ -18,8 +23,8 @@ def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
 
     Many specimens of one rig bear out hundredths of a per cent that the model misses in all of them alike, as some
     effect would. What counts is what it takes off frequencies and damping ratios of those that have it, off shapes, or
-    off the frequencies at a torque that is predicted from all else. What a laboratory states of a discrepancy is no
-    estimate that could fall.
+    off the frequencies at a torque that is predicted from all else; and that what is known of those that have it is
+    strained without. What a laboratory states of a discrepancy is no estimate that could fall.
 
     Parameters
     ----------
@@ -36,10 +41,49 @@ def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
         "damping": _fell(before, after, "log_damping", members),
         "shape": _root(before.scales.whole("shape") ** 2 - after.scales.whole("shape") ** 2),
     }
-    if any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS):
+    if any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS) or relieves(
+        bench, before, after, members
+    ):
         return True
     left = [torques_left_out(bench, own) for own in (before, after)]
     return bool(left[0].size and np.mean(left[0]) - np.mean(left[1]) > NEGLIGIBLE * MEDIAN["frequency"])
+
+
+def relieves(bench: Bench, before: Fitted, after: Fitted, members: Sequence[int]) -> bool:
+    """Tell whether what is known of some specimens, in their mean, is far off before and is relieved after.
+
+    A mass that the rig has passes for denser steel, and frequencies are met then; but in all specimens alike.
+    """
+    was, now = (_squared(means_off(bench, own, members)) for own in (before, after))
+    return bool(np.max(was) > STRAINED**2 and np.sum(was) - np.sum(now) > STRAINED**2)
+
+
+def far_off(bench: Bench, own: Fitted) -> tuple[Strained, ...]:
+    """Return the nuisances whose mean over all specimens is far from what is known of it."""
+    means = means_off(bench, own, range(len(bench.own)))
+    return tuple(each for each in means if abs(each.value) > STRAINED * each.std)
+
+
+def means_off(bench: Bench, own: Fitted, members: Sequence[int]) -> tuple[Strained, ...]:
+    """Return how far the mean of each nuisance of some specimens is from what is known of it."""
+    away: dict[str, list[float]] = {}
+    for s in members:
+        off = own.at.nuisance[s] - bench.own[s].known
+        for name, value in zip(bench.own[s].evidence.nuisances, off.tolist(), strict=True):
+            if np.isfinite(bench.nuisance_std[name]):
+                away.setdefault(name, []).append(value)
+    return tuple(
+        Strained(
+            name=name,
+            value=float(np.mean(off)),
+            std=float(bench.nuisance_std[name] * np.sqrt(SHARED_PART + (1.0 - SHARED_PART) / len(off))),
+        )
+        for name, off in away.items()
+    )
+
+
+def _squared(every: Sequence[Strained]) -> Vector:
+    return np.array([(own.value / own.std) ** 2 for own in every])
 
 
 def _fell(before: Fitted, after: Fitted, name: str, members: Sequence[int]) -> float:

@@ -13,26 +13,30 @@ from updating.results.pooled_answer import PooledRanked, PooledVerdict
 Vector = NDArray[np.float64]
 
 
-def verdict_of(first: PooledRanked, base: PooledRanked, *, adequate: bool, n_near: int) -> PooledVerdict:
+def verdict_of(
+    first: PooledRanked, base: PooledRanked, *, adequate: tuple[bool, bool], n_near: int
+) -> PooledVerdict:
     """Return the verdict: whether the first explanation is believed, is enough, and stands alone.
 
     Parameters
     ----------
     first, base : PooledRanked
         The explanation that leads, and the base model.
-    adequate : bool
-        Whether no more is left than nearly right models leave.
+    adequate : (bool, bool)
+        Whether each of the two leaves no more than nearly right models do.
     n_near : int
         Explanations that the data do not tell apart.
     """
-    if not _is_believed(first):
-        return "nothing missing" if adequate else "unlike anything"
-    if not adequate:
+    if not _is_believed(first, base):
+        return "nothing missing" if adequate[1] else "unlike anything"
+    if not adequate[0]:
         return "partly explained" if first.left_out_error < HELPS * base.left_out_error else "unlike anything"
     return "identified" if n_near == 1 else "one of"
 
 
-def not_told_apart(ranking: Sequence[PooledRanked], error: Sequence[Vector], *, adequate: bool) -> list[int]:
+def not_told_apart(
+    ranking: Sequence[PooledRanked], base: PooledRanked, error: Sequence[Vector], *, adequate: bool
+) -> list[int]:
     """Return the explanations that data do not tell apart, the one that leads first.
 
     Odds are right where one of the explanations is. Where none is adequate, they weigh what is missing as if it were
@@ -45,6 +49,8 @@ def not_told_apart(ranking: Sequence[PooledRanked], error: Sequence[Vector], *, 
     ----------
     ranking : sequence of PooledRanked
         The most probable first.
+    base : PooledRanked
+        The base model among them.
     error : sequence of (n_specimen,) float
         Of each explanation, the errors of the specimens left out.
     adequate : bool
@@ -55,7 +61,7 @@ def not_told_apart(ranking: Sequence[PooledRanked], error: Sequence[Vector], *, 
     if adequate:
         return near
     open_to = [
-        i for i, own in enumerate(ranking) if _is_believed(own) and 0 < len(own.parts) <= len(top.parts)
+        i for i, own in enumerate(ranking) if _is_believed(own, base) and len(own.parts) <= len(top.parts)
     ]
     if not open_to:
         return near
@@ -64,8 +70,18 @@ def not_told_apart(ranking: Sequence[PooledRanked], error: Sequence[Vector], *, 
     return [lead, *(i for i in range(len(ranking)) if i != lead and (i in near or i in as_well))]
 
 
-def _is_believed(own: PooledRanked) -> bool:
-    return bool(own.parts) and own.log_odds >= SHOWS and own.left_out_score > 0.0
+def _is_believed(own: PooledRanked, base: PooledRanked) -> bool:
+    """Tell whether an explanation has the odds, and helps to predict a specimen from the others.
+
+    What the whole rig lacks, the others tell of the base model too, as what it misses alike in all of them. So of that
+    it is asked whether errors fall, or what is known of the stacks is relieved.
+    """
+    if not own.parts or own.log_odds < SHOWS:
+        return False
+    if own.left_out_score > 0.0:
+        return True
+    falls = own.left_out_error < HELPS * base.left_out_error
+    return all(part.level == "rig" for part in own.parts) and (falls or own.relieves)
 
 
 def _predicts_as_well(error: Vector, least: Vector) -> bool:

@@ -66,6 +66,8 @@ class PooledRanked:
         with one torque.
     left_out_score : float
         Logarithm of the probability density of each specimen given the others, summed, over that of the base model.
+    relieves : bool
+        Whether what is known of the stacks is far off in the mean without it, and is relieved with it.
     """
 
     parts: tuple[Part, ...]
@@ -75,6 +77,7 @@ class PooledRanked:
     left_out_error: float
     left_out_torque_error: float
     left_out_score: float
+    relieves: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,6 +184,9 @@ class PooledDiagnosis:
         Effects too weak to show at any plausible strength, were they the rig's.
     impossible : mapping of str to str
         Why effects of the catalogue cannot be.
+    relieved, strained : tuple of str
+        In words, what is known of the stacks and would have to be far off in the mean without what is found, and what
+        has to be with it.
     sentences : tuple of str
         The answer in words, the first one first.
     """
@@ -194,6 +200,8 @@ class PooledDiagnosis:
     scales: Mapping[str, float]
     not_visible: tuple[str, ...]
     impossible: Mapping[str, str]
+    relieved: tuple[str, ...]
+    strained: tuple[str, ...]
     sentences: tuple[str, ...]
 
     @property

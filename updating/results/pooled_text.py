@@ -17,6 +17,7 @@ _FOLDED = 5  # names that are listed before a count stands for the rest
 def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
     """Write the verdict, whose each effect is, which specimens are odd, and what groups change."""
     text = [_verdict(found)]
+    text += [f"Without it, in the mean of all specimens, {own}" for own in found.relieved[:_LISTED]]
     if found.left > 1:
         text.append(_cannot_tell(found))
     if found.verdict == "partly explained":
@@ -24,6 +25,7 @@ def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
     text.append(_odd(found))
     text += _groups(found.contrasts)
     text.append(_scatter(found))
+    text += [f"Beware: in the mean of all specimens, {own}" for own in found.strained[:_LISTED]]
     if found.not_visible:
         text.append(
             "Too weak to show in these data at any plausible strength, were they the rig's: "
