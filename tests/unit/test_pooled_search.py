@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from updating.pooled import search
 from updating.pooled.linear import Place, Scales
@@ -42,6 +43,15 @@ def test_what_one_specimen_has_is_no_error_of_form_of_the_rig():
 
 def test_the_first_term_is_no_error_of_form():
     assert not is_form(BASE, BASE, fitted((FIRST,), 99.0, 99.0))
+
+
+@pytest.mark.parametrize(("left", "beyond"), [(4.0, False), (1.0, True)])
+def test_another_level_of_a_term_is_asked_for_more_than_a_form_too(monkeypatch, left, beyond):
+    """Two explanations of one term each were fitted; beside the better of them the other brings a small share."""
+    monkeypatch.setattr(search, "matters", lambda bench, before, after: True)
+    found = SimpleNamespace(base=BASE, bench=None, fitted=(BEFORE, fitted((FURTHER,), 90.0, 90.0), BASE))
+    assert search._is_beyond_form(found, fitted((FURTHER, FIRST), left, left)) == beyond
+    assert search._is_beyond_form(found, fitted((FURTHER,), 99.0, 99.0))
 
 
 def searched(monkeypatch, std, odds):

@@ -135,7 +135,8 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
             best = next((own for own in found.fitted if own.terms == top.terms), found.fitted[0])
         beside = screen(found.bench, best, levels)
     _LOG.info("a look back at each term")
-    found = _with(found, _followed(found, _looked_back(found, found.fitted[0]), executor))
+    back = _followed(found, _looked_back(found, found.fitted[0]), executor)
+    found = _with(found, [own for own in back if _is_beyond_form(found, own)])
     return _without_neutral(found, executor)
 
 
@@ -230,6 +231,13 @@ def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
         return False
     left = [_misfit(own, members) for own in (base, before, after)]
     return left[1] - left[2] < MODEL_FORM**2 * (left[0] - left[1])
+
+
+def _is_beyond_form(found: Found, own: Fitted) -> bool:
+    """Tell whether an explanation brings more than the form of what it has but for one term, the best of these."""
+    less = [x for x in found.fitted if x.terms and set(x.terms) < set(own.terms)]
+    before = next((x for x in less if len(x.terms) == len(own.terms) - 1), None)
+    return before is None or (not is_form(found.base, before, own) and matters(found.bench, before, own))
 
 
 def _misfit(own: Fitted, members: Sequence[int]) -> float:
