@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from tests.recovery import pooled_study as pooled
 from tests.recovery import slipping_study as slipping
 from tests.recovery.other_worlds_study import FIRST_OF_STACKS, RECORD, STACKS_RECORD, median_fall, stack_of
 from tests.recovery.other_worlds_study import figures as figures_elsewhere
@@ -68,6 +69,15 @@ def test_the_table_of_slip_says_what_was_recorded():
     found = [own.row for own in slipping.figures(cases)]
     assert lines[start : start + len(found)] == found
     assert [(case.seed, case.slips) for case in cases] == slipping.planned(len(cases))
+
+
+def test_the_table_of_many_specimens_says_what_was_recorded():
+    lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
+    cases = pooled.recorded(pooled.RECORD)
+    start = lines.index(f"| figure | {len(cases)} cases of many specimens | target |") + 2
+    found = [own.row for own in pooled.figures(cases)]
+    assert lines[start : start + len(found)] == found
+    assert [(case.seed, case.kind) for case in cases] == pooled.planned(len(cases))
 
 
 def test_the_sentence_below_the_table_says_what_was_recorded():
