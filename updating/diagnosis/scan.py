@@ -89,10 +89,10 @@ def with_modes_of(evidence: Evidence, places: Sequence[Place]) -> tuple[NDArray[
 
     It is the place at which it has most; one where some configuration has no modes at all is passed over.
     """
-    most = evidence.used
+    most, rough = evidence.used, evidence.rough
     for place in places:
         with contextlib.suppress(SolveError):
-            used = tuple(_used_there(evidence, c, place) for c in range(len(evidence.tested)))
+            used = tuple(_used_there(rough, c, place) for c in range(len(evidence.tested)))
             most = max(most, used, key=lambda modes: sum(own.size for own in modes))
     return most
 

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Effect, Stack
+from model import Effect, ReducedEquations, Stack
 from updating.correlation.pairing import require_points
 from updating.diagnosis.assembly import assemble_evidence, identities
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
@@ -88,6 +88,17 @@ class Bench:
     places: tuple[Place, ...]
 
     @cached_property
+    def rough(self) -> Bench:
+        """The specimens beside the first directions of their models alone: for a quick look, see `Evidence.rough`."""
+        shared: dict[int, ReducedEquations] = {}
+        own = []
+        for each in self.own:
+            rough = each.evidence.rough
+            equations = shared.setdefault(id(each.evidence.equations), rough.equations)
+            own.append(replace(each, evidence=replace(rough, equations=equations)))
+        return replace(self, own=tuple(own))
+
+    @cached_property
     def nuisance_std(self) -> Mapping[str, float]:
         """What is known of each nuisance of any specimen, as a standard deviation; infinite where nothing is."""
         return {
@@ -137,7 +148,10 @@ def bench(
     if any(own.lacking for own in numbered) or np.mean([x.residual.frequency_error for x in alone]) > FAR_OFF:
         most = max(numbered, key=lambda own: max(u.size for u in own.used))
         places = nearest(most, executor)
-        numbered = [_reaching(own, places, x.nuisance) for own, x in zip(numbered, alone, strict=True)]
+        used = distribute(
+            partial(_used_at, tuple(numbered), places), range(len(numbered)), executor, MESSAGES
+        )
+        numbered = [_with(own, u, x.nuisance) for own, u, x in zip(numbered, used, alone, strict=True)]
         alone = _explained(numbered, [x.nuisance for x in alone], executor)
     own = [_beside(*each) for each in zip(specimens, numbered, alone, strict=True)]
     possible = {n: e for n, e in effects.items() if all(n in each.effects for each in numbered)}
@@ -170,9 +184,14 @@ def _fitted_from(evidences: Sequence[Evidence], start: tuple[int, Vector]) -> Ex
     return explain(evidences[s], nuisance=nuisance)
 
 
-def _reaching(own: Evidence, places: Sequence[Place], nuisance: Vector) -> Evidence:
-    """Return the evidence with those modes too that the model has at one of some places."""
-    wider = replace(own, used=with_modes_of(own, places))
+def _used_at(evidences: Sequence[Evidence], places: Sequence[Place], s: int) -> tuple[NDArray[np.int64], ...]:
+    """Return the measured modes of each configuration that a specimen's model has at one of some places."""
+    return with_modes_of(evidences[s], places)
+
+
+def _with(own: Evidence, used: tuple[NDArray[np.int64], ...], nuisance: Vector) -> Evidence:
+    """Return the evidence with other modes that are used."""
+    wider = replace(own, used=used)
     return replace(wider, covariance=covariance_of(wider, nuisance))
 
 

@@ -28,15 +28,16 @@ from ema.campaign.campaign_file import (
 from ema.io.form import Section, did_you_mean, read_form, read_toml
 from ema.types.geometry import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
-from model import Stack, observe, read_stack, reduce
+from model import ReducedSystem, Stack, observe, read_stack, reduce
 from model.stack.errors import StackError
 from model.stack.stack_file import stack_inputs
 from updating.correlation.shape_class import N_ROW, N_STATION, class_grid, solve_by_class
 from updating.diagnosis.candidates import G_F_RANGE, N_SNAPSHOT
 from updating.errors import FitError, StoreError
+from updating.pooled.beside import ALIKE
 from updating.pooled.modal_files import assembled, classes, modal_model
 from updating.pooled.specimen import Specimen
-from updating.results.store import read_result
+from updating.results.store import digest, read_result
 
 _LARGE = 1e3
 """Standard deviation of the components of shapes that stand for a class: they name modes, and are no data."""
@@ -225,12 +226,14 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
     StoreError
         A file is no modal model.
     """
-    found = []
+    found, of_classes = [], _Classes()
     for stack, own in zip(campaign.stacks, campaign.content.specimen, strict=True):
         tested = []
         for c in own.configuration:
             state = stack if c.pressure_kPa is None else stack.with_contact(pressure=1e3 * c.pressure_kPa)
-            modes = identified(full_name(own, c)) if c.measured else _tabled(campaign, state, own, c)
+            modes = (
+                identified(full_name(own, c)) if c.measured else _tabled(campaign, stack, own, c, of_classes)
+            )
             tested.append((c.name, state.contact.pressure, modes))
         found.append(Specimen(name=own.name, stack=stack, tested=tuple(tested), notes=dict(own.notes)))
     return tuple(found)
@@ -241,8 +244,27 @@ def full_name(own: SpecimenSection, configuration: SpecimenConfigurationSection)
     return f"{own.name} {configuration.name}"
 
 
+class _Classes:
+    """Models of stacks that tell what modes of a class look like: one for all that are nearly as high."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, ReducedSystem] = {}
+
+    def of(self, stack: Stack) -> ReducedSystem:
+        """Return the model of a stack, or of one that is nearly as high and otherwise the same."""
+        step = round(np.log(stack.height / stack.width) / np.log1p(ALIKE))
+        key = digest({"stack": replace(stack, name="", height=stack.width), "step": step})
+        if key not in self._known:
+            self._known[key] = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
+        return self._known[key]
+
+
 def _tabled(
-    campaign: SpecimenCampaign, stack: Stack, own: SpecimenSection, c: SpecimenConfigurationSection
+    campaign: SpecimenCampaign,
+    stack: Stack,
+    own: SpecimenSection,
+    c: SpecimenConfigurationSection,
+    of_classes: _Classes,
 ) -> ModalModel:
     """Return modes that were identified before."""
     folder, name = campaign.path.resolve().parent, full_name(own, c)
@@ -255,17 +277,17 @@ def _tabled(
             raise FitError(message) from error
     modes = folder / str(c.modes)
     if c.shapes is None or c.force is None:
-        return _classed(name, of, modes, stack)
+        return _classed(name, of, modes, stack, of_classes)
     if campaign.geometry is None:
         message = f"{campaign.path}: {name}: shapes need [points] with the list of measured points"
         raise FitError(message)
     return modal_model(name, of, modes, folder / c.shapes, campaign.geometry, c.force)
 
 
-def _classed(name: str, of: Mapping[str, str], path: Path, stack: Stack) -> ModalModel:
+def _classed(name: str, of: Mapping[str, str], path: Path, stack: Stack, of_classes: _Classes) -> ModalModel:
     """Return modes that are named by class: the model's shapes of these classes stand for theirs, and are no data."""
     wanted, poles = classes(path, of)
-    system = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
+    system = of_classes.of(stack)
     grid = class_grid(stack)
     modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)
     if np.any(column < 0):

@@ -168,6 +168,7 @@ def fit(
     *,
     most: int = 8,
     settled: bool = True,
+    about: Linear | None = None,
 ) -> Fitted:
     """Fit terms, and the own coordinates of all specimens, from a place.
 
@@ -185,6 +186,8 @@ def fit(
         Largest number of steps.
     settled : bool
         Whether the fit goes on with the scales that are estimated when it has come to its end.
+    about : Linear, optional
+        The specimens about `start`, where an earlier fit of the same terms has them.
 
     Raises
     ------
@@ -193,14 +196,15 @@ def fit(
     """
     coordinates = tuple(own for term in terms for own in coordinates_of(bench, term))
     stated = bench.own[0].evidence.scatter.stated
-    at, linear, scales = _settled(bench, coordinates, start, scales, most)
+    linear = only(linearized(bench, start, coordinates), coordinates) if about is None else about
+    at, linear = _settled(bench, coordinates, start, linear, scales, most)
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     scales, log_evidence = weighing.likeliest(scales, stated)
     if settled:
-        further = _settled(bench, coordinates, at, scales, most // 2)
+        further = _settled(bench, coordinates, at, linear, scales, most // 2)
         reached = Weighing(bench, further[1], coordinates, further[0].coordinate).log_evidence(scales)
         if reached > log_evidence:  # the largest evidence need not be where the misfit is least
-            (at, linear, scales), log_evidence = further, reached
+            (at, linear), log_evidence = further, reached
     return Fitted(
         terms=tuple(terms),
         coordinates=coordinates,
@@ -212,36 +216,47 @@ def fit(
 
 
 def _settled(
-    bench: Bench, coordinates: Sequence[Coordinate], at: Place, scales: Scales, most: int
-) -> tuple[Place, Linear, Scales]:
+    bench: Bench, coordinates: Sequence[Coordinate], at: Place, linear: Linear, scales: Scales, most: int
+) -> tuple[Place, Linear]:
     """Step to where first order promises the least misfit, until it falls no more (Gauss and Newton)."""
-    linear = only(linearized(bench, at, coordinates), coordinates)
-    misfit, step = _look(bench, linear, coordinates, at, scales)
+    look = _look(bench, linear, coordinates, at, scales)
     for _ in range(most):
+        if look.promised < _SETTLED:
+            break
         share = 1.0
         for _ in range(_HALVED):
-            trial = _stepped(at, step, share)
+            trial = _stepped(at, look, share)
             try:
                 further = only(linearized(bench, trial, coordinates), coordinates)
-                value, following = _look(bench, further, coordinates, trial, scales)
+                following = _look(bench, further, coordinates, trial, scales)
             except SolveError:
-                value = np.inf
-            if value < misfit:
+                following = None
+            if following is not None and following.misfit < look.misfit:
                 break
             share *= 0.3
         else:
             break
-        fell, misfit = misfit - value, value
-        at, linear, step = trial, further, following
+        fell = look.misfit - following.misfit
+        at, linear, look = trial, further, following
         if fell < _SETTLED:
             break
-    return at, linear, scales
+    return at, linear
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Look:
+    """The misfit at a place, how far first order promises it to fall, and the step there, own and of the terms."""
+
+    misfit: float
+    promised: float
+    own: list[Vector]
+    coordinate: Vector
 
 
 def _look(
     bench: Bench, linear: Linear, coordinates: Sequence[Coordinate], at: Place, scales: Scales
-) -> tuple[float, tuple[list[Vector], Vector]]:
-    """Return the misfit at a place, and the steps of own coordinates and of those of terms that promise the least."""
+) -> _Look:
+    """Look about a place for where first order promises the least misfit."""
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     found = weighing.reduced(scales)
     joint = weighing.joined(found, scales)
@@ -250,9 +265,11 @@ def _look(
     own_prior = sum(c.precision * z**2 for c, z in zip(coordinates, at.coordinate, strict=True))
     misfit = misfit_at(found, joint, len(coordinates), prior) + own_prior
     solution = joint.step(*weighing.bounds(), TRUST)
-    return misfit, (
-        own_steps(linear, found, coordinates, solution),
-        solution[solution.size - len(coordinates) :],
+    return _Look(
+        misfit=misfit,
+        promised=misfit - joint.at(solution),
+        own=own_steps(linear, found, coordinates, solution),
+        coordinate=solution[solution.size - len(coordinates) :],
     )
 
 
@@ -267,12 +284,11 @@ def own_steps(
     ]
 
 
-def _stepped(at: Place, step: tuple[list[Vector], Vector], share: float) -> Place:
+def _stepped(at: Place, look: _Look, share: float) -> Place:
     """Return a place a share of a step farther, none of which is longer than first order may do for."""
-    own, coordinate = step
-    longest = max([1e-9, *(abs(x[0]) for x in own), *np.abs(coordinate).tolist()])
+    longest = max([1e-9, *(abs(x[0]) for x in look.own), *np.abs(look.coordinate).tolist()])
     share = min(share, share * _FARTHEST / longest)
     return Place(
-        nuisance=tuple(x + share * dx for x, dx in zip(at.nuisance, own, strict=True)),
-        coordinate=at.coordinate + share * coordinate,
+        nuisance=tuple(x + share * dx for x, dx in zip(at.nuisance, look.own, strict=True)),
+        coordinate=at.coordinate + share * look.coordinate,
     )

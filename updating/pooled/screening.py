@@ -7,8 +7,10 @@ coordinates, so hundreds of them cost less than the signatures that they are mad
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -18,11 +20,12 @@ from model import Parameter, SolveError
 from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.explanation import TRUST
 from updating.pooled.algebra import Joined, Reduced, bounded, spread
-from updating.pooled.beside import Bench
+from updating.pooled.beside import MESSAGES, Bench
 from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.linear import Linear, linearized
 from updating.pooled.specimen import Level
 from updating.pooled.term import Coordinate, Term, candidates, coordinates_of, log_prior
+from updating.workers.workers import distribute
 
 Vector = NDArray[np.float64]
 
@@ -54,7 +57,9 @@ class Screened:
     detectability: float
 
 
-def screen(bench: Bench, at: Fitted, levels: Sequence[Level]) -> tuple[Screened, ...]:
+def screen(
+    bench: Bench, at: Fitted, levels: Sequence[Level], executor: Executor | None = None
+) -> tuple[Screened, ...]:
     """Return what every effect at every level could add to a fit, the most promising first.
 
     Parameters
@@ -65,6 +70,8 @@ def screen(bench: Bench, at: Fitted, levels: Sequence[Level]) -> tuple[Screened,
         What is fitted already.
     levels : sequence of Level
         At which effects are tried.
+    executor : Executor, optional
+        Where a part of the work may run.
     """
     fitted = {own.parameter.name for own in at.coordinates if own.parameter is not None}
     parameters = list(
@@ -72,7 +79,6 @@ def screen(bench: Bench, at: Fitted, levels: Sequence[Level]) -> tuple[Screened,
     )
     every = [*candidates(bench, levels)]
     n_effect = len({own.effect for own in every})
-    best: dict[Term, Screened] = {}
     neutral = _Bordered(bench, at, linearized(bench, at.at, at.coordinates, parameters))
     shaping = {p.name for p in parameters if neutral.is_silent(p)}
     shaped = {
@@ -80,16 +86,19 @@ def screen(bench: Bench, at: Fitted, levels: Sequence[Level]) -> tuple[Screened,
         for name, e in bench.effects.items()
         if {p.name for p in e.parameters} & shaping and len(e.parameters) > 1
     }
-    plain = [term for term in every if term.effect not in shaped and _is_new(term, at, fitted, bench)]
-    for term in plain:
-        best[term] = neutral.screened(term, {}, log_prior(n_effect, term, levels))
-    for name in sorted(shaped):
-        own = [p for p in bench.effects[name].parameters if p in parameters]
-        for where, bordered in _shaped(bench, at, own, shaping):
-            for term in (each for each in every if each.effect == name):
-                tried = bordered.screened(term, where, log_prior(n_effect, term, levels))
-                if term not in best or tried.log_gain > best[term].log_gain:
-                    best[term] = tried
+    new = [term for term in every if _is_new(term, at, fitted, bench)]
+    prior = {term: log_prior(n_effect, term, levels) for term in new}
+    best = {term: neutral.screened(term, {}, prior[term]) for term in new if term.effect not in shaped}
+    tried = partial(_tried, bench, at, {term: own for term, own in prior.items() if term.effect in shaped})
+    for further in distribute(
+        tried,
+        list(_shapes(bench, sorted(shaped & {term.effect for term in new}), shaping)),
+        executor,
+        MESSAGES,
+    ):
+        for own in further:
+            if own.term not in best or own.log_gain > best[own.term].log_gain:
+                best[own.term] = own
     return tuple(sorted(best.values(), key=lambda own: -own.log_gain))
 
 
@@ -102,22 +111,28 @@ def _is_new(term: Term, at: Fitted, fitted: set[str], bench: Bench) -> bool:
     )
 
 
-def _shaped(
-    bench: Bench, at: Fitted, own: Sequence[Parameter], shaping: set[str]
-) -> Iterator[tuple[dict[str, float], _Bordered]]:
-    """Yield where an effect is taken that a parameter shapes, over the range of that."""
-    turned = [p for p in own if p.name in shaping]
-    low, high = bounds_of(turned)
-    axes = [np.linspace(a, b, _SHAPES) for a, b in zip(low, high, strict=True)]
-    for values in itertools.product(*axes):
-        where = dict(zip((p.name for p in turned), map(float, values), strict=True))
-        try:
-            linear = linearized(
-                bench, at.at, at.coordinates, own, np.array([where.get(p.name, 0.0) for p in own])
-            )
-        except SolveError:  # with what is fitted already, there is no such stack
-            continue
-        yield where, _Bordered(bench, at, linear)
+def _shapes(bench: Bench, names: Sequence[str], shaping: set[str]) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield where effects are taken that a parameter shapes, over the range of that."""
+    for name in names:
+        turned = [p for p in bench.effects[name].parameters if p.name in shaping]
+        low, high = bounds_of(turned)
+        axes = [np.linspace(a, b, _SHAPES) for a, b in zip(low, high, strict=True)]
+        for values in itertools.product(*axes):
+            yield name, dict(zip((p.name for p in turned), map(float, values), strict=True))
+
+
+def _tried(
+    bench: Bench, at: Fitted, prior: Mapping[Term, float], shape: tuple[str, dict[str, float]]
+) -> list[Screened]:
+    """Return what an effect could add at each level where it is taken, none where there is no such stack."""
+    name, where = shape
+    own = bench.effects[name].parameters
+    start = np.array([where.get(p.name, 0.0) for p in own])
+    try:
+        bordered = _Bordered(bench, at, linearized(bench, at.at, at.coordinates, own, start))
+    except SolveError:  # with what is fitted already
+        return []
+    return [bordered.screened(term, where, log) for term, log in prior.items() if term.effect == name]
 
 
 class _Bordered:

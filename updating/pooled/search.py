@@ -18,7 +18,7 @@ from updating.diagnosis.explanation import Z95
 from updating.errors import FitError
 from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
 from updating.pooled.fit import Fitted, fit, stds
-from updating.pooled.linear import Place, Scales, weighed_at
+from updating.pooled.linear import Linear, Place, Scales, weighed_at
 from updating.pooled.matter import matters
 from updating.pooled.screening import Screened, screen
 from updating.pooled.specimen import Level
@@ -39,7 +39,8 @@ _CLOSE = 8.0  # within which a fit is followed to its end
 _NEUTRAL = (
     0.5 * (Z95 * WIDER) ** 2
 )  # odds that one coordinate of a term may bring that is not told from neutral
-_AS_NEAR = 1.2  # ratio of errors by which one is where no model is nearly right, whatever its odds
+_AS_NEAR = 1.2  # ratio to the least error by which one is where no model is nearly right, whatever its odds
+_SAME = 0.05  # of a range, within which fits of the same terms have ended at the same place
 _STEPS, _MORE, _GLOBAL = (
     6,
     8,
@@ -49,12 +50,13 @@ _STEPS, _MORE, _GLOBAL = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
-    """Terms, where their fit starts, and the largest number of its steps."""
+    """Terms, where their fit starts, the largest number of its steps, and the specimens about there where known."""
 
     terms: tuple[Term, ...]
     at: Place
     scales: Scales
     most: int
+    about: Linear | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,7 +109,7 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
     """
     start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
     base = fit(bench, (), start, Scales(), most=_MORE)
-    first = screen(bench, base, levels)
+    first = screen(bench, base, levels, executor)
     n_effect = len({term.effect for term in candidates(bench, levels)})
     found = Found(
         bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=first, n_effect=n_effect
@@ -133,7 +135,7 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         if n == 0:
             found = _weighed(found, best, executor)
             best = next((own for own in found.fitted if own.terms == top.terms), found.fitted[0])
-        beside = screen(found.bench, best, levels)
+        beside = screen(found.bench, best, levels, executor)
     _LOG.info("a look back at each term")
     back = _followed(found, _looked_back(found, found.fitted[0]), executor)
     found = _with(found, [own for own in back if _is_beyond_form(found, own)])
@@ -158,7 +160,7 @@ def asked(
     )
     for name in effects:
         _LOG.info("fit %s", name)
-        (promising,) = (own for own in screen(found.bench, best, [rig]) if own.term.effect == name)
+        (promising,) = (own for own in screen(found.bench, best, [rig], executor) if own.term.effect == name)
         starts = [_beside(best, promising)]
         starts += [own for own in _global_search(bench, best, levels) if own.terms[-1].effect == name]
         fitted = _followed(found, starts, executor)
@@ -247,9 +249,17 @@ def _misfit(own: Fitted, members: Sequence[int]) -> float:
 
 
 def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
-    """Weigh all data by the modes at an explanation, and fit anew what was fitted: what is far off by a few steps."""
+    """Weigh all data by the modes at an explanation, and fit anew what was fitted: what is far off by a few steps.
+
+    What is neither nearly as probable, nor near the least errors where even the best is not adequate, is passed over.
+    """
     bench = weighed_at(found.bench, best.at, best.coordinates)
-    starts = [Start(terms=own.terms, at=own.at, scales=own.scales, most=_STEPS) for own in found.fitted]
+    error = 0.0 if best.scales.adequate else _AS_NEAR * min(own.frequency_error for own in found.fitted)
+    starts = [
+        Start(terms=own.terms, at=own.at, scales=own.scales, most=_STEPS)
+        for own in found.fitted
+        if not own.terms or found.odds(own) > found.odds(best) - _BEHIND or own.frequency_error < error
+    ]
     fitted = [own for own in _done(bench, starts, executor, settled=True) if own is not None]
     base = next(own for own in fitted if not own.terms)
     return _with(replace(found, bench=bench, base=base, fitted=()), fitted)
@@ -375,21 +385,37 @@ def _other_levels(found: Found, term: Term) -> list[Level]:
 def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
     """Fit explanations, and those that are near the best of them to their end.
 
-    Where the best leaves more than a nearly right model does, those are near too whose errors are: see
-    `updating.pooled.verdict.not_told_apart`.
+    Where the best leaves more than a nearly right model does, those are near too that come nearest to the least errors:
+    see `updating.pooled.verdict.not_told_apart`. Where what is known is far off, a rough model tells what is near.
     """
-    bench = found.bench
+    bench = found.bench.rough if found.fitted[0].frequency_error > FAR_OFF else found.bench
     first = [own for own in _done(bench, starts, executor, settled=False) if own is not None]
     if not first:
         return []
     top = max(first, key=found.odds)
-    error = 0.0 if top.scales.adequate else _AS_NEAR * top.frequency_error
+    error = 0.0 if top.scales.adequate else _AS_NEAR * min(own.frequency_error for own in first)
     near = [
-        Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE)
-        for own in first
+        Start(
+            terms=own.terms,
+            at=own.at,
+            scales=own.scales,
+            most=_MORE,
+            about=own.linear if bench is found.bench else None,
+        )
+        for own in _apart(first)
         if found.odds(own) > found.odds(top) - _CLOSE or own.frequency_error < error
     ]
-    return [own for own in _done(bench, near, executor, settled=True) if own is not None]
+    return [own for own in _done(found.bench, near, executor, settled=True) if own is not None]
+
+
+def _apart(fitted: Iterable[Fitted]) -> list[Fitted]:
+    """Return the fits of each explanation that ended apart from those that are more probable."""
+    found: list[Fitted] = []
+    for own in sorted(fitted, key=lambda own: -own.log_evidence):
+        same = (other for other in found if other.terms == own.terms)
+        if all(np.max(np.abs(own.at.coordinate - other.at.coordinate)) > _SAME for other in same):
+            found.append(own)
+    return found
 
 
 def _done(
@@ -400,7 +426,9 @@ def _done(
 
 def _fitted(bench: Bench, settled: bool, start: Start) -> Fitted | None:
     try:
-        return fit(bench, start.terms, start.at, start.scales, most=start.most, settled=settled)
+        return fit(
+            bench, start.terms, start.at, start.scales, most=start.most, settled=settled, about=start.about
+        )
     except (SolveError, np.linalg.LinAlgError):
         return None
 
