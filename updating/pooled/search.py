@@ -120,8 +120,9 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         starts = _starts(best, beside)
         if not best.terms or best.frequency_error > FAR_OFF:
             starts += _global_search(bench, best, levels)
-        followed = _followed(found, starts, executor)
-        followed += _followed(found, _in_common(found, followed), executor)
+        least = found.odds(best) + STEP if n > 0 else -np.inf
+        followed = _followed(found, starts, executor, least)
+        followed += _followed(found, _in_common(found, followed), executor, least)
         fitted = [
             own for own in followed if not is_form(found.base, best, own) and matters(found.bench, best, own)
         ]
@@ -382,18 +383,23 @@ def _other_levels(found: Found, term: Term) -> list[Level]:
     return list(best.values())
 
 
-def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) -> list[Fitted]:
+def _followed(
+    found: Found, starts: Sequence[Start], executor: Executor | None, least: float = -np.inf
+) -> list[Fitted]:
     """Fit explanations, and those that are near the best of them to their end.
 
-    Where the best leaves more than a nearly right model does, those are near too that come nearest to the least errors:
-    see `updating.pooled.verdict.not_told_apart`. Where what is known is far off, a rough model tells what is near.
+    Near are those whose odds are, and that may still come to the least that is asked. Where the best comes to it and
+    leaves more than a nearly right model does, those are too that come nearest to the smallest errors: see
+    `updating.pooled.verdict.not_told_apart`. Where what is known is far off, a rough model tells what is near.
     """
     bench = found.bench.rough if found.fitted[0].frequency_error > FAR_OFF else found.bench
     first = [own for own in _done(bench, starts, executor, settled=False) if own is not None]
     if not first:
         return []
     top = max(first, key=found.odds)
-    error = 0.0 if top.scales.adequate else _AS_NEAR * min(own.frequency_error for own in first)
+    told_apart = top.scales.adequate or found.odds(top) < least
+    error = 0.0 if told_apart else _AS_NEAR * min(own.frequency_error for own in first)
+    odds = max(found.odds(top), least) - _CLOSE
     near = [
         Start(
             terms=own.terms,
@@ -403,7 +409,7 @@ def _followed(found: Found, starts: Sequence[Start], executor: Executor | None) 
             about=own.linear if bench is found.bench else None,
         )
         for own in _apart(first)
-        if found.odds(own) > found.odds(top) - _CLOSE or own.frequency_error < error
+        if found.odds(own) > odds or own.frequency_error < error
     ]
     return [own for own in _done(found.bench, near, executor, settled=True) if own is not None]
 
