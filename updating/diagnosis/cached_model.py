@@ -71,8 +71,8 @@ def cached_model(
     stack, instruments, effects, aids, executor
         As in `candidate_model`.
     """
-    own = shipped()
-    if any(effect not in own for effect in (*stack.effects, *effects.values())):
+    own = [vars(effect) for effect in shipped()]  # by what they are: other processes have copies
+    if any(vars(effect) not in own for effect in (*stack.effects, *effects.values())):
         return candidate_model(stack, instruments, effects, aids, executor)
     made_by = {**versions(), "scikit-fem": version("scikit-fem"), "python": platform.python_version()}
     base = replace(stack, instruments=instruments)
