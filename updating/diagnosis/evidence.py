@@ -285,6 +285,8 @@ class Evidence:
         What may be wrong with the measurement: by name, nuisances and the standard deviations that they then have.
     released : tuple of str
         Which of these are supposed.
+    offset : (n_row,) float, optional
+        What is added to measured less modelled data, where a rough model is known to be off by as much.
     """
 
     stack: Stack
@@ -309,6 +311,7 @@ class Evidence:
     covariance: Discrepancy = field(default_factory=lambda: Discrepancy(blocks=()))
     hypotheses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     released: tuple[str, ...] = ()
+    offset: Vector | None = None
 
     @cached_property
     def states(self) -> tuple[str, ...]:

@@ -114,9 +114,9 @@ def residual(
     effect = _values(parameters, coordinate)
     compared = _every_compared(evidence, nuisance, effect)
     kind = evidence.rows.kind
-    value = np.concatenate(
-        [np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared]
-    )
+    value = _value(compared)
+    if evidence.offset is not None:
+        value += evidence.offset
     width = len(evidence.nuisances) + len(effect)
     rows = np.concatenate(
         [
@@ -136,9 +136,37 @@ def residual(
         kind=np.append(kind, np.full(held.size, "prior")),
         rotated=rotated,
         rotated_jacobian=rotated_rows,
-        log_frequency=np.concatenate([own.frequency[0] for own in compared]),
-        log_damping=np.concatenate([own.damping[0] for own in compared]),
+        log_frequency=value[kind == "frequency"],
+        log_damping=value[kind == "damping"],
         partner=np.concatenate([own.column for own in compared]),
+    )
+
+
+def rough_about(
+    evidence: Evidence,
+    nuisance: Vector,
+    parameters: Sequence[Parameter] = (),
+    coordinate: Vector | None = None,
+) -> Evidence:
+    """Return the evidence beside a rough model that agrees with the full one about some coordinates.
+
+    What differs there is taken for what differs nearby, so that the rough one tells of changes alone, at a fifth of the
+    time.
+
+    Parameters
+    ----------
+    evidence, nuisance, parameters, coordinate
+        As in `residual`.
+    """
+    rough, effect = evidence.rough, _values(parameters, coordinate)
+    exact, quick = (_value(_every_compared(own, nuisance, effect)) for own in (evidence, rough))
+    return replace(rough, offset=exact - quick)
+
+
+def _value(compared: Sequence[_Compared]) -> Vector:
+    """Return measured less modelled data, configuration by configuration."""
+    return np.concatenate(
+        [np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared]
     )
 
 

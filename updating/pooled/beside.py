@@ -11,7 +11,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Effect, ReducedEquations, Stack
+from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.diagnosis.assembly import assemble_evidence, identities
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
@@ -87,17 +87,6 @@ class Bench:
     effects: Mapping[str, Effect]
     impossible: Mapping[str, str]
     places: tuple[Place, ...]
-
-    @cached_property
-    def rough(self) -> Bench:
-        """The specimens beside the first directions of their models alone: for a quick look, see `Evidence.rough`."""
-        shared: dict[int, ReducedEquations] = {}
-        own = []
-        for each in self.own:
-            rough = each.evidence.rough
-            equations = shared.setdefault(id(each.evidence.equations), rough.equations)
-            own.append(replace(each, evidence=replace(rough, equations=equations)))
-        return replace(self, own=tuple(own))
 
     @cached_property
     def nuisance_std(self) -> Mapping[str, float]:

@@ -64,24 +64,32 @@ class Fitted:
 
 
 class Weighing:
-    """Evidence of specimens about a place at any scales; Gram matrices at sizes that were seen are kept."""
+    """Evidence of specimens about a place at any scales; what was found at scales that were seen is kept."""
 
     def __init__(self, bench: Bench, linear: Linear, coordinates: Sequence[Coordinate], at: Vector) -> None:
         self._bench, self._linear, self._coordinates, self._at = bench, linear, coordinates, at
         self._grams: dict[tuple[int, str, float], tuple[Vector, float]] = {}
+        self._seen: tuple[tuple[float, ...], list[Reduced]] | None = None
 
     def reduced(self, scales: Scales) -> list[Reduced]:
         """Return each specimen without its own coordinates."""
-        found = []
-        for s, block in enumerate(self._linear.block):
-            grams = []
-            for kind in KINDS:
-                key = (s, kind, scales.own(kind))
-                if key not in self._grams:
-                    self._grams[key] = block.gram(kind, key[2])
-                grams.append(self._grams[key])
-            found.append(reduced(block, strengths(self._bench, s, scales), grams))
-        return found
+        key = (
+            scales.stiffness,
+            scales.loss,
+            *(scales.own(kind) for kind in KINDS),
+        )  # all that is a specimen's own
+        if self._seen is None or self._seen[0] != key:
+            self._seen = key, [self._without_own(s, scales) for s in range(len(self._linear.block))]
+        return self._seen[1]
+
+    def _without_own(self, s: int, scales: Scales) -> Reduced:
+        block, grams = self._linear.block[s], []
+        for kind in KINDS:
+            seen = (s, kind, scales.own(kind))
+            if seen not in self._grams:
+                self._grams[seen] = block.gram(kind, seen[2])
+            grams.append(self._grams[seen])
+        return reduced(block, strengths(self._bench, s, scales), grams)
 
     def joined(self, specimens: Sequence[Reduced | None], scales: Scales) -> Joined:
         """Return specimens together; those that are None are left out."""
@@ -168,7 +176,6 @@ def fit(
     *,
     most: int = 8,
     settled: bool = True,
-    about: Linear | None = None,
 ) -> Fitted:
     """Fit terms, and the own coordinates of all specimens, from a place.
 
@@ -186,8 +193,6 @@ def fit(
         Largest number of steps.
     settled : bool
         Whether the fit goes on with the scales that are estimated when it has come to its end.
-    about : Linear, optional
-        The specimens about `start`, where an earlier fit of the same terms has them.
 
     Raises
     ------
@@ -196,7 +201,7 @@ def fit(
     """
     coordinates = tuple(own for term in terms for own in coordinates_of(bench, term))
     stated = bench.own[0].evidence.scatter.stated
-    linear = only(linearized(bench, start, coordinates), coordinates) if about is None else about
+    linear = only(linearized(bench, start, coordinates), coordinates)
     at, linear = _settled(bench, coordinates, start, linear, scales, most)
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     scales, log_evidence = weighing.likeliest(scales, stated)

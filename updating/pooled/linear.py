@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from model import Parameter
+from model import Parameter, ReducedEquations
 from updating.diagnosis import discrepancy
 from updating.diagnosis.calibration import P_ADEQUATE
 from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.discrepancy import CORRELATION, KINDS, MEDIAN, Kind, log_density
-from updating.diagnosis.residual import Residual, residual, spread_of
+from updating.diagnosis.residual import Residual, residual, rough_about, spread_of
 from updating.pooled.algebra import Block, Strengths
 from updating.pooled.beside import Bench, with_spreads
 from updating.pooled.term import Coordinate
@@ -233,6 +233,32 @@ def weighed_at(bench: Bench, at: Place, coordinates: Sequence[Coordinate]) -> Be
         nuisance, values = state(bench, s, at, coordinates)
         spreads.append(spread_of(own.evidence, nuisance, parameters, _within(parameters, values)))
     return with_spreads(bench, spreads)
+
+
+def roughly(bench: Bench, at: Place | None = None, coordinates: Sequence[Coordinate] = ()) -> Bench:
+    """Return the specimens beside rough models for a quick look, which agree with the full ones at a place, if any.
+
+    Parameters
+    ----------
+    bench : Bench
+        The specimens.
+    at : Place, optional
+        Where what a rough model is off by is taken off; see `updating.diagnosis.residual.rough_about`.
+    coordinates : sequence of Coordinate
+        Of the terms there.
+    """
+    parameters = list({c.name: c.parameter for c in coordinates if c.parameter is not None}.values())
+    shared: dict[int, ReducedEquations] = {}
+    found = []
+    for s, own in enumerate(bench.own):
+        if at is None:
+            rough = own.evidence.rough
+        else:
+            nuisance, values = state(bench, s, at, coordinates)
+            rough = rough_about(own.evidence, nuisance, parameters, _within(parameters, values))
+        equations = shared.setdefault(id(own.evidence.equations), rough.equations)
+        found.append(replace(own, evidence=replace(rough, equations=equations)))
+    return replace(bench, own=tuple(found))
 
 
 def _within(parameters: Sequence[Parameter], values: dict[str, float]) -> Vector:

@@ -18,7 +18,7 @@ from updating.diagnosis.explanation import Z95
 from updating.errors import FitError
 from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
 from updating.pooled.fit import Fitted, fit, stds
-from updating.pooled.linear import Linear, Place, Scales, weighed_at
+from updating.pooled.linear import Place, Scales, roughly, weighed_at
 from updating.pooled.matter import matters
 from updating.pooled.screening import Screened, screen
 from updating.pooled.specimen import Level
@@ -50,13 +50,12 @@ _STEPS, _MORE, _GLOBAL = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
-    """Terms, where their fit starts, the largest number of its steps, and the specimens about there where known."""
+    """Terms, where their fit starts, and the largest number of its steps."""
 
     terms: tuple[Term, ...]
     at: Place
     scales: Scales
     most: int
-    about: Linear | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -390,9 +389,11 @@ def _followed(
 
     Near are those whose odds are, and that may still come to the least that is asked. Where the best comes to it and
     leaves more than a nearly right model does, those are too that come nearest to the smallest errors: see
-    `updating.pooled.verdict.not_told_apart`. Where what is known is far off, a rough model tells what is near.
+    `updating.pooled.verdict.not_told_apart`. What is near is told beside rough models.
     """
-    bench = found.bench.rough if found.fitted[0].frequency_error > FAR_OFF else found.bench
+    best = found.fitted[0]
+    is_near = best.frequency_error < FAR_OFF
+    bench = roughly(found.bench, best.at, best.coordinates) if is_near else roughly(found.bench)
     first = [own for own in _done(bench, starts, executor, settled=False) if own is not None]
     if not first:
         return []
@@ -401,13 +402,7 @@ def _followed(
     error = 0.0 if told_apart else _AS_NEAR * min(own.frequency_error for own in first)
     odds = max(found.odds(top), least) - _CLOSE
     near = [
-        Start(
-            terms=own.terms,
-            at=own.at,
-            scales=own.scales,
-            most=_MORE,
-            about=own.linear if bench is found.bench else None,
-        )
+        Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE)
         for own in _apart(first)
         if found.odds(own) > odds or own.frequency_error < error
     ]
@@ -432,9 +427,7 @@ def _done(
 
 def _fitted(bench: Bench, settled: bool, start: Start) -> Fitted | None:
     try:
-        return fit(
-            bench, start.terms, start.at, start.scales, most=start.most, settled=settled, about=start.about
-        )
+        return fit(bench, start.terms, start.at, start.scales, most=start.most, settled=settled)
     except (SolveError, np.linalg.LinAlgError):
         return None
 
