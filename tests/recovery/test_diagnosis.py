@@ -14,7 +14,7 @@ from updating.diagnosis.discrepancy import Block, Discrepancy
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import explain
 from updating.diagnosis.point_change import point_change
-from updating.diagnosis.residual import covariance_of, residual
+from updating.diagnosis.residual import covariance_of, residual, rough_about
 from updating.diagnosis.search import search
 from updating.diagnosis.verdict import decide
 from updating.virtual.measurement import ModalNoise, simulate_modes
@@ -99,6 +99,23 @@ def test_a_mass_that_no_effect_of_the_catalogue_is_gets_no_name_and_shows_where_
     points = dict(zip(tested[0][2].geometry.node, tested[0][2].geometry.coordinate, strict=True))
     shaker = points[tested[0][2].input.node[0]]
     assert np.linalg.norm(points[point.node] - shaker) < 0.03
+
+
+def test_a_rough_model_about_a_fit_tells_of_changes_as_the_full_one_does(candidates):
+    """About the fit it is the full one; what an effect changes of frequencies it has to a thousandth."""
+    evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 12, (), {}))[:2]).alone
+    (parameter,) = evidence.parameters(["contact_direction"])
+    about, there = evidence.start, np.array([-0.5])
+    rough = rough_about(evidence, about)
+    here = [residual(own, about) for own in (evidence, rough)]
+    assert np.abs(residual(evidence.rough, about).rotated - here[0].rotated).max() > 1e-6
+    assert here[1].rotated == pytest.approx(here[0].rotated, abs=1e-9)
+    assert here[1].frequency_error == pytest.approx(here[0].frequency_error, rel=1e-9)
+    changed = [
+        residual(own, about, [parameter], there).log_frequency - at.log_frequency
+        for own, at in zip((evidence, rough), here, strict=True)
+    ]
+    assert np.abs(changed[1] - changed[0]).max() < 1e-3 * np.abs(changed[0]).max()
 
 
 @pytest.mark.slow
