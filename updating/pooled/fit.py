@@ -28,6 +28,7 @@ _MOST_LOOKS, _STAYS = (
 _FARTHEST = 0.3  # of a range, or of ln G_f, that a step may go
 _HALVED = 3
 _SETTLED = 0.1  # fall of the misfit that ends a fit
+_INEXACT = 1.0  # of a logarithm of the evidence, to first order from where the misfit is not least
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -208,7 +209,8 @@ def fit(
     if settled:
         further = _settled(bench, coordinates, at, linear, scales, most // 2)
         reached = Weighing(bench, further[1], coordinates, further[0].coordinate).log_evidence(scales)
-        if reached > log_evidence:  # the largest evidence need not be where the misfit is least
+        # the largest evidence need not be where the misfit is least; but away from there it is less exact
+        if reached > log_evidence - _INEXACT:
             (at, linear), log_evidence = further, reached
     return Fitted(
         terms=tuple(terms),
