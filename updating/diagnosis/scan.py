@@ -28,7 +28,7 @@ N_NEAREST = 6
 """Effects that are followed from where the look finds them."""
 MESSAGES = 8
 """In which work is sent to other processes: each holds the equations, some 40 MB."""
-_SHARES = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the way from neutral to an end of the range
+_SHARES = (0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)  # of the way from neutral to an end of the range
 _PLACES, _PLACES_OF_EACH = 11, 7  # of a parameter over which modes change much, of each of several
 _STIFFNESS = 3
 _STEP = 0.7  # of log G_f, over which frequencies follow it by their slope

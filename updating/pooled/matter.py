@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.diagnosis.answer import Strained
-from updating.diagnosis.calibration import NEGLIGIBLE, STRAINED
+from updating.diagnosis.calibration import HALVES, NEGLIGIBLE, STRAINED
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted
@@ -41,9 +41,10 @@ def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
         "damping": _fell(before, after, "log_damping", members),
         "shape": _root(before.scales.whole("shape") ** 2 - after.scales.whole("shape") ** 2),
     }
-    if any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS) or relieves(
-        bench, before, after, members
-    ):
+    errors = [np.mean([own.linear.found[s].frequency_error for s in members]) for own in (before, after)]
+    if errors[1] < HALVES * errors[0] or any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS):
+        return True
+    if relieves(bench, before, after, members):
         return True
     left = [torques_left_out(bench, own) for own in (before, after)]
     return bool(left[0].size and np.mean(left[0]) - np.mean(left[1]) > NEGLIGIBLE * MEDIAN["frequency"])

@@ -50,12 +50,16 @@ _STEPS, _MORE, _GLOBAL = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
-    """Terms, where their fit starts, and the largest number of its steps."""
+    """Terms, where their fit starts, the largest number of its steps, and whether data are weighed by the modes there.
+
+    They are where modes are others than those of the base models: weighed by these, a fit runs off.
+    """
 
     terms: tuple[Term, ...]
     at: Place
     scales: Scales
     most: int
+    weighed: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,6 +126,11 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         least = found.odds(best) + STEP if n > 0 else -np.inf
         followed = _followed(found, starts, executor, least)
         followed += _followed(found, _in_common(found, followed), executor, least)
+        top = max(followed, key=found.odds, default=None)
+        if n == 0 and top is not None and (found.odds(top) >= STEP or not base.scales.adequate):
+            found = _weighed(_with(found, followed), top, executor)
+            best, followed = found.base, [own for own in found.fitted if own.terms]
+            found = replace(found, fitted=(best,))
         fitted = [
             own for own in followed if not is_form(found.base, best, own) and matters(found.bench, best, own)
         ]
@@ -132,9 +141,6 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         if found.odds(top) < found.odds(best) + STEP and (n > 0 or base.scales.adequate):
             break  # of a model that is far off, two may show that none alone does
         best = top
-        if n == 0:
-            found = _weighed(found, best, executor)
-            best = next((own for own in found.fitted if own.terms == top.terms), found.fitted[0])
         beside = screen(found.bench, best, levels, executor)
     _LOG.info("a look back at each term")
     back = _followed(found, _looked_back(found, found.fitted[0]), executor)
@@ -311,7 +317,8 @@ def _global_search(bench: Bench, best: Fitted, levels: Sequence[Level]) -> list[
             coordinate=np.concatenate([best.at.coordinate, place.coordinate]),
         )
         terms = (*best.terms, Term(effect=place.effect, level=rig))
-        starts.append(Start(terms=terms, at=at, scales=usual_at_most(best.scales), most=_GLOBAL))
+        scales = usual_at_most(best.scales)
+        starts.append(Start(terms=terms, at=at, scales=scales, most=_GLOBAL, weighed=not best.terms))
     return starts
 
 
@@ -398,11 +405,12 @@ def _followed(
     if not first:
         return []
     top = max(first, key=found.odds)
+    weighed = {start.terms: start.weighed for start in starts}
     told_apart = top.scales.adequate or found.odds(top) < least
     error = 0.0 if told_apart else _AS_NEAR * min(own.frequency_error for own in first)
     odds = max(found.odds(top), least) - _CLOSE
     near = [
-        Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE)
+        Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE, weighed=weighed[own.terms])
         for own in _apart(first)
         if found.odds(own) > odds or own.frequency_error < error
     ]
@@ -426,10 +434,15 @@ def _done(
 
 
 def _fitted(bench: Bench, settled: bool, start: Start) -> Fitted | None:
+    """Fit an explanation from a start; its evidence is one over the noise of the bench, however it is weighed."""
+    coordinates = [own for term in start.terms for own in coordinates_of(bench, term)]
     try:
-        return fit(bench, start.terms, start.at, start.scales, most=start.most, settled=settled)
+        here = weighed_at(bench, start.at, coordinates) if start.weighed else bench
+        own = fit(here, start.terms, start.at, start.scales, most=start.most, settled=settled)
     except (SolveError, np.linalg.LinAlgError):
         return None
+    noise = [sum(x.evidence.covariance.log_noise for x in every.own) for every in (here, bench)]
+    return replace(own, log_evidence=own.log_evidence - 0.5 * (noise[0] - noise[1]))
 
 
 def _with(found: Found, further: Iterable[Fitted]) -> Found:
