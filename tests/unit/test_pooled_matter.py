@@ -41,6 +41,7 @@ def torques(monkeypatch):
     [
         ({"frequency": 8e-4}, False),  # hundredths of a per cent
         ({"frequency": 8e-4, "torque": 0.006}, True),  # a torque is predicted from the other
+        ({"frequency": 4e-4}, True),  # what halves the error does, however small that is
         ({"damping": 0.001}, False),
     ],
 )

@@ -41,8 +41,8 @@ def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
         "damping": _fell(before, after, "log_damping", members),
         "shape": _root(before.scales.whole("shape") ** 2 - after.scales.whole("shape") ** 2),
     }
-    errors = [np.mean([own.linear.found[s].frequency_error for s in members]) for own in (before, after)]
-    if errors[1] < HALVES * errors[0] or any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS):
+    was, now = (_mean_square(own, "log_frequency", members) for own in (before, after))
+    if now < HALVES**2 * was or any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS):
         return True
     if relieves(bench, before, after, members):
         return True
@@ -89,11 +89,11 @@ def _squared(every: Sequence[Strained]) -> Vector:
 
 def _fell(before: Fitted, after: Fitted, name: str, members: Sequence[int]) -> float:
     """Return the root of the fall of the mean square of logarithms over some specimens."""
-    square = [
-        np.mean(np.square(np.concatenate([getattr(own.linear.found[s], name) for s in members])))
-        for own in (before, after)
-    ]
-    return _root(float(square[0] - square[1]))
+    return _root(_mean_square(before, name, members) - _mean_square(after, name, members))
+
+
+def _mean_square(own: Fitted, name: str, members: Sequence[int]) -> float:
+    return float(np.mean(np.square(np.concatenate([getattr(own.linear.found[s], name) for s in members]))))
 
 
 def _root(square: float) -> float:
