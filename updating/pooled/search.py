@@ -36,6 +36,7 @@ N_PLACES = 5
 """Places, of a global search over the effects, from which fits start where the base models are far off."""
 _BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 8.0  # within which a fit is followed to its end
+_ROUGH = 0.5  # the same as a share of what the best has risen, which a rough model has with such an error
 _NEUTRAL = (
     0.5 * (Z95 * WIDER) ** 2
 )  # odds that one coordinate of a term may bring that is not told from neutral
@@ -408,7 +409,7 @@ def _followed(
     weighed = {start.terms: start.weighed for start in starts}
     told_apart = top.scales.adequate or found.odds(top) < least
     error = 0.0 if told_apart else _AS_NEAR * min(own.frequency_error for own in first)
-    odds = max(found.odds(top), least) - _CLOSE
+    odds = max(found.odds(top), least) - max(_CLOSE, _ROUGH * (found.odds(top) - found.odds(best)))
     near = [
         Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE, weighed=weighed[own.terms])
         for own in _apart(first)
