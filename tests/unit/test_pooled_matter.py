@@ -41,7 +41,7 @@ def torques(monkeypatch):
     [
         ({"frequency": 8e-4}, False),  # hundredths of a per cent
         ({"frequency": 8e-4, "torque": 0.006}, True),  # a torque is predicted from the other
-        ({"frequency": 4e-4}, True),  # what halves the error does, however small that is
+        ({"frequency": 4e-4}, True),  # what halves the error does
         ({"damping": 0.001}, False),
     ],
 )
@@ -71,3 +71,7 @@ def test_what_a_laboratory_states_is_no_estimate_that_could_fall():
 )
 def test_what_relieves_all_that_have_it_matters(density, members, counts):
     assert matters(bench(), fitted(density=density), fitted(*members)) == counts
+
+
+def test_half_of_a_tiny_error_is_of_no_matter():
+    assert not matters(bench(), fitted(frequency=2e-4), fitted(1, frequency=5e-5))

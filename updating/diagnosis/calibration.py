@@ -19,6 +19,8 @@ NEGLIGIBLE = 0.25
 """Share of what right models leave, in the median, of frequencies, damping ratios or shapes: an effect that takes less
 off what a model leaves is of no matter, however sure it seems. Where a model misses hundredths of a per cent, it does
 so alike in kindred modes, as some effect would."""
+NEGLIGIBLE_HALF = 0.1
+"""The same for what halves the error of frequencies of many specimens, or of those of them that have it."""
 MOST_JUDGED = 24
 """Explanations that are judged by what they predict, the most probable first."""
 SEPARATE = 3.0

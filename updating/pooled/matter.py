@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.diagnosis.answer import Strained
-from updating.diagnosis.calibration import HALVES, NEGLIGIBLE, STRAINED
+from updating.diagnosis.calibration import HALVES, NEGLIGIBLE, NEGLIGIBLE_HALF, STRAINED
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted
@@ -42,7 +42,9 @@ def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
         "shape": _root(before.scales.whole("shape") ** 2 - after.scales.whole("shape") ** 2),
     }
     was, now = (_mean_square(own, "log_frequency", members) for own in (before, after))
-    if now < HALVES**2 * was or any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS):
+    if now < HALVES**2 * was and fell["frequency"] > NEGLIGIBLE_HALF * MEDIAN["frequency"]:
+        return True
+    if any(fell[kind] > NEGLIGIBLE * MEDIAN[kind] for kind in KINDS):
         return True
     if relieves(bench, before, after, members):
         return True
