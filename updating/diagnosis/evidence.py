@@ -271,8 +271,7 @@ class Evidence:
     identity : tuple of (n_mode,) int
         For each configuration, the mode of the stack that each measured mode is, the same in all configurations.
     sensor_scatter : tuple of (n_mode,) float
-        For each configuration, what the calibration of the sensors and an identification that is worse than it states
-        add to each measured shape, over its length.
+        What the sensors' calibration and an identification worse than it states add to each shape, over its length.
     place_slope : tuple of (n_dof, 2, n_basis) float
         For each configuration, how observed displacements change as their points move along x and y, 1/m.
     point_place : float
@@ -430,13 +429,12 @@ class Evidence:
 
     def theta(self, nuisance: Vector, configuration: int) -> dict[str, float]:
         """Return the values of `shared` in a configuration, in their order, at nuisance coordinates."""
-        ratio = np.exp(nuisance[: len(SHARED)])
-        places = nuisance[len(SHARED) : len(self.shared)].tolist()
+        ratio, places = np.split(nuisance[: len(self.shared)], [len(SHARED)])
         n, state = len(self.states), self.state_of(configuration)
         own = np.exp(nuisance[self.n_common :].reshape(2, n)[:, state]) if n > 1 else np.ones(2)
         contact = self.stack.contact
         at = (contact.G_f * own[0], (contact.d_f or D_F_START) * own[1], 1.0, 1.0, 1.0)
-        return dict(zip(self.shared, [*(ratio * at).tolist(), *places], strict=True))
+        return dict(zip(self.shared, [*(np.exp(ratio) * at).tolist(), *places.tolist()], strict=True))
 
 
 def solved(
