@@ -5,6 +5,7 @@ import os
 import pickle
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 
@@ -71,11 +72,21 @@ def test_another_version_makes_its_own(made, monkeypatch):
 
 
 def test_effects_of_the_users_own_are_reduced_anew_for_their_code_may_change(made, tmp_path):
-    own = {**EFFECTS, "clamp_mass": dataclasses.replace(EFFECTS["clamp_mass"])}
+    def terms(assembly):
+        return EFFECTS["clamp_mass"].terms(assembly)
+
+    own = {**EFFECTS, "clamp_mass": dataclasses.replace(EFFECTS["clamp_mass"], terms=terms)}
     for _ in range(2):
         cached_model(STACK, INSTRUMENTS, own)
     assert len(made) == 2
     assert not (tmp_path / "cache").exists()
+
+
+def test_effects_that_ship_are_known_in_another_process_too(made):
+    """It has copies of them; models that were made there were never kept."""
+    for _ in range(2):
+        cached_model(STACK, INSTRUMENTS, cloudpickle.loads(cloudpickle.dumps(EFFECTS)))
+    assert len(made) == 1
 
 
 def same(one, other):
