@@ -152,7 +152,7 @@ def test_a_discrepancy_is_common_to_specimens_and_torques():
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-18)
 
 
-def own_variance(mixing):
+def own_variance(mixing, apart=()):
     """The variance that a lone shape of two components has of its own, by directions, in a discrepancy of unit size."""
     rows = Rows.of([SimpleNamespace(modes=SimpleNamespace(shape=np.zeros((2, 1))))], [np.arange(1)], [np.arange(1)],
                    touching=True)  # fmt: skip
@@ -165,7 +165,7 @@ def own_variance(mixing):
         used=[np.arange(1)],
     )
     spread = Spread(frequency=np.full(1, 1e-4), damping=np.full(1, 1e-2), shape=(own,))
-    block = separated(evidence, spread, latents_of([evidence], [spread])).own.blocks[0]
+    block = separated(evidence, spread, latents_of([evidence], [spread]), apart).own.blocks[0]
     turned = np.linalg.inv(block.rotation)
     return turned @ np.diag(block.growth) @ turned.T, turned @ turned.T
 
@@ -180,6 +180,14 @@ def test_the_shape_of_a_mode_that_meets_another_takes_no_part():
     root = np.eye(2)
     _, noise = own_variance(Mixing(root=root, steady=root, meets=True))
     assert np.diag(noise).min() > 1e9
+
+
+def test_a_shape_takes_no_part_that_is_told_apart_for_another_place():
+    """Else an evidence weighed where modes are close would be of other data than one weighed where they are not."""
+    root = np.eye(2)
+    _, near = own_variance(Mixing(root=root, steady=root, meets=True))
+    _, told = own_variance(Mixing(root=root, steady=root, meets=False), apart={0})
+    assert told == pytest.approx(near)
 
 
 class Hill(Weighing):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from updating.pooled import search
+from updating.pooled.fit import Fitted
 from updating.pooled.linear import Place, Scales
 from updating.pooled.search import is_form
 from updating.pooled.specimen import Level
@@ -83,3 +84,42 @@ def test_of_two_terms_that_do_the_same_one_stays(monkeypatch):
 
 def test_a_term_that_brings_much_stays_though_it_may_be_neutral(monkeypatch):
     assert searched(monkeypatch, (0.9, 0.8), odds=3.0) == (FIRST, FURTHER)
+
+
+def placed(monkeypatch, rough, settled):
+    """Where an explanation of two terms at 0.2 is in the end, by evidences of fits there and at another place, 0.7."""
+    terms = FIRST, FURTHER
+
+    def own(start, evidence):
+        return Fitted(
+            terms=terms, coordinates=(), at=start.at, scales=Scales(), linear=None, log_evidence=evidence
+        )
+
+    def done(bench, starts, executor, settled):
+        return [own(start, evidence) for start, evidence in zip(starts, values[settled], strict=True)]
+
+    def at(z):
+        return Place(nuisance=(), coordinate=np.array([z, 0.0]))
+
+    values = {False: rough, True: settled}
+    there = search.Start(terms=terms, at=at(0.7), scales=Scales(), most=9, weighed=True)
+    monkeypatch.setattr(search, "elsewhere", lambda bench, best: [there])
+    monkeypatch.setattr(search, "_with_shapes_in_common", lambda bench, starts, executor: bench)
+    monkeypatch.setattr(search, "roughly", lambda bench, at, coordinates: bench)
+    monkeypatch.setattr(search, "log_prior", lambda n, term, levels: 0.0)
+    monkeypatch.setattr(search, "_done", done)
+    monkeypatch.setattr(search, "_weighed", lambda found, best, executor: found)
+    best, base = own(SimpleNamespace(at=at(0.2)), 50.0), SimpleNamespace(terms=(), log_evidence=0.0)
+    found = search.Found(bench=None, levels=(RIG,), base=base, fitted=(best, base), screened=(), n_effect=2)
+    top = search._at_better_place(found, None).fitted[0]
+    return top.at.coordinate[0], top.log_evidence
+
+
+def test_an_explanation_moves_to_a_better_place_of_its_effects(monkeypatch):
+    """By as much as it is better there by the same weights, which are not those of what was found before."""
+    assert placed(monkeypatch, rough=(-700.0, -690.0), settled=(-698.0, -691.0)) == (0.7, 57.0)
+
+
+@pytest.mark.parametrize(("rough", "settled"), [((-690.0, -700.0), ()), ((-700.0, -690.0), (-691.0, -692.0))])
+def test_an_explanation_stays_where_no_other_place_is_better(monkeypatch, rough, settled):
+    assert placed(monkeypatch, rough, settled) == (0.2, 50.0)

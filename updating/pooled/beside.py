@@ -80,6 +80,8 @@ class Bench:
         Why others cannot be.
     places : tuple of Place
         Where single effects come near in a global search, where the base models are far off.
+    apart : tuple of frozenset of int, optional
+        Shapes of each specimen that take no part, beside those whose modes are close where the data are weighed.
     """
 
     own: tuple[Beside, ...]
@@ -87,6 +89,7 @@ class Bench:
     effects: Mapping[str, Effect]
     impossible: Mapping[str, str]
     places: tuple[Place, ...]
+    apart: tuple[frozenset[int], ...] = ()
 
     @cached_property
     def nuisance_std(self) -> Mapping[str, float]:
@@ -200,8 +203,9 @@ def with_spreads(bench: Bench, spreads: Sequence[Spread]) -> Bench:
     evidences = [own.evidence for own in bench.own]
     latents = latents_of(evidences, spreads)
     found = []
-    for own, spread in zip(bench.own, spreads, strict=True):
-        divided = separated(own.evidence, spread, latents)
+    apart = bench.apart or (frozenset[int](),) * len(spreads)
+    for own, spread, without in zip(bench.own, spreads, apart, strict=True):
+        divided = separated(own.evidence, spread, latents, without)
         found.append(
             replace(own, evidence=replace(own.evidence, covariance=divided.own), shared=divided.shared)
         )

@@ -8,7 +8,7 @@ gets wrong once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -101,7 +101,9 @@ def _leading(root: Vector) -> Vector:
     return np.asarray(direction[:, ::-1][:, :n])
 
 
-def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> Separated:
+def separated(
+    evidence: Evidence, spread: Spread, latents: Sequence[Latent], apart: Collection[int] = ()
+) -> Separated:
     """Divide what separates model and measurement of a specimen into its own part and the common one.
 
     Parameters
@@ -112,6 +114,8 @@ def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> 
         How its data scatter.
     latents : sequence of Latent
         The common discrepancies.
+    apart : collection of int
+        Shapes that take no part, whether their modes are close to others or not.
     """
     mesh = np.concatenate(
         [
@@ -119,7 +123,7 @@ def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> 
             for shift, used in zip(evidence.shift, evidence.used, strict=True)
         ]
     )
-    own = _own(evidence, spread, mesh)
+    own = _own(evidence, spread, mesh, apart)
     rows = evidence.rows
     columns = []
     for latent in latents:
@@ -138,20 +142,23 @@ def separated(evidence: Evidence, spread: Spread, latents: Sequence[Latent]) -> 
     return Separated(own=own, shared=own.rotated(np.hstack(columns)))
 
 
-def _apart(own: MeasuredShape, i: int) -> MeasuredShape:
+def _apart(own: MeasuredShape, i: int, *, none: bool) -> MeasuredShape:
     """Return a shape with the part of what it is wrong by that it has alone, as that of a mode of its own.
 
     One of close modes takes no part: how these mix is otherwise in each specimen, and as two pass each other in one
-    they turn into each other at once, which would keep what all specimens share from moving.
+    they turn into each other at once, which would keep what all specimens share from moving. Nor does one of which none
+    is asked.
     """
-    std = np.full_like(own.std, _NO_PART) if own.mixing.meets else own.std
+    std = np.full_like(own.std, _NO_PART) if own.mixing.meets or none else own.std
     return replace(own, mode=i, std=std, mixing=own.mixing.over(1.0 / np.sqrt(1.0 - CORRELATION)))
 
 
-def _own(evidence: Evidence, spread: Spread, mesh: Vector) -> Discrepancy:
+def _own(evidence: Evidence, spread: Spread, mesh: Vector, apart: Collection[int]) -> Discrepancy:
     """Return noise and the part of the discrepancy that differs from configuration to configuration."""
     rows = evidence.rows
-    blocks: list[Block] = [shape_block([_apart(own, i) for i, own in enumerate(spread.shape)])]
+    blocks: list[Block] = [
+        shape_block([_apart(own, i, none=i in apart) for i, own in enumerate(spread.shape)])
+    ]
     noise = np.sqrt(np.maximum(spread.frequency**2 - mesh**2, _LEAST * spread.frequency**2))
     for kind, std in (("frequency", noise), ("damping", spread.damping)):
         of = np.flatnonzero(rows.kind == kind)

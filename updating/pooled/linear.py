@@ -14,7 +14,7 @@ from updating.diagnosis import discrepancy
 from updating.diagnosis.calibration import P_ADEQUATE
 from updating.diagnosis.coordinates import bounds_of
 from updating.diagnosis.discrepancy import CORRELATION, KINDS, MEDIAN, Kind, log_density
-from updating.diagnosis.residual import Residual, residual, rough_about, spread_of
+from updating.diagnosis.residual import Residual, Spread, residual, rough_about, spread_of
 from updating.pooled.algebra import Block, Strengths
 from updating.pooled.beside import Bench, with_spreads
 from updating.pooled.term import Coordinate
@@ -227,12 +227,26 @@ def state(
 
 def weighed_at(bench: Bench, at: Place, coordinates: Sequence[Coordinate]) -> Bench:
     """Return the specimens weighed with what separates model and measurement by the modes at a place."""
+    return with_spreads(bench, _spreads(bench, at, coordinates))
+
+
+def shapes_that_meet(
+    bench: Bench, at: Place, coordinates: Sequence[Coordinate]
+) -> tuple[frozenset[int], ...]:
+    """Return which shapes of each specimen are those of modes that are close to others of the model at a place."""
+    return tuple(
+        frozenset(i for i, shape in enumerate(own.shape) if shape.mixing.meets)
+        for own in _spreads(bench, at, coordinates)
+    )
+
+
+def _spreads(bench: Bench, at: Place, coordinates: Sequence[Coordinate]) -> list[Spread]:
     parameters = list({c.name: c.parameter for c in coordinates if c.parameter is not None}.values())
     spreads = []
     for s, own in enumerate(bench.own):
         nuisance, values = state(bench, s, at, coordinates)
         spreads.append(spread_of(own.evidence, nuisance, parameters, _within(parameters, values)))
-    return with_spreads(bench, spreads)
+    return spreads
 
 
 def roughly(bench: Bench, at: Place | None = None, coordinates: Sequence[Coordinate] = ()) -> Bench:

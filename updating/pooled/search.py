@@ -13,15 +13,27 @@ from numpy.typing import NDArray
 
 from model import SolveError
 from updating.diagnosis.calibration import MODEL_FORM, STEP, WIDER
-from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.diagnosis.explanation import Z95
 from updating.errors import FitError
 from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
 from updating.pooled.fit import Fitted, fit, stds
-from updating.pooled.linear import Place, Scales, roughly, weighed_at
+from updating.pooled.linear import Place, Scales, roughly, shapes_that_meet, weighed_at
 from updating.pooled.matter import matters
 from updating.pooled.screening import Screened, screen
 from updating.pooled.specimen import Level
+from updating.pooled.starts import (
+    BEHIND,
+    FIRST,
+    MORE,
+    SAME,
+    Start,
+    beside,
+    elsewhere,
+    global_search,
+    in_common,
+    looked_back,
+    promising,
+)
 from updating.pooled.term import Term, candidates, coordinates_of, log_prior
 from updating.workers.workers import distribute
 
@@ -30,37 +42,12 @@ Vector = NDArray[np.float64]
 
 MOST_TERMS = 4
 """Terms that an explanation may have."""
-N_EFFECT, N_LEVEL = 6, 3
-"""Effects that are fitted beside what is found, and levels of the most promising of them."""
-N_PLACES = 5
-"""Places, of a global search over the effects, from which fits start where the base models are far off."""
-_BEHIND = 12.0  # logarithm of odds by which a linear step is behind the best and not worth a fit
 _CLOSE = 8.0  # within which a fit is followed to its end
 _ROUGH = 0.5  # the same as a share of what the best has risen, which a rough model has with such an error
 _NEUTRAL = (
     0.5 * (Z95 * WIDER) ** 2
 )  # odds that one coordinate of a term may bring that is not told from neutral
 _AS_NEAR = 1.2  # ratio to the least error by which one is where no model is nearly right, whatever its odds
-_SAME = 0.05  # of a range, within which fits of the same terms have ended at the same place
-_STEPS, _MORE, _GLOBAL = (
-    6,
-    8,
-    12,
-)  # steps of a first fit, of one that is followed, and of one of a global search
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Start:
-    """Terms, where their fit starts, the largest number of its steps, and whether data are weighed by the modes there.
-
-    They are where modes are others than those of the base models: weighed by these, a fit runs off.
-    """
-
-    terms: tuple[Term, ...]
-    at: Place
-    scales: Scales
-    most: int
-    weighed: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,21 +99,24 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         Where fits that do not need each other run; in this process by default.
     """
     start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
-    base = fit(bench, (), start, Scales(), most=_MORE)
+    base = fit(bench, (), start, Scales(), most=MORE)
     first = screen(bench, base, levels, executor)
     n_effect = len({term.effect for term in candidates(bench, levels)})
     found = Found(
         bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=first, n_effect=n_effect
     )
-    best, beside = base, first
+    best, screened = base, first
     for n in range(MOST_TERMS):
         _LOG.info("term %d of an explanation", n + 1)
-        starts = _starts(best, beside)
+        starts = promising(best, screened)
         if not best.terms or best.frequency_error > FAR_OFF:
-            starts += _global_search(bench, best, levels)
+            starts += global_search(bench, best, levels)
         least = found.odds(best) + STEP if n > 0 else -np.inf
+        if not best.terms:
+            found = _on_shapes_in_common(found, starts, executor)
+            base = best = found.base
         followed = _followed(found, starts, executor, least)
-        followed += _followed(found, _in_common(found, followed), executor, least)
+        followed += _followed(found, in_common(found.bench, levels, followed), executor, least)
         top = max(followed, key=found.odds, default=None)
         if n == 0 and top is not None and (found.odds(top) >= STEP or not base.scales.adequate):
             found = _weighed(_with(found, followed), top, executor)
@@ -142,9 +132,11 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         if found.odds(top) < found.odds(best) + STEP and (n > 0 or base.scales.adequate):
             break  # of a model that is far off, two may show that none alone does
         best = top
-        beside = screen(found.bench, best, levels, executor)
+        screened = screen(found.bench, best, levels, executor)
     _LOG.info("a look back at each term")
-    back = _followed(found, _looked_back(found, found.fitted[0]), executor)
+    found = _at_better_place(found, executor)
+    known = {frozenset(own.terms) for own in found.fitted}
+    back = _followed(found, looked_back(found.bench, found.fitted[0], first, known), executor)
     found = _with(found, [own for own in back if _is_beyond_form(found, own)])
     return _without_neutral(found, executor)
 
@@ -161,15 +153,17 @@ def asked(
     """
     rig = next(own for own in levels if own.kind == "rig")
     start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
-    base = best = fit(bench, (), start, Scales(), most=_MORE)
+    base = best = fit(bench, (), start, Scales(), most=MORE)
     found = Found(
         bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=(), n_effect=len(effects)
     )
     for name in effects:
         _LOG.info("fit %s", name)
-        (promising,) = (own for own in screen(found.bench, best, [rig], executor) if own.term.effect == name)
-        starts = [_beside(best, promising)]
-        starts += [own for own in _global_search(bench, best, levels) if own.terms[-1].effect == name]
+        (own,) = (x for x in screen(found.bench, best, [rig], executor) if x.term.effect == name)
+        starts = [beside(best, own)]
+        starts += [x for x in global_search(found.bench, best, levels) if x.terms[-1].effect == name]
+        if not best.terms:
+            found = _on_shapes_in_common(found, starts, executor)
         fitted = _followed(found, starts, executor)
         if not fitted:
             message = f"the stacks have no modes with {', '.join(own.effect for own in starts[0].terms)}"
@@ -179,7 +173,70 @@ def asked(
             found = _weighed(_with(found, [best]), best, executor)
             best = next((own for own in found.fitted if own.terms == best.terms), best)
     rest = () if best is found.base else (found.base,)
-    return replace(found, fitted=(best, *rest))
+    return _at_better_place(replace(found, fitted=(best, *rest)), executor)
+
+
+def _on_shapes_in_common(found: Found, starts: Sequence[Start], executor: Executor | None) -> Found:
+    """Return the base model fitted to the shapes that take part wherever fits start that are weighed by modes there.
+
+    Modes that are close at one place are not at another, so weighed there alone, evidences would be of other data.
+    """
+    there = [own for own in starts if own.weighed]
+    if not there:
+        return found
+    base = found.base
+    bench = _with_shapes_in_common(found.bench, [*there, _from_here(base)], executor)
+    bench = weighed_at(bench, base.at, ())
+    base = fit(bench, (), base.at, base.scales, most=MORE)
+    return replace(found, bench=bench, base=base, fitted=(base,))
+
+
+def _at_better_place(found: Found, executor: Executor | None) -> Found:
+    """Move the best explanation to where another place of a global search over one of its effects leads, if better.
+
+    Of two places the better one may be the one that is worse as long as a further effect is missing.
+    """
+    best = found.fitted[0]
+    starts = elsewhere(found.bench, best) if len(best.terms) > 1 else []
+    if not starts:
+        return found
+    bench = _with_shapes_in_common(found.bench, [_from_here(best), *starts], executor)
+    rough = roughly(bench, best.at, best.coordinates)
+    here, *others = _done(rough, [_from_here(best), *starts], executor, settled=False)
+    better = [own for own in others if here and own and own.log_evidence > here.log_evidence]
+    if not better:
+        return found
+    top = max(better, key=lambda own: own.log_evidence)
+    followed = [
+        _from_here(best),
+        Start(terms=top.terms, at=top.at, scales=top.scales, most=MORE, weighed=True),
+    ]
+    here, there = _done(bench, followed, executor, settled=True)
+    if not here or not there or there.log_evidence <= here.log_evidence:
+        return found
+    _LOG.info("another place of %s is better", ", ".join(term.effect for term in top.terms))
+    moved = replace(there, log_evidence=best.log_evidence + there.log_evidence - here.log_evidence)
+    return _weighed(_with(found, [moved]), moved, executor)
+
+
+def _from_here(own: Fitted) -> Start:
+    return Start(terms=own.terms, at=own.at, scales=own.scales, most=FIRST, weighed=True)
+
+
+def _with_shapes_in_common(bench: Bench, starts: Sequence[Start], executor: Executor | None) -> Bench:
+    """Return the specimens of which shapes take no part whose modes are close where any of some fits starts."""
+    every = [
+        own for own in distribute(partial(_close_at, bench), starts, executor, MESSAGES) if own is not None
+    ]
+    return replace(bench, apart=tuple(frozenset().union(*own) for own in zip(*every, strict=True)))
+
+
+def _close_at(bench: Bench, start: Start) -> tuple[frozenset[int], ...] | None:
+    coordinates = [own for term in start.terms for own in coordinates_of(bench, term)]
+    try:
+        return shapes_that_meet(bench, start.at, coordinates)
+    except (SolveError, np.linalg.LinAlgError):
+        return None  # nor does the fit start
 
 
 def _without_neutral(found: Found, executor: Executor | None) -> Found:
@@ -214,18 +271,8 @@ def _without_most_neutral(found: Found, best: Fitted) -> Start | None:
         terms=tuple(term for term in best.terms if term is not neutral),
         at=replace(best.at, coordinate=np.delete(best.at.coordinate, own)),
         scales=best.scales,
-        most=_MORE,
+        most=MORE,
     )
-
-
-def usual_at_most(scales: Scales) -> Scales:
-    """Return scales with sizes of the discrepancy that are usual at most, by which a fit begins.
-
-    With those that a model leaves that is far off, all that is near seems right, and what all specimens have in common
-    is taken for discrepancy. What each has of its own stays: without, single stacks bend the valley of all.
-    """
-    sizes = {kind: min(getattr(scales, kind), MEDIAN[kind]) for kind in KINDS}
-    return replace(scales, **sizes)
 
 
 def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
@@ -260,134 +307,16 @@ def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
 
     What is neither nearly as probable, nor near the least errors where even the best is not adequate, is passed over.
     """
-    bench = weighed_at(found.bench, best.at, best.coordinates)
+    bench = weighed_at(replace(found.bench, apart=()), best.at, best.coordinates)
     error = 0.0 if best.scales.adequate else _AS_NEAR * min(own.frequency_error for own in found.fitted)
     starts = [
-        Start(terms=own.terms, at=own.at, scales=own.scales, most=_STEPS)
+        Start(terms=own.terms, at=own.at, scales=own.scales, most=FIRST)
         for own in found.fitted
-        if not own.terms or found.odds(own) > found.odds(best) - _BEHIND or own.frequency_error < error
+        if not own.terms or found.odds(own) > found.odds(best) - BEHIND or own.frequency_error < error
     ]
     fitted = [own for own in _done(bench, starts, executor, settled=True) if own is not None]
     base = next(own for own in fitted if not own.terms)
     return _with(replace(found, bench=bench, base=base, fitted=()), fitted)
-
-
-def _starts(best: Fitted, beside: Sequence[Screened]) -> list[Start]:
-    """Return what is worth a fit: the effects that promise most at their best levels, the first ones at others too."""
-    chosen: list[Screened] = []
-    of: dict[str, int] = {}
-    least = beside[0].log_gain - _BEHIND if beside else 0.0
-    for own in beside:
-        n = of.get(own.term.effect, 0)
-        is_first = not of or own.term.effect == next(iter(of))
-        if (n == 0 and len(of) >= N_EFFECT) or n >= (N_LEVEL if is_first else 1):
-            continue
-        if own.log_gain < least and len(chosen) >= N_LEVEL:
-            continue
-        of[own.term.effect] = n + 1
-        chosen.append(own)
-    return [_beside(best, own) for own in chosen]
-
-
-def _beside(best: Fitted, own: Screened) -> Start:
-    """Return the fit of a term beside what is found, from where its changes were taken."""
-    return Start(
-        terms=(*best.terms, own.term),
-        at=replace(best.at, coordinate=np.concatenate([best.at.coordinate, own.start])),
-        scales=usual_at_most(best.scales),
-        most=_STEPS,
-    )
-
-
-def _global_search(bench: Bench, best: Fitted, levels: Sequence[Level]) -> list[Start]:
-    """Return fits of effects of the rig, beside what is found, from where a global search over one specimen finds them.
-
-    The contact of all specimens is moved as that one's is, which has the most modes. What the model misses alike is
-    weighed with usual sizes: with those that a model leaves that is far off, all that is near seems right.
-    """
-    rig = next(own for own in levels if own.kind == "rig")
-    looked_at = max(bench.own, key=lambda own: max(used.size for used in own.evidence.used))
-    before = best.at.nuisance[bench.own.index(looked_at)][0]
-    there = {term.effect for term in best.terms}
-    near = [place for place in bench.places if place.effect in bench.effects and place.effect not in there]
-    starts = []
-    for place in near[:N_PLACES]:
-        away = np.log(place.G_f / looked_at.evidence.stack.contact.G_f) - before
-        at = Place(
-            nuisance=tuple(np.append(x[0] + away, x[1:]) for x in best.at.nuisance),
-            coordinate=np.concatenate([best.at.coordinate, place.coordinate]),
-        )
-        terms = (*best.terms, Term(effect=place.effect, level=rig))
-        scales = usual_at_most(best.scales)
-        starts.append(Start(terms=terms, at=at, scales=scales, most=_GLOBAL, weighed=not best.terms))
-    return starts
-
-
-def _in_common(found: Found, fitted: Sequence[Fitted]) -> list[Start]:
-    """Return fits of an effect of the rig from what specimens have that have each its own.
-
-    Beside models that are far off, a fit from a small effect that all share may end elsewhere.
-    """
-    rig = next(own for own in found.levels if own.kind == "rig")
-    starts = []
-    for own in fitted:
-        term = own.terms[-1]
-        if term.level.kind != "each":
-            continue
-        before = len(own.coordinates) - len(coordinates_of(found.bench, term))
-        each = own.at.coordinate[before:].reshape(len(term.level.members), -1)
-        common = np.concatenate([own.at.coordinate[:before], np.median(each, axis=0)])
-        starts.append(
-            Start(
-                terms=(*own.terms[:-1], replace(term, level=rig)),
-                at=replace(own.at, coordinate=common),
-                scales=usual_at_most(own.scales),
-                most=_MORE,
-            )
-        )
-    return starts
-
-
-def _looked_back(found: Found, best: Fitted) -> list[Start]:
-    """Return the best explanation with each of its terms left out, and with each at the other kinds of levels."""
-    known = {frozenset(own.terms) for own in found.fitted}
-    starts: list[Start] = []
-    at = 0
-    for i, term in enumerate(best.terms):
-        n = len(coordinates_of(found.bench, term))
-        here = best.at.coordinate[at : at + n]
-        before, after = best.at.coordinate[:at], best.at.coordinate[at + n :]
-        at += n
-        rest = (*best.terms[:i], *best.terms[i + 1 :])
-        starts.append(
-            Start(
-                terms=rest,
-                at=replace(best.at, coordinate=np.concatenate([before, after])),
-                scales=usual_at_most(best.scales),
-                most=_STEPS,
-            )
-        )
-        for level in _other_levels(found, term):
-            once = here[: n // len(term.level.shares)]
-            own = np.tile(once, len(level.shares))
-            starts.append(
-                Start(
-                    terms=(*best.terms[:i], replace(term, level=level), *best.terms[i + 1 :]),
-                    at=replace(best.at, coordinate=np.concatenate([before, own, after])),
-                    scales=usual_at_most(best.scales),
-                    most=_STEPS,
-                )
-            )
-    return [own for own in starts if frozenset(own.terms) not in known and own.terms]
-
-
-def _other_levels(found: Found, term: Term) -> list[Level]:
-    """Return of each other kind of levels the one at which an effect promised most beside the base model."""
-    best: dict[str, Level] = {}
-    for own in found.screened:
-        if own.term.effect == term.effect and own.term.level.kind != term.level.kind:
-            best.setdefault(own.term.level.kind, own.term.level)
-    return list(best.values())
 
 
 def _followed(
@@ -411,7 +340,7 @@ def _followed(
     error = 0.0 if told_apart else _AS_NEAR * min(own.frequency_error for own in first)
     odds = max(found.odds(top), least) - max(_CLOSE, _ROUGH * (found.odds(top) - found.odds(best)))
     near = [
-        Start(terms=own.terms, at=own.at, scales=own.scales, most=_MORE, weighed=weighed[own.terms])
+        Start(terms=own.terms, at=own.at, scales=own.scales, most=MORE, weighed=weighed[own.terms])
         for own in _apart(first)
         if found.odds(own) > odds or own.frequency_error < error
     ]
@@ -423,7 +352,7 @@ def _apart(fitted: Iterable[Fitted]) -> list[Fitted]:
     found: list[Fitted] = []
     for own in sorted(fitted, key=lambda own: -own.log_evidence):
         same = (other for other in found if other.terms == own.terms)
-        if all(np.max(np.abs(own.at.coordinate - other.at.coordinate)) > _SAME for other in same):
+        if all(np.max(np.abs(own.at.coordinate - other.at.coordinate)) > SAME for other in same):
             found.append(own)
     return found
 
