@@ -25,8 +25,9 @@ from updating.diagnosis.diagnosis import diagnose
 from updating.pooled.beside import bench
 from updating.pooled.diagnosis import concluded
 from updating.pooled.fit import Fitted, fit
-from updating.pooled.search import Found, search, usual_at_most
+from updating.pooled.search import Found, search
 from updating.pooled.specimen import Specimen, levels_of
+from updating.pooled.starts import usual_at_most
 from updating.results.pooled_answer import PooledDiagnosis
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "pooled.jsonl"
