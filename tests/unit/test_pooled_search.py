@@ -111,7 +111,8 @@ def placed(monkeypatch, rough, settled):
     monkeypatch.setattr(search, "_weighed", lambda found, best, executor: found)
     best, base = own(SimpleNamespace(at=at(0.2)), 50.0), SimpleNamespace(terms=(), log_evidence=0.0)
     found = search.Found(bench=None, levels=(RIG,), base=base, fitted=(best, base), screened=(), n_effect=2)
-    top = search._at_better_place(found, None).fitted[0]
+    found, top = search._at_better_place(found, best, None)
+    assert top in found.fitted
     return top.at.coordinate[0], top.log_evidence
 
 

@@ -9,7 +9,7 @@ from updating.diagnosis.explanation import Z95
 from updating.pooled import states
 from updating.pooled.algebra import Block
 from updating.pooled.linear import Scales
-from updating.pooled.states import contact_states
+from updating.pooled.states import contact_states, modes_told
 
 G_F, D_F = 1000.0, 1e-10
 SLOPE = np.array([[5.0, -400.0, 0.0], [5.0, -300.0, 0.0], [0.0, 40.0, -50.0], [0.0, 30.0, -40.0]])
@@ -85,3 +85,32 @@ def test_a_torque_alone_tells_its_contact(bench, fitted, monkeypatch):
         std = np.sqrt(np.linalg.inv(SLOPE[:, 1:].T @ SLOPE[:, 1:]).diagonal())
         half = np.log(own.d_f.upper / own.d_f.lower) / 2.0 / Z95
         assert half == pytest.approx(std[1], rel=1e-2)
+
+
+def test_a_torque_without_damping_ratios_tells_nothing_of_contact_damping(bench, fitted, monkeypatch):
+    monkeypatch.setattr(states, "Weighing", Weighed)
+    monkeypatch.setattr(states, "strengths", lambda *_: SimpleNamespace(mean=(1.0,)))
+    bench.own[0].evidence.rows.kind[7:9] = "shape"
+    ((first, second),) = contact_states(bench, fitted)
+    assert first.d_f is not None
+    assert second.d_f is None
+    assert second.G_f is not None
+
+
+def test_modes_are_told_beside_both_models():
+    modes = SimpleNamespace(
+        frequency=np.array([100.0, 200.0, 300.0]),
+        damping=np.array([0.01, 0.02, 0.03]),
+        damping_std=np.array([0.001, 20.0, 0.003]),
+    )
+    evidence = SimpleNamespace(tested=[SimpleNamespace(name="M1", modes=modes)], used=[np.array([0, 1])])
+    base, found = (
+        SimpleNamespace(log_frequency=-np.log(np.array(ratio)), log_damping=-np.log(np.full(2, 0.5)))
+        for ratio in ([1.1, 0.9], [1.01, 1.0])
+    )
+    first, second = modes_told(evidence, base, found)
+    assert (first.configuration, first.frequency, second.frequency) == ("M1", 100.0, 200.0)
+    assert (first.base_frequency, first.model_frequency) == pytest.approx((110.0, 101.0))
+    assert (second.base_frequency, second.model_frequency) == pytest.approx((180.0, 200.0))
+    assert (first.damping, first.model_damping) == pytest.approx((0.01, 0.005))
+    assert np.isnan(second.damping)  # nobody knows it to a thousand times itself

@@ -12,6 +12,7 @@ from updating.report.pooled_part import contact_chart, grouping, pooled_section
 from updating.results.pooled_answer import (
     ContactState,
     Contrast,
+    ModeAnswer,
     Part,
     PooledDiagnosis,
     PooledRanked,
@@ -78,6 +79,17 @@ def answer(verdict="identified", ranking=None, left=1, contrasts=()):
                         d_f=estimate("d_f", 9e-12, "s/Pa"),
                     )
                     for torque, pressure, value in (("M1", 1.6e5, 1600.0), ("M2", 3.2e5, 1400.0))
+                ),
+                modes=(
+                    ModeAnswer(
+                        configuration="M1",
+                        frequency=400.0,
+                        damping=0.01,
+                        base_frequency=432.0,
+                        model_frequency=400.8,
+                        base_damping=0.02,
+                        model_damping=0.011,
+                    ),
                 ),
             )
             for name in ("S1", "S2", "S3")
@@ -194,13 +206,31 @@ def test_a_specimen_leads_to_its_torques_and_the_odd_one_is_marked():
     (table,) = (own for own in overview.blocks if own.kind == "table")
     assert table.link == ("#specimen-s1", "#specimen-s2", "#specimen-s3")
     assert [own.anchor for own in each] == ["specimen-s1", "specimen-s2", "specimen-s3"]
-    assert [row[0] for row in each[0].blocks[0].rows] == ["M1", "M2"]
+    modes, contact = each[0].blocks
+    assert modes.rows == (("M1", "400.0", "432.0", "+8", "400.8", "+0.2", "1", "2", "1.1"),)
+    assert [row[0] for row in contact.rows] == ["M1", "M2"]
     errors, stiffness, _ = overview.pictures
     assert errors.data.splitlines()[2] == "S2,glued,0.08,0.002,0.003,adhesive_edges"
     assert stiffness.data.splitlines()[3:5] == [
         "S2,glued,M1,160.0,1600.0,1440.0,1760.0",
         "S2,glued,M2,320.0,1400.0,1260.0,1540.0",
     ]
+
+
+def test_a_specimen_without_damping_is_not_given_that_of_the_others(tmp_path):
+    first, *others = answer().specimens
+    states = tuple(replace(state, d_f=None) for state in first.states)
+    modes = tuple(replace(mode, damping=float("nan")) for mode in first.modes)
+    found = replace(answer(), specimens=(replace(first, d_f=None, states=states, modes=modes), *others))
+    write_result(tmp_path / "a.json", found, inputs=(), options={})
+    kept = read_result(tmp_path / "a.json", PooledDiagnosis)
+    assert kept.specimens[0].states == states
+    section = pooled_section(kept).parts[1]
+    assert [row[-1] for row in section.blocks[1].rows] == ["-", "-"]
+    assert section.blocks[0].rows[0][6] == "-"
+    assert "d_f" not in " ".join(section.text)
+    traces = json.loads(contact_chart(kept.specimens, "d_f", "treatment"))["data"]
+    assert [len(own["x"]) for own in traces] == [0, 2, 2]
 
 
 def test_specimens_of_one_treatment_have_one_colour():

@@ -89,6 +89,15 @@ def test_what_predicts_as_well_within_its_scatter_is_not_told_from_the_first():
     assert 1 not in found
 
 
+@pytest.mark.parametrize(("error", "leads"), [(0.03, True), (0.04, False)])
+def test_an_explanation_of_more_effects_leads_where_it_halves_the_error(error, leads):
+    """Odds count little what a model misses alike in all specimens: an inertia beside a law of pressure."""
+    law = replace(ROLL, log_odds=40.0, left_out_error=0.065)
+    ranking = (law, replace(BOTH, log_odds=37.0, left_out_error=error), BASE)
+    found = not_told_apart(ranking, BASE, errors(ranking), adequate=False)
+    assert (found[0] == 1) == leads
+
+
 def test_an_explanation_that_is_not_believed_leads_nowhere():
     assert not_told_apart(
         (replace(EDGE, left_out_score=-1.0, parts=ONE), BASE), BASE, errors((EDGE, BASE)), adequate=False

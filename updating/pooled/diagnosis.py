@@ -27,7 +27,14 @@ from updating.pooled.parts import parts_of
 from updating.pooled.screening import contrasts
 from updating.pooled.search import Found, asked, search
 from updating.pooled.specimen import Level, Specimen, levels_of
-from updating.pooled.states import UNITS, contact_logs, contact_states, estimate, nominal_contact
+from updating.pooled.states import (
+    UNITS,
+    contact_logs,
+    contact_states,
+    estimate,
+    modes_told,
+    nominal_contact,
+)
 from updating.pooled.term import CONTACT
 from updating.pooled.verdict import not_told_apart, verdict_of
 from updating.results.pooled_answer import (
@@ -231,7 +238,10 @@ def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeft
         std = np.sqrt(np.diag(every[s].covariance + back @ covariance @ back.T))
         nominal, logs = nominal_contact(beside, s), contact_logs(own, s, names)
         contact = {
-            name: estimate(name, nominal[name], logs[name], float(std[names.index(name)])) for name in UNITS
+            name: estimate(name, nominal[name], logs[name], float(std[names.index(name)]))
+            if any(getattr(state, name) for state in states[s])
+            else None
+            for name in UNITS
         }
         found.append(
             SpecimenAnswer(
@@ -245,6 +255,7 @@ def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeft
                 left_out_error=float(left_out.error[s]),
                 odd=tuple(t.effect for t in own.terms if t.level.kind == "specimen" and s in t.level.members),
                 states=states[s],
+                modes=modes_told(specimen.evidence, base.linear.found[s], own.linear.found[s]),
             )
         )
     return found

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import SolveError
-from updating.diagnosis.calibration import MODEL_FORM, STEP, WIDER
+from updating.diagnosis.calibration import HALVES, MODEL_FORM, STEP, WIDER
 from updating.diagnosis.explanation import Z95
 from updating.errors import FitError
 from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
@@ -130,13 +130,17 @@ def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = No
         if top is None:
             break
         if found.odds(top) < found.odds(best) + STEP and (n > 0 or base.scales.adequate):
-            break  # of a model that is far off, two may show that none alone does
+            # of a model that is far off, two may show that none alone does, and odds count little what all lack alike
+            nearest = min(fitted, key=lambda own: own.frequency_error)
+            if best.scales.adequate or nearest.frequency_error > HALVES * best.frequency_error:
+                break
+            top = nearest
         best = top
         screened = screen(found.bench, best, levels, executor)
     _LOG.info("a look back at each term")
-    found = _at_better_place(found, executor)
+    found, best = _at_better_place(found, best, executor)
     known = {frozenset(own.terms) for own in found.fitted}
-    back = _followed(found, looked_back(found.bench, found.fitted[0], first, known), executor)
+    back = _followed(found, looked_back(found.bench, best, first, known), executor)
     found = _with(found, [own for own in back if _is_beyond_form(found, own)])
     return _without_neutral(found, executor)
 
@@ -173,7 +177,8 @@ def asked(
             found = _weighed(_with(found, [best]), best, executor)
             best = next((own for own in found.fitted if own.terms == best.terms), best)
     rest = () if best is found.base else (found.base,)
-    return _at_better_place(replace(found, fitted=(best, *rest)), executor)
+    found, best = _at_better_place(replace(found, fitted=(best, *rest)), best, executor)
+    return replace(found, fitted=(best, *(own for own in found.fitted if own is not best)))
 
 
 def _on_shapes_in_common(found: Found, starts: Sequence[Start], executor: Executor | None) -> Found:
@@ -191,21 +196,20 @@ def _on_shapes_in_common(found: Found, starts: Sequence[Start], executor: Execut
     return replace(found, bench=bench, base=base, fitted=(base,))
 
 
-def _at_better_place(found: Found, executor: Executor | None) -> Found:
-    """Move the best explanation to where another place of a global search over one of its effects leads, if better.
+def _at_better_place(found: Found, best: Fitted, executor: Executor | None) -> tuple[Found, Fitted]:
+    """Move an explanation to where another place of a global search over one of its effects leads, if better.
 
     Of two places the better one may be the one that is worse as long as a further effect is missing.
     """
-    best = found.fitted[0]
     starts = elsewhere(found.bench, best) if len(best.terms) > 1 else []
     if not starts:
-        return found
+        return found, best
     bench = _with_shapes_in_common(found.bench, [_from_here(best), *starts], executor)
     rough = roughly(bench, best.at, best.coordinates)
     here, *others = _done(rough, [_from_here(best), *starts], executor, settled=False)
     better = [own for own in others if here and own and own.log_evidence > here.log_evidence]
     if not better:
-        return found
+        return found, best
     top = max(better, key=lambda own: own.log_evidence)
     followed = [
         _from_here(best),
@@ -213,10 +217,11 @@ def _at_better_place(found: Found, executor: Executor | None) -> Found:
     ]
     here, there = _done(bench, followed, executor, settled=True)
     if not here or not there or there.log_evidence <= here.log_evidence:
-        return found
+        return found, best
     _LOG.info("another place of %s is better", ", ".join(term.effect for term in top.terms))
     moved = replace(there, log_evidence=best.log_evidence + there.log_evidence - here.log_evidence)
-    return _weighed(_with(found, [moved]), moved, executor)
+    found = _weighed(_with(found, [moved]), moved, executor)
+    return found, next(own for own in found.fitted if own.terms == moved.terms)
 
 
 def _from_here(own: Fitted) -> Start:

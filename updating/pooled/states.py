@@ -1,4 +1,4 @@
-"""Contact parameters of each specimen at each torque alone, all else as it was found for all of them together."""
+"""Each specimen at each torque: its contact by that alone, all else as it was found for all, and its modes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.diagnosis.discrepancy import KINDS
+from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.explanation import TRUST, Z95
+from updating.diagnosis.residual import Residual
 from updating.fitting.estimate import ParameterEstimate
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted, Weighing
 from updating.pooled.linear import Scales, strengths
-from updating.results.pooled_answer import ContactState
+from updating.results.pooled_answer import ContactState, ModeAnswer
 
 Vector = NDArray[np.float64]
 
@@ -20,6 +22,8 @@ UNITS = {"G_f": "1", "d_f": "s/Pa"}
 _VAGUE = 2.0
 """Standard deviation of the logarithm of a parameter at a torque about that of its specimen, beforehand: so wide that
 data decide, and finite where there are none, such as no damping ratio."""
+_TOLD = 0.5
+"""Of that, from which on data tell nothing."""
 
 
 def contact_states(bench: Bench, own: Fitted) -> tuple[tuple[ContactState, ...], ...]:
@@ -66,7 +70,9 @@ def _state(bench: Bench, own: Fitted, latent: Vector, s: int, c: int) -> Contact
         name=bench.own[s].specimen.tested[c][0],
         pressure=bench.own[s].specimen.tested[c][1],
         **{
-            name: estimate(name, nominal[name], logs[name] + float(step[k]), float(std[k]))
+            name: None
+            if std[k] > _TOLD * _VAGUE
+            else estimate(name, nominal[name], logs[name] + float(step[k]), float(std[k]))
             for k, name in enumerate(UNITS)
         },
     )
@@ -75,6 +81,37 @@ def _state(bench: Bench, own: Fitted, latent: Vector, s: int, c: int) -> Contact
 def _precision(kind: NDArray[np.str_], growth: Vector, scales: Scales) -> Vector:
     size = np.array([scales.own(name) for name in KINDS])
     return 1.0 / (1.0 + size[[KINDS.index(name) for name in kind]] ** 2 * growth)
+
+
+def modes_told(evidence: Evidence, base: Residual, found: Residual) -> tuple[ModeAnswer, ...]:
+    """Return the measured modes of a specimen beside those of two models, configuration by configuration.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The specimen's.
+    base, found : Residual
+        The base model, and what was found.
+    """
+    told: list[ModeAnswer] = []
+    unknown = np.full(base.log_frequency.size, np.nan)
+    damped = [own.log_damping if own.log_damping.size else unknown for own in (base, found)]
+    for tested, used in zip(evidence.tested, evidence.used, strict=True):
+        for r in used:
+            i, modes = len(told), tested.modes
+            measured = modes.damping_std[r] < modes.damping[r]
+            told.append(
+                ModeAnswer(
+                    configuration=tested.name,
+                    frequency=float(modes.frequency[r]),
+                    damping=float(modes.damping[r]) if measured else float("nan"),
+                    base_frequency=float(modes.frequency[r] * np.exp(-base.log_frequency[i])),
+                    model_frequency=float(modes.frequency[r] * np.exp(-found.log_frequency[i])),
+                    base_damping=float(modes.damping[r] * np.exp(-damped[0][i])),
+                    model_damping=float(modes.damping[r] * np.exp(-damped[1][i])),
+                )
+            )
+    return tuple(told)
 
 
 def nominal_contact(bench: Bench, s: int) -> dict[str, float]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.calibration import HELPS, SEPARATE, SHOWS
+from updating.diagnosis.calibration import HALVES, HELPS, SEPARATE, SHOWS
 from updating.results.pooled_answer import PooledRanked, PooledVerdict
 
 Vector = NDArray[np.float64]
@@ -43,7 +43,8 @@ def not_told_apart(
     scatter, and the one that predicts best is nearer the truth than the most probable one (Yao et al., Using stacking
     to average Bayesian predictive distributions, 2018, on worlds that no model of a list holds). So there the best
     prediction of specimens left out leads, and what predicts them as well, within one standard error of the mean
-    difference over specimens, is not told from it; no such explanation has more terms than the most probable one.
+    difference over specimens, is not told from it. One that has more terms than the most probable one is among them
+    where it halves the error of those that have not.
 
     Parameters
     ----------
@@ -60,12 +61,17 @@ def not_told_apart(
     near = [i for i, own in enumerate(ranking) if own.log_odds > top.log_odds - SEPARATE]
     if adequate:
         return near
+    mean = [float(np.mean(own)) for own in error]
+    has_more = [len(own.parts) > len(top.parts) for own in ranking]
+    least = min(own for own, more in zip(mean, has_more, strict=True) if not more)
     open_to = [
-        i for i, own in enumerate(ranking) if _is_believed(own, base) and len(own.parts) <= len(top.parts)
+        i
+        for i, own in enumerate(ranking)
+        if _is_believed(own, base) and (not has_more[i] or mean[i] < HALVES * least)
     ]
     if not open_to:
         return near
-    lead = min(open_to, key=lambda i: float(np.mean(error[i])))
+    lead = min(open_to, key=lambda i: mean[i])
     as_well = [i for i in open_to if _predicts_as_well(error[i], error[lead])]
     return [lead, *(i for i in range(len(ranking)) if i != lead and (i in near or i in as_well))]
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, MODEL, axis, chart, legend_above
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.results.pooled_answer import PooledDiagnosis, SpecimenAnswer
-from updating.results.pooled_text import SPECIMEN_HEADER, specimen_row
+from updating.results.pooled_text import NOT_TOLD, SPECIMEN_HEADER, contact_cells, specimen_row
 from updating.results.text import interval_text
 
 if TYPE_CHECKING:
@@ -19,6 +21,8 @@ Contact = Literal["G_f", "d_f"]
 
 _GROUPS = (MEASURED, FITTED, LEFT, MODEL, "#4d9f72", "#b0679b", "#6b6f78", "#a3843c")
 _USUAL = "treatment"
+_NO_DAMPING = " A dash: no damping ratio was measured."
+_RATIOS = ("d_f",)  # known to a factor
 _LABEL = {"G_f": "contact stiffness G_f [1]", "d_f": "contact damping d_f [s/Pa]"}
 
 
@@ -75,7 +79,7 @@ def _own_section(own: SpecimenAnswer) -> Section:
     """Show one specimen: its notes, what it alone has, and its contact at each torque."""
     notes = "; ".join(f"{name}: {value}" for name, value in own.notes.items() if value)
     odd = f"It alone has {', '.join(own.odd)}." if own.odd else "It has nothing that the others lack."
-    contact = f"{interval_text(own.G_f)}; {interval_text(own.d_f)}."
+    contact = "; ".join(interval_text(value) for value in (own.G_f, own.d_f) if value)
     table = Table(
         title="Contact at each torque",
         header=("configuration", "pressure [kPa]", "G_f (95 %)", "d_f (95 %) [s/Pa]"),
@@ -83,15 +87,57 @@ def _own_section(own: SpecimenAnswer) -> Section:
             (
                 state.name,
                 f"{1e-3 * state.pressure:g}",
-                f"{state.G_f.value:.0f} ({state.G_f.lower:.0f} to {state.G_f.upper:.0f})",
-                f"{state.d_f.value:.2g} ({state.d_f.lower:.2g} to {state.d_f.upper:.2g})",
+                *contact_cells(state),
             )
             for state in own.states
         ),
-        note="From the frequencies and damping ratios of one torque alone, all else as it was found.",
+        note="From the frequencies and damping ratios of one torque alone, all else as it was found."
+        + (_NO_DAMPING if any(state.d_f is None for state in own.states) else ""),
     )
-    text = (*((f"{notes}.",) if notes else ()), odd, contact)
-    return Section(title=f"Specimen {own.name}", text=text, blocks=(table,))
+    text = (*((f"{notes}.",) if notes else ()), odd, *((f"{contact}.",) if contact else ()))
+    return Section(title=f"Specimen {own.name}", text=text, blocks=(_mode_table(own), table))
+
+
+def _mode_table(own: SpecimenAnswer) -> Table:
+    """List the measured modes of a specimen beside those of the base model and of what was found."""
+    return Table(
+        title="Modes",
+        header=(
+            "configuration",
+            "measured [Hz]",
+            "base model [Hz]",
+            "error [%]",
+            "with what was found [Hz]",
+            "error [%]",
+            "damping measured [%]",
+            "base model [%]",
+            "with what was found [%]",
+        ),
+        rows=tuple(
+            (
+                mode.configuration,
+                f"{mode.frequency:.1f}",
+                f"{mode.base_frequency:.1f}",
+                _error(mode.base_frequency / mode.frequency),
+                f"{mode.model_frequency:.1f}",
+                _error(mode.model_frequency / mode.frequency),
+                _percent(mode.damping),
+                _percent(mode.base_damping),
+                _percent(mode.model_damping),
+            )
+            for mode in own.modes
+        ),
+        note="Each mode beside the model's that looks like it; an error is that of the model over what was measured."
+        + (_NO_DAMPING if any(np.isnan(mode.damping) for mode in own.modes) else ""),
+    )
+
+
+def _error(ratio: float) -> str:
+    return f"{100.0 * (ratio - 1.0):+.2g}"
+
+
+def _percent(damping: float) -> str:
+    return NOT_TOLD if np.isnan(damping) else f"{100.0 * damping:.2g}"
 
 
 def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
@@ -199,6 +245,7 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
                 )
                 for own in specimens
                 for state in own.states
+                if getattr(state, name)
             ),
         ),
         alt=f"{_LABEL[name]} of {len(specimens)} specimens over pressure",
@@ -234,7 +281,7 @@ def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str
     return chart(
         traces,
         {
-            "yaxis": axis(_LABEL[name], rangemode="tozero"),
+            "yaxis": axis(_LABEL[name], **({"type": "log"} if name in _RATIOS else {"rangemode": "tozero"})),
             "xaxis": axis("pressure [kPa]"),
             "legend": {"groupclick": "toggleitem"},
             "margin": {"r": 8, "t": 16},
@@ -252,12 +299,16 @@ def _draw_contact(axes: Axes, specimens: Sequence[SpecimenAnswer], name: Contact
         shown.add(value)
     axes.set_xlabel("pressure [kPa]")
     axes.set_ylabel(_LABEL[name])
-    axes.set_ylim(bottom=0.0)
+    if name in _RATIOS:
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(bottom=0.0)
 
 
 def _line(own: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float], list[float], list[float]]:
     """Return pressures in kPa, the parameter there, and how far its interval goes down and up."""
     states = sorted(own.states, key=lambda state: state.pressure)
+    states = [state for state in states if getattr(state, name)]
     values = [getattr(state, name) for state in states]
     return (
         [1e-3 * state.pressure for state in states],

@@ -90,14 +90,40 @@ class ContactState:
         The configuration.
     pressure : float
         Nominal contact pressure, Pa.
-    G_f, d_f : ParameterEstimate
-        With 95 % intervals, all else as it was found.
+    G_f, d_f : ParameterEstimate, optional
+        With 95 % intervals, all else as it was found; none where the torque alone tells nothing of it, such as of d_f
+        where no damping was measured.
     """
 
     name: str
     pressure: float
-    G_f: ParameterEstimate
-    d_f: ParameterEstimate
+    G_f: ParameterEstimate | None
+    d_f: ParameterEstimate | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeAnswer:
+    """A measured mode of a specimen beside the model's.
+
+    Attributes
+    ----------
+    configuration : str
+        At which torque.
+    frequency, damping : float
+        Measured, Hz and 1; the latter NaN where it was not.
+    base_frequency, model_frequency : float
+        Of the base model, and with what was found, Hz.
+    base_damping, model_damping : float
+        The same of damping ratios; NaN of one lamina, which has no damping of its own.
+    """
+
+    configuration: str
+    frequency: float
+    damping: float
+    base_frequency: float
+    model_frequency: float
+    base_damping: float
+    model_damping: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,26 +138,29 @@ class SpecimenAnswer:
         What was noted of it.
     n_mode : int
         Measured modes that the model has, over all its configurations.
-    G_f, d_f : ParameterEstimate
-        Its contact parameters with 95 % intervals.
+    G_f, d_f : ParameterEstimate, optional
+        Its contact parameters with 95 % intervals; none where no torque of its own tells anything of it.
     base_error, error, left_out_error : float
         Mean relative errors of its frequencies: base model, best explanation, and predicted from the others.
     odd : tuple of str
         Effects that it alone has.
     states : tuple of ContactState
         Its contact at each torque.
+    modes : tuple of ModeAnswer
+        Its measured modes, configuration by configuration.
     """
 
     name: str
     notes: Mapping[str, str]
     n_mode: int
-    G_f: ParameterEstimate
-    d_f: ParameterEstimate
+    G_f: ParameterEstimate | None
+    d_f: ParameterEstimate | None
     base_error: float
     error: float
     left_out_error: float
     odd: tuple[str, ...]
     states: tuple[ContactState, ...]
+    modes: tuple[ModeAnswer, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,9 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.results.pooled_answer import Contrast, Part, PooledDiagnosis, PooledRanked, SpecimenAnswer
+from updating.results.pooled_answer import (
+    ContactState,
+    Contrast,
+    Part,
+    PooledDiagnosis,
+    PooledRanked,
+    SpecimenAnswer,
+)
 from updating.results.text import interval_text, percent
 
+NOT_TOLD = "-"
+"""Of what data tell nothing of, such as d_f where no damping was measured."""
 _LISTED = 3  # explanations that are told in a sentence
 _LOWERED = 0.8  # of an error, from which it is much lower
 _FOLDED = 5  # names that are listed before a count stands for the rest
@@ -169,13 +178,20 @@ def _folded(names: Sequence[str]) -> str:
     return ", ".join(names[:_FOLDED]) + (f" and {rest} more" if rest > 0 else "")
 
 
+def contact_cells(own: SpecimenAnswer | ContactState) -> tuple[str, str]:
+    """Return G_f and d_f as cells with their intervals; a dash where data tell nothing of it."""
+    return (
+        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})" if own.G_f else NOT_TOLD,
+        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})" if own.d_f else NOT_TOLD,
+    )
+
+
 def specimen_row(own: SpecimenAnswer) -> tuple[str, ...]:
     """Return a specimen as cells: name, modes, G_f, d_f, errors before, after and left out, what is odd."""
     return (
         own.name,
         str(own.n_mode),
-        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})",
-        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})",
+        *contact_cells(own),
         f"{100.0 * own.base_error:.2g}",
         f"{100.0 * own.error:.2g}",
         f"{100.0 * own.left_out_error:.2g}",
