@@ -125,7 +125,7 @@ def specimen_table(found: PooledDiagnosis) -> Table:
     """Return all specimens with their contact parameters and errors."""
     table = Table(title="Specimens", title_justify="left")
     for name in SPECIMEN_HEADER:
-        table.add_column(name)
+        table.add_column(name, overflow="fold")
     for own in found.specimens:
         table.add_row(*specimen_row(own))
     return table

@@ -133,7 +133,8 @@ def _mode_table(own: SpecimenAnswer) -> Table:
 
 
 def _error(ratio: float) -> str:
-    return f"{100.0 * (ratio - 1.0):+.2g}"
+    percent = 100.0 * (ratio - 1.0)
+    return f"{percent:+.2f}" if abs(percent) >= 1.0 else f"{percent:+.3f}"
 
 
 def _percent(damping: float) -> str:
