@@ -173,7 +173,7 @@ def fit(
     bench: Bench,
     terms: Sequence[Term],
     start: Place,
-    scales: Scales,
+    scales: Scales | None,
     *,
     most: int = 8,
     settled: bool = True,
@@ -188,8 +188,9 @@ def fit(
         None fits the base model.
     start : Place
         From where.
-    scales : Scales
-        By which data are weighed at first.
+    scales : Scales, optional
+        By which data are weighed at first; without, those that are likeliest where the fit starts, as is right of a
+        place that other weights led to.
     most : int
         Largest number of steps.
     settled : bool
@@ -203,6 +204,8 @@ def fit(
     coordinates = tuple(own for term in terms for own in coordinates_of(bench, term))
     stated = bench.own[0].evidence.scatter.stated
     linear = only(linearized(bench, start, coordinates), coordinates)
+    if scales is None:
+        scales, _ = Weighing(bench, linear, coordinates, start.coordinate).likeliest(Scales(), stated)
     at, linear = _settled(bench, coordinates, start, linear, scales, most)
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     scales, log_evidence = weighing.likeliest(scales, stated)

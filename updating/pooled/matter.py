@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.diagnosis.answer import Strained
-from updating.diagnosis.calibration import HALVES, NEGLIGIBLE, NEGLIGIBLE_HALF, STRAINED
+from updating.diagnosis.calibration import HALVES, HELPS, NEGLIGIBLE, NEGLIGIBLE_HALF, STRAINED
 from updating.diagnosis.discrepancy import KINDS, MEDIAN
 from updating.pooled.beside import Bench
 from updating.pooled.fit import Fitted
@@ -49,7 +49,10 @@ def matters(bench: Bench, before: Fitted, after: Fitted) -> bool:
     if relieves(bench, before, after, members):
         return True
     left = [torques_left_out(bench, own) for own in (before, after)]
-    return bool(left[0].size and np.mean(left[0]) - np.mean(left[1]) > NEGLIGIBLE * MEDIAN["frequency"])
+    if not left[0].size:
+        return False
+    was, now = (float(np.mean(own)) for own in left)
+    return now < HELPS * was and was - now > NEGLIGIBLE * MEDIAN["frequency"]
 
 
 def relieves(bench: Bench, before: Fitted, after: Fitted, members: Sequence[int]) -> bool:

@@ -192,7 +192,7 @@ def _on_shapes_in_common(found: Found, starts: Sequence[Start], executor: Execut
     base = found.base
     bench = _with_shapes_in_common(found.bench, [*there, _from_here(base)], executor)
     bench = weighed_at(bench, base.at, ())
-    base = fit(bench, (), base.at, base.scales, most=MORE)
+    base = fit(bench, (), base.at, None, most=MORE)
     return replace(found, bench=bench, base=base, fitted=(base,))
 
 
@@ -225,7 +225,7 @@ def _at_better_place(found: Found, best: Fitted, executor: Executor | None) -> t
 
 
 def _from_here(own: Fitted) -> Start:
-    return Start(terms=own.terms, at=own.at, scales=own.scales, most=FIRST, weighed=True)
+    return Start(terms=own.terms, at=own.at, scales=None, most=FIRST, weighed=True)
 
 
 def _with_shapes_in_common(bench: Bench, starts: Sequence[Start], executor: Executor | None) -> Bench:
@@ -312,10 +312,10 @@ def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
 
     What is neither nearly as probable, nor near the least errors where even the best is not adequate, is passed over.
     """
-    bench = weighed_at(replace(found.bench, apart=()), best.at, best.coordinates)
+    bench = weighed_at(found.bench, best.at, best.coordinates)
     error = 0.0 if best.scales.adequate else _AS_NEAR * min(own.frequency_error for own in found.fitted)
     starts = [
-        Start(terms=own.terms, at=own.at, scales=own.scales, most=FIRST)
+        Start(terms=own.terms, at=own.at, scales=None, most=FIRST)
         for own in found.fitted
         if not own.terms or found.odds(own) > found.odds(best) - BEHIND or own.frequency_error < error
     ]

@@ -37,7 +37,7 @@ class Start:
 
     terms: tuple[Term, ...]
     at: Place
-    scales: Scales
+    scales: Scales | None
     most: int
     weighed: bool = False
 
