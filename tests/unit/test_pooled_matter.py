@@ -41,6 +41,10 @@ def torques(monkeypatch):
     [
         ({"frequency": 8e-4}, False),  # hundredths of a per cent
         ({"frequency": 8e-4, "torque": 0.006}, True),  # a torque is predicted from the other
+        (
+            {"frequency": 8e-4, "torque": 0.026},
+            False,
+        ),  # hardly better, as by lost contact of a hundredth of an end
         ({"frequency": 4e-4}, True),  # what halves the error does
         ({"damping": 0.001}, False),
     ],

@@ -124,3 +124,27 @@ def test_an_explanation_moves_to_a_better_place_of_its_effects(monkeypatch):
 @pytest.mark.parametrize(("rough", "settled"), [((-690.0, -700.0), ()), ((-700.0, -690.0), (-691.0, -692.0))])
 def test_an_explanation_stays_where_no_other_place_is_better(monkeypatch, rough, settled):
     assert placed(monkeypatch, rough, settled) == (0.2, 50.0)
+
+
+def test_fits_by_the_modes_of_the_best_begin_with_sizes_of_their_own(monkeypatch):
+    """What takes no part at any of several places takes none then either: it had led fits astray."""
+    seen = []
+
+    def done(bench, starts, executor, settled):
+        seen.append((bench, [own.scales for own in starts]))
+        return [own(start.terms, start.at) for start in starts]
+
+    def own(terms, at):
+        return Fitted(terms=terms, coordinates=(), at=at, scales=Scales(), linear=None, log_evidence=9.0)
+
+    at = Place(nuisance=(), coordinate=np.zeros(1))
+    base, best = own((), at), own((FIRST,), at)
+    monkeypatch.setattr(search, "weighed_at", lambda bench, at, coordinates: bench)
+    monkeypatch.setattr(search, "log_prior", lambda n, term, levels: 0.0)
+    monkeypatch.setattr(search, "_done", done)
+    bench = SimpleNamespace(apart=(frozenset({1}),))
+    found = search.Found(bench=bench, levels=(RIG,), base=base, fitted=(best, base), screened=(), n_effect=2)
+    search._weighed(found, best, None)
+    ((weighed, scales),) = seen
+    assert weighed.apart == (frozenset({1}),)
+    assert scales == [None, None]
