@@ -131,7 +131,7 @@ def test_fits_by_the_modes_of_the_best_begin_with_sizes_of_their_own(monkeypatch
     seen = []
 
     def done(bench, starts, executor, settled):
-        seen.append((bench, [own.scales for own in starts]))
+        seen.append((bench, [start.scales for start in starts]))
         return [own(start.terms, start.at) for start in starts]
 
     def own(terms, at):
