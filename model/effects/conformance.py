@@ -56,7 +56,7 @@ _INSIDE = (
 _NEGATIVE = 1e-4  # of the first elastic mode's: stiffness or damping below minus this is negative
 _FORCE = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
 _SYMMETRIC = 1e-12
-_STEP = 1e-4  # of a parameter's range, of central differences
+_STEP = 1e-4  # of a parameter's range, of differences
 _WIDE_STEP = 1e-3  # of five-point ones: stiff supports' rounding spoils narrow differences, kinks wide ones
 _CENTRAL = {-1: -0.5, 1: 0.5}
 _FIVE_POINT = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
@@ -232,8 +232,8 @@ def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator
         for name, value in theta.items():
             span = _span(of[name], value) if name in of else value
             step = _STEP * span
-            at = [term.factor({**theta, name: value + sign * step}) for sign in (1.0, -1.0)]
-            difference = (at[0] - at[1]) / (2.0 * step)
+            at = {k: term.factor({**theta, name: value + k * step}) for k in _FIVE_POINT}
+            difference = sum(weight * at[k] for k, weight in _FIVE_POINT.items()) / step
             size = max(abs(difference), abs(term.factor(theta)) / abs(span))
             if not abs(term.factor.derivative(theta, name) - difference) <= _FACTOR_ERROR * size:
                 yield (

@@ -308,12 +308,18 @@ def pressure_change(
     )
 
 
-def hats(position: Any, grid: Vector) -> list[Any]:
-    """Return the piecewise linear functions of a grid at a position, real or complex: they sum to 1."""
-    real = float(np.real(position))
-    last = len(grid) - 2
-    i = min(max(int(np.searchsorted(grid, real, side="right")) - 1, 0), last)
-    part = (position - grid[i]) / (grid[i + 1] - grid[i])
-    values: list[Any] = [0.0] * len(grid)
-    values[i], values[i + 1] = 1.0 - part, part
-    return values
+def shared_among(position: Any, grid: Vector) -> list[Any]:
+    """Return the shares of what is at a position that each place of an even grid has, real or complex.
+
+    They are quadratic B-splines (de Boor, A Practical Guide to Splines, 1978, chapter IX): they sum to 1, neither they
+    nor their slopes jump, and whatever the position, they spread it alike, with a variance of a quarter of the square
+    of the spacing. What would be shared beyond an end is at the end.
+    """
+    h = grid[1] - grid[0]
+    last = len(grid) - 1
+    i = min(max(round(float((np.real(position) - grid[0]) / h)), 0), last)
+    u = (position - grid[i]) / h
+    shares: list[Any] = [0.0] * len(grid)
+    for place, share in ((i - 1, (0.5 - u) ** 2 / 2.0), (i, 0.75 - u**2), (i + 1, (0.5 + u) ** 2 / 2.0)):
+        shares[min(max(place, 0), last)] += share
+    return shares
