@@ -170,21 +170,33 @@ def _of_one_layout(
     """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
     every = [c for contents in configurations.values() for c in contents]
     of_frfs = [c for c in every if not c.is_time] or every
-    usual = {}
+    usual: dict[str, Contents] = {}
     for section in ("table", "variables"):
+        own = {repr(c.keys): c for c in of_frfs if c.section == section}
         counts = Counter(repr(c.keys) for c in of_frfs if c.section == section)
-        usual[section] = counts.most_common(1)[0][0] if counts else ""
+        if counts:
+            usual[section] = own[counts.most_common(1)[0][0]]
     only_time = all(c.is_time for c in every)
     kept: dict[str, tuple[Contents, ...]] = {}
     for name, contents in configurations.items():
         for c in contents:
             if c.is_time and not only_time:
                 left_out.append(f"{c.file}: holds time histories, and other files FRFs")
-            elif c.section is not None and repr(c.keys) != usual[c.section]:
-                left_out.append(f"{c.file}: laid out otherwise than most of the files")
+            elif c.section is not None and c.keys != usual[c.section].keys:
+                differing = _differing(c, usual[c.section])
+                left_out.append(f"{c.file}: laid out otherwise than most of the files ({differing})")
             else:
                 kept[name] = (*kept.get(name, ()), c)
     return kept
+
+
+def _differing(contents: Contents, usual: Contents) -> str:
+    """Say in words which keys of a file, and perhaps which unit, are others than the usual ones."""
+    here, there = ({**own.keys, "unit": own.unit or "unknown"} for own in (contents, usual))
+    names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
+    return "; ".join(
+        f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names
+    )
 
 
 def _lists_points(file: Path) -> bool:

@@ -57,6 +57,7 @@ LEAKAGE = 2.5
 """Lines beside a resonance within which nothing but shapes tells a second one."""
 WANDER = 0.5
 """Half bandwidths that a pole judged on the lines around it may move when all are refined together."""
+_IN_PHASE = 0.8  # collinearity from which on residues are alike among points
 _TRIES = 3
 _LESS = "a mode there explains less than half of it"
 _NONE = np.empty(0, dtype=complex)
@@ -224,7 +225,7 @@ def _objections(
     modal = verdicts.collinearity[-1] >= MIN_COLLINEARITY and verdicts.realness[-1] >= MIN_REALNESS
     rough = verdicts.collinearity[-1] >= ROUGH_COLLINEARITY and verdicts.realness[-1] >= ROUGH_REALNESS
     if n_function >= MANY_FUNCTIONS and not (modal or (rough and _stands_alone(extended, peak))):
-        yield Refusal(reason="its residues have not the phases of a mode")
+        yield Refusal(reason=_of_phases(extended.residue[:, -1], new, verdicts.collinearity[-1]))
     if not inside(extended.pole, band)[-1]:
         yield Refusal(reason="its bandwidth reaches beyond the band")
     std = float(np.sqrt(extended.pole_covariance[-1, -1]))
@@ -239,6 +240,16 @@ def _objections(
         yield Refusal(reason="it is seen in one run only, beside a mode that is elsewhere there")
     if _share_left(data, around, extended, peak) > max(MOST_LEFT * peak.share, LEAST_SHARE):
         yield Refusal(reason=_LESS)
+
+
+def _of_phases(residue: NDArray[np.complex128], pole: complex, collinearity: float) -> str:
+    """Say what is wrong with the phases of residues: against each other, or all together against the force."""
+    reason = "its residues have not the phases of a mode"
+    if collinearity < _IN_PHASE:
+        return reason
+    constant = 2j * pole.imag * residue
+    angle = float(np.degrees(abs(np.angle(np.sum(constant**2)) / 2.0)))
+    return f"{reason}: alike among points, but turned by {angle:.0f} degrees against the force, as by filters or delays"
 
 
 def _least(peak: Peak, share: float) -> float:

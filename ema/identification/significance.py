@@ -130,8 +130,10 @@ def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdi
             + fit.lower / s**2
             + fit.upper
         )
-        peak, rest = np.sum(np.abs(own) ** 2), np.sum(np.abs(everything - own) ** 2)
-        dominance[r] = np.sqrt(peak / max(rest, _NOTHING * peak)) if peak > 0.0 else 0.0
+        with np.errstate(over="ignore", invalid="ignore"):  # residues of a pole that runs off know no bounds
+            peak, rest = np.sum(np.abs(own) ** 2), np.sum(np.abs(everything - own) ** 2)
+        if peak > 0.0 and np.isfinite(peak + rest):
+            dominance[r] = np.sqrt(peak / max(rest, _NOTHING * peak))
     return Verdicts(
         statistic=statistic / variance_inflation(frequency, fit),
         threshold=significance_threshold(n_function, frequency.size),

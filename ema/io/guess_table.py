@@ -18,6 +18,8 @@ _FEWEST_ROWS = 10  # of numbers; less is no measured function
 _LOOKED_AT = 400  # rows of numbers
 _MOST_HEADER = 200  # rows
 _LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
+_OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b"
+_OF_TIME = r"sampl(e|ing) (rate|frequency|freq|interval|period)"
 _SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
 _KINDS = (
     ("coherence", r"coh|gamma"),
@@ -68,12 +70,18 @@ def guess_table(path: Path) -> Contents | None:
     ):
         if value != usual:
             keys[key] = value
-    has_axis = bool(np.all(np.diff(text.value[:, 0].real) > 0)) and not text.value[:, 0].imag.any()
-    if not has_axis:
+    axis = _axis(text)
+    has_axis = axis is not None
+    if axis is None:
         keys |= {"axis_column": 0, "axis_step": UNKNOWN}
-    columns = list(range(1 if has_axis else 0, text.value.shape[1]))
-    if has_axis and _is_time(text, guesses):
+    elif axis > 0:
+        keys["axis_column"] = axis + 1
+        guesses.append("the first column counts the rows, and the second is taken as the axis")
+    columns = list(range(0 if axis is None else axis + 1, text.value.shape[1]))
+    if axis is not None and _is_time(text, axis, guesses):
         headed = [dofs_in(text.title(c)) for c in columns[1:]]
+        if axis > 0:
+            keys["columns"] = [[c + 1] for c in columns]
         return Contents(
             file=path, section="table", keys={"layout": "time"} | keys, is_time=True, dofs=with_names(path, headed)[0],
             guesses=(*guesses, "the first column after the time is the force"),
@@ -82,7 +90,7 @@ def guess_table(path: Path) -> Contents | None:
     if found is None or (guesses and not has_axis):  # any table of numbers
         return None
     layout, groups, coherence = found
-    if [c for group in groups for c in group] != columns:
+    if axis or [c for group in groups for c in group] != columns:
         keys["columns"] = [[c + 1 for c in group] for group in groups]
     if coherence:
         keys["coherence_columns"] = [c + 1 for c in coherence]
@@ -154,12 +162,28 @@ def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
         return None
 
 
-def _is_time(text: _Text, guesses: list[str]) -> bool:
-    """Whether the first column is the time: its title says so or, without one, its step is none of a frequency."""
-    title = text.title(0).lower()
+def _axis(text: _Text) -> int | None:
+    """Return the column of frequencies or times: the first that ascends and does not count the rows, or None."""
+    value = text.value
+    ascends = [bool(np.all(np.diff(own.real) > 0)) and not own.imag.any() for own in value[:, :2].T]
+    counts = bool(np.ptp(value[:, 0].real - np.arange(len(value))) == 0.0) and value[0, 0].real in (0.0, 1.0)
+    if counts and value.shape[1] > 3 and ascends[1]:
+        return 1
+    return 0 if ascends[0] else None
+
+
+def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
+    """Whether an axis is the time: its title or the header says so or, without one, its step is none of a frequency."""
+    title = text.title(axis).lower()
     if re.search(r"\btime\b|\bzeit\b|^t\b|[\[(]s[\])]", title):
         return True
-    step = float(np.median(np.diff(text.value[:, 0].real)))
+    header = "\n".join(" ".join(row) for row in text.header).lower()
+    if re.search(_OF_FREQUENCY, header):
+        return False
+    if re.search(_OF_TIME, header):
+        guesses.append("the columns are taken as time histories, for the header tells of sampling")
+        return True
+    step = float(np.median(np.diff(text.value[:, axis].real)))
     if title or step > _LONGEST_SAMPLE or len(text.value[0]) < 3:
         return False
     guesses.append(

@@ -252,13 +252,28 @@ def _text(path: Path, encoding: str) -> str:
 
 
 def _rows(path: Path, layout: TableLayout) -> list[str]:
+    """Return the rows of numbers; words that an analyser writes below them are none, nor are empty rows."""
     rows = _text(path, layout.encoding).splitlines()[layout.header_rows :]
+    if rows and _begins_with_number(rows[0], layout):
+        while not _begins_with_number(rows[-1], layout):
+            rows.pop()
     while rows and not rows[-1].strip():
         rows.pop()
     if not rows:
         message = f"{path}: no rows of numbers after {layout.header_rows} header rows"
         raise MeasurementError(message)
     return rows
+
+
+def _begins_with_number(row: str, layout: TableLayout) -> bool:
+    cells = _split(row, layout.delimiter)
+    if not cells:
+        return False
+    try:
+        number(cells[0].replace(layout.decimal, ".").strip())
+    except ValueError:
+        return False
+    return True
 
 
 def _split(row: str, delimiter: str) -> list[str]:

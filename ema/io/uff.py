@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ema.io.files import whole
 from ema.io.measured_function import Kind, MeasuredFunction
 from ema.io.uff58 import DataSet, Record58, cut, read_58
-from ema.io.uff_sets import encoded_frfs, geometry_sets, mode_sets
+from ema.io.uff_sets import encoded_frfs, geometry_sets, mode_sets, with_axes_along
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Quantity
@@ -138,19 +138,21 @@ def write_uff(
 ) -> None:
     """Write points, trace lines and, if given, modes and FRFs to a universal file, in SI units.
 
-    Sets 164, 2420 (where points have local axes), 2411, 82 and for each mode 55 through pyuff, then a dataset
-    58b of single precision for each function and its coherence. The file is written beside its place and then
-    put there.
+    Sets 164, 2420 (where points have local axes, or directions off the axes get some), 2411, 82 and for each mode 55
+    through pyuff, then a dataset 58b of single precision for each function and its coherence. The file is written
+    beside its place and then put there.
 
     Raises
     ------
     MeasurementError
-        A direction is not along an axis of its point, or the frequency axis is not uniform, so that the
-        format cannot hold it.
+        The frequency axis is not uniform, so that the format cannot hold it.
     """
     path = Path(path)
-    blocks = b"" if frf is None else b"".join(encoded_frfs(frf, geometry))
-    sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model))
+    blocks = b""
+    if frf is not None:
+        geometry = with_axes_along(geometry, frf.output, frf.input)
+        blocks = b"".join(encoded_frfs(frf, geometry))
+    sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model, geometry))
     with whole(path, MeasurementError) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
         with part.open("ab") as file:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 from ema.io.uff58 import encode_58b
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Geometry
+from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
 
+_ALONG = 1e-6  # that unit vectors may be off each other
 _TYPE_OF_MOTION: dict[Quantity, int] = {"receptance": 8, "mobility": 11, "accelerance": 12}
 _LABEL_OF_MOTION: dict[Quantity, str] = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
 
@@ -48,13 +50,35 @@ def geometry_sets(geometry: Geometry) -> list[dict[str, Any]]:
     return sets
 
 
+def with_axes_along(geometry: Geometry, *dofs: Dofs) -> Geometry:
+    """Return points with local axes along the directions in which something is there, where it is off their axes.
+
+    A universal file knows a direction by the axis of its point alone. Where more than three directions meet at a point,
+    or some are not at right angles, its axes stay as they are.
+    """
+    axes = geometry.axes.copy()
+    for i, node in enumerate(geometry.node.tolist()):
+        own = np.vstack([there.direction[there.node == node] for there in dofs])
+        different: list[NDArray[np.float64]] = []
+        for direction in own:
+            if all(abs(direction @ other) < 1.0 - _ALONG for other in different):
+                different.append(direction)
+        is_off = any(_code(geometry, node, direction) == 0 for direction in different)
+        if is_off and np.abs(np.triu(np.array(different) @ np.transpose(different), 1)).max() < _ALONG:
+            axes[i] = np.linalg.qr(np.transpose(different), mode="complete")[0].T
+            axes[i, 2] *= np.sign(np.linalg.det(axes[i]))
+    return replace(geometry, axes=axes)
+
+
 def encoded_frfs(frf: FRF, geometry: Geometry) -> list[bytes]:
     """Return a dataset 58b for each function, followed by that of its coherence where there is one.
+
+    A direction that is not along an axis of its point is written as 0, which stands for none.
 
     Raises
     ------
     MeasurementError
-        A direction is not along an axis of its point, or the frequency axis is not uniform.
+        The frequency axis is not uniform.
     """
     step = np.diff(frf.frequency)
     if step.size == 0 or np.ptp(step) > 1e-6 * step.mean():
@@ -87,14 +111,13 @@ def encoded_frfs(frf: FRF, geometry: Geometry) -> list[bytes]:
     return blocks
 
 
-def mode_sets(modal_model: ModalModel) -> list[dict[str, Any]]:
+def mode_sets(modal_model: ModalModel, geometry: Geometry) -> list[dict[str, Any]]:
     """Return a dataset 55 for each mode: complex eigenvalue, modal A and B, shape in the axes of each point.
 
     A mass-normalised shape has the modal A of 2 i omega_d, so that its residue is shape**2 / A; modal A and B of
     a shape without scale are 0, which stands for unknown.
     """
     node, index = np.unique(modal_model.node, return_inverse=True)
-    geometry = modal_model.geometry
     axes = np.stack([geometry.axes[geometry.node == n][0] if n in geometry.node else np.eye(3) for n in node])
     sets = []
     for r, pole in enumerate(modal_model.free_pole):
@@ -112,10 +135,6 @@ def mode_sets(modal_model: ModalModel) -> list[dict[str, Any]]:
 
 
 def _code(geometry: Geometry, node: int, direction: NDArray[np.float64]) -> int:
-    for code in (1, 2, 3, -1, -2, -3):
-        if np.allclose(geometry.direction(node, code), direction, atol=1e-6):
-            return code
-    message = (
-        f"point {node}: direction {direction.tolist()} is not along an axis of the point; give it local axes"
-    )
-    raise MeasurementError(message)
+    codes = (1, 2, 3, -1, -2, -3)
+    along = (code for code in codes if np.allclose(geometry.direction(node, code), direction, atol=_ALONG))
+    return next(along, 0)

@@ -28,6 +28,7 @@ _MIN_OTHERS = 6
 _DEAD_LEVEL = 1e-3
 _UNSHARED_DEAD = 0.8
 _UNSHARED_WARN = 0.05
+_ABOVE_ONE = 0.01  # that a coherence may be above 1
 _BELIEVED = 30.0
 """Rise of the log-likelihood; sound synthetic sets of 44 channels stayed below 26 in 240 of 240 cases."""
 _SCALE_WARN, _SCALE_FAIL = 1.15, 1.4
@@ -134,7 +135,7 @@ def _passed(findings: list[Verdict]) -> Iterator[Verdict]:
         "copied": "no two channels hold the same values",
         "states": "the runs are of one state",
         "unshared": "all channels share the same resonances",
-        "coherence": "coherence is good or was not stored",
+        "coherence": "coherence is good where it is stored",
         "driving point": "driving points, if measured, give power to the structure",
         "sign": "no channel is turned",
         "scale": "no channel is out of scale",
@@ -264,16 +265,32 @@ def _unshared(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 def _coherence(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     if frf.coherence is None:
         return
+    moving = (
+        frf.frequency > 0.0
+    )  # what a sensor shows at rest is its offset, and may be all the power there is
     for channel in sound:
-        power = np.abs(frf.value[channel]) ** 2
+        power = np.abs(frf.value[channel]) ** 2 * moving
         coherence = frf.coherence[channel]
-        mean = float(np.sum(power * coherence) / np.sum(power))
+        above = np.flatnonzero((moving & (coherence > 1.0 + _ABOVE_ONE)).any(axis=0))
+        if above.size:
+            most = float(coherence[:, above].max())
+            message = f"coherence is up to {most:.3g}, where none can be above 1: it was computed from other records"
+            yield _verdict(frf, "coherence", "warn", int(channel), message, _ends(frf, above))
+        mean = float(np.sum(power * np.minimum(coherence, 1.0)) / np.sum(power))
         if mean < 0.9 or not np.isfinite(mean):
             strong = power > np.median(power)
             low = np.flatnonzero((strong & (coherence < 0.9)).any(axis=0))
-            band = (float(frf.frequency[low[0]]), float(frf.frequency[low[-1]])) if low.size else None
-            message = f"coherence is {mean:.2f} on average over its power; below 0.6 the channel is not used"
+            band = _ends(frf, low) if low.size else None
+            message = (
+                f"coherence is {mean:.2f} on average over its power; below 0.6 the channel is not used. Where the "
+                "force excites a part of the lines alone, give band_Hz; where the coherence is not that of these "
+                "functions, leave its key out"
+            )
             yield _verdict(frf, "coherence", "warn" if mean >= 0.6 else "fail", int(channel), message, band)
+
+
+def _ends(frf: FRF, line: NDArray[np.intp]) -> tuple[float, float]:
+    return float(frf.frequency[line[0]]), float(frf.frequency[line[-1]])
 
 
 def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:

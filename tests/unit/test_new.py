@@ -238,6 +238,40 @@ def test_time_histories_without_a_title(tmp_path):
     )
 
 
+def test_the_sampling_rate_of_a_header_tells_histories_of_slow_structures(tmp_path):
+    time = np.arange(100) / 50
+    rows = "".join(f"{t:.2f},{np.sin(9 * t):.6f},{np.cos(7 * t):.6f}\n" for t in time)
+    (tmp_path / "a.csv").write_text(f'"Sampling Rate(Hz)",50\n"CH No.","CH2","CH3"\n{rows}')
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    assert 'layout = "time"' in text
+    assert "the header tells of sampling" in text
+
+
+def analyser_text(value, unit="(m/s²)/N"):
+    """An analyser's export: words above, rows that are counted, and words below."""
+    rows = [
+        f"{k}\t {f:.6e}\t {v.real:.6e}\t{v.imag:.6e}"
+        for k, (f, v) in enumerate(zip(FREQUENCY, value, strict=True), 1)
+    ]
+    head = ["Function:\tFrequency Response", f"AmplitudeUnit:\t{unit}", "X-Axis unit:\tHz", "Z-index:\t1"]
+    return "\r\n".join([*head, *rows, "TagsBegin:\t \t", "Title\tA 1", "TagsEnd:\t"]) + "\r\n"
+
+
+def test_an_analysers_text_with_counted_rows_and_words_below_them(tmp_path):
+    for k in range(3):
+        (tmp_path / f"{k + 1}z_45z.txt").write_bytes(analyser_text(VALUE[:, k]).encode("latin-1"))
+    (tmp_path / "odd.txt").write_bytes(analyser_text(VALUE[:, 0], "V/N").encode("latin-1"))
+    said = new(tmp_path)
+    assert re.search(r"odd\.txt: laid out otherwise .*\(unit unknown instead of", said)
+    text = campaign_text(tmp_path)
+    assert "axis_column = 2" in text
+    assert 'unit = "(m/s²)/N"' in text
+    found = frf(tmp_path, tmp_path.name)
+    np.testing.assert_allclose(found.frequency, FREQUENCY)
+    np.testing.assert_allclose(found.value[:, 0], VALUE.T, rtol=1e-6)
+
+
 def test_frfs_beside_spectra(tmp_path):
     """As an analyser writes them: frequencies in the first column of everything, each function a variable."""
     (tmp_path / "M1").mkdir()
@@ -351,7 +385,7 @@ def test_files_that_are_left_out_are_named(tmp_path):
     (tmp_path / "odd.csv").write_text("x\n" + real_imaginary(VALUE[:, [0]]))
     (tmp_path / "broken.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(300))
     said = new(tmp_path)
-    assert re.search(r"left out: .*odd\.csv: laid out otherwise", said)
+    assert re.search(r"left out: .*odd\.csv: laid out otherwise .*\(header_rows 1 instead of none", said)
     assert re.search(r"left out: .*broken\.mat: cannot be read", said)
     assert 'files = ["1z_45z.csv", "2z_45z.csv", "3z_45z.csv"]' in campaign_text(tmp_path)
 

@@ -115,6 +115,25 @@ def test_coherence_with_band():
     assert 95 <= verdict.band[0] <= verdict.band[1] <= 144.5
 
 
+def test_what_a_sensor_shows_at_rest_is_not_its_coherence():
+    """An offset of an unplugged channel was all its power, and a stored coherence above 1 there let it pass."""
+    measurement = bar()
+    line = FREQUENCY - FREQUENCY[0]
+    value, coherence = measurement.frf.value.copy(), np.full((N, 1, line.size), 0.4)
+    value[..., 0], coherence[..., 0] = 1e4, 1.28
+    frf = replace(measurement.frf, frequency=line, value=value, coherence=coherence)
+    refused = [v for v in check(replace(measurement, frf=frf)) if v.check == "coherence"]
+    assert {(v.level, v.channel) for v in refused} == {("fail", (k,)) for k in range(N)}
+    assert "leave its key out" in refused[0].message
+    coherence[:, 0, 5] = 1.28
+    above = [
+        v
+        for v in check(replace(measurement, frf=replace(frf, coherence=coherence)))
+        if "above 1" in v.message
+    ]
+    assert {v.level for v in above} == {"warn"}
+
+
 def test_driving_point_of_the_wrong_sign():
     # too few channels for the neighbours to tell, so the power at the driving point alone decides
     measurement = bar()

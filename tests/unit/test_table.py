@@ -78,6 +78,14 @@ def test_columns_can_be_named_and_coherence_taken(tmp_path):
     np.testing.assert_allclose(functions[1].value, [0.9, 0.8, 0.7])
 
 
+def test_words_below_the_numbers_are_no_rows_but_words_amid_them_are_faults(tmp_path):
+    table = rows(PARTS)
+    below = read(tmp_path, table + "TagsBegin:\nTitle,1\n\nTagsEnd:\n", layout="real-imaginary")
+    np.testing.assert_allclose(below[1].value, VALUE[1])
+    with pytest.raises(MeasurementError, match="row 4, column 1: expected a number, found 'Tags:'"):
+        read(tmp_path, f"{table}Tags:\n{table}", layout="real-imaginary")
+
+
 def test_gzip(tmp_path):
     (tmp_path / "a.txt.gz").write_bytes(gzip.compress(rows(PARTS).encode()))
     functions = read_table(tmp_path / "a.txt.gz", TableLayout(layout="real-imaginary"), ACCELERANCE)

@@ -1,5 +1,6 @@
 """Universal files: what is written is read back, what is odd is resolved and said, what is wrong is named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,24 @@ def structure():
     return geometry, frf
 
 
+def test_directions_off_the_axes_get_local_axes(tmp_path, structure):
+    """Written after an identification that took minutes, they had ended it with an error."""
+    geometry, frf = structure
+    slanted, across = np.array([0.0, 0.6, 0.8]), np.array([0.0, -0.8, 0.6])
+    output = Dofs(node=[1, 1, 2], direction=[slanted, across, [0, -1, 0]])
+    write_uff(
+        tmp_path / "a.uff",
+        geometry,
+        replace(frf, output=output, input=Dofs(node=[1, 45], direction=[-slanted, [0, 0, -1]])),
+    )
+    functions, _ = read_uff_functions(tmp_path / "a.uff")
+    back, _ = read_uff_geometry(tmp_path / "a.uff")
+    frfs = [f for f in functions if f.kind == "frf"]
+    found = [back.direction(*own) for own in dict.fromkeys(f.output for f in frfs)]
+    np.testing.assert_allclose(found, output.direction, atol=1e-12)
+    assert np.linalg.det(back.axes[0]) == pytest.approx(1.0)
+
+
 def test_what_is_written_is_read_back(tmp_path, structure):
     geometry, frf = structure
     write_uff(tmp_path / "a.uff", geometry, frf)
@@ -96,12 +115,14 @@ def test_pyuff_reads_what_is_written(tmp_path, structure):
     np.testing.assert_allclose(file.read_sets(4)["data"], frf.value[0, 0], rtol=1e-6)
 
 
-def test_a_skew_direction_cannot_be_written_without_local_axes(tmp_path, structure):
+def test_directions_that_no_local_axes_have_are_written_as_none(tmp_path, structure):
     geometry, frf = structure
-    plain = Geometry(node=geometry.node, coordinate=geometry.coordinate, line=geometry.line)
-    with pytest.raises(MeasurementError, match="point 30: direction"):
-        write_uff(tmp_path / "a.uff", plain, frf)
-    assert list(tmp_path.iterdir()) == []
+    output = Dofs(node=[1, 1, 30], direction=[[0.0, 0.6, 0.8], [0, 1, 0], frf.output.direction[2]])
+    write_uff(tmp_path / "a.uff", geometry, replace(frf, output=output))
+    pyuff = pytest.importorskip("pyuff")
+    file = pyuff.UFF(str(tmp_path / "a.uff"))
+    codes = [file.read_sets(k)["rsp_dir"] for k in np.flatnonzero(file.get_set_types() == 58)]
+    assert codes == [0] * 4 + [2] * 4 + [1] * 4
 
 
 @pytest.mark.parametrize(
