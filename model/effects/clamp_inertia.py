@@ -1,7 +1,7 @@
 """Clamp rotary inertia about the long axis: bars and bolts that stand off the stack turn with its sections.
 
 At one station on each side of the middle, x = +-0.4 s L, a rotary inertia J turns with the slope dw/dy of the
-laminas under it, over about a fifth of the length, less towards its ends.
+laminas under it, over the length of a clamp's footprint.
 
 Enters: mass matrix, with the slope along y of the plane that lies closest to w of all laminas there. Affine
     in J. The slope at a station is shared among those at the nearest three of nine fixed places, smoothly as
@@ -27,7 +27,8 @@ from model.stack.effect import Effect, Parameter
 
 _GRID = np.linspace(0.0, 1.0, 9)
 _REACH = 0.4  # of the length, from the middle to the outermost station
-_SHARE = 1.0 / 6.0  # of the length that one place covers; over less, upper modes rest on the elements there
+_FOOTPRINT = 0.08  # of the length, where no clamp of the stack has one
+_STRIP = 0.5  # of a clamp's footprint: sharing among places spreads it as far again
 _SHARING = 2  # how far apart places are that may share a station
 
 
@@ -39,7 +40,8 @@ def _of_places(t: Theta, i: int, j: int) -> Any:
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the inertia of a unit J that turns with one place, and with two that share a station."""
     stack, found = assembly.stack, []
-    z, size = mean_lamina(stack), (_SHARE * stack.length, stack.width)
+    pressed = max((clamp.footprint[0] for clamp in stack.clamps), default=0.0)
+    z, size = mean_lamina(stack), (_STRIP * (pressed or _FOOTPRINT * stack.length), stack.width)
     rows = [
         [turn_of(assembly, (side * _REACH * station * stack.length, 0.0), size, "y", tapered=True) for side in (-1, 1)]
         for station in _GRID

@@ -95,8 +95,8 @@ def with_attachment_modes(
     for sample in samples if acting_there else ():
         theta = {**system.theta, **sample}
         modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, n_rigid(system.stack) : n_mode]
-        own = [la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there]
-        forces = la.orth(np.hstack(own), _RANK)  # several terms act at the same places
+        every = np.hstack([la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there])
+        forces = np.asarray(la.orth(every, _RANK))  # several terms act at the same places
         factor = shifted_factor(assembly, theta)
         for _ in range(_DEPTH):
             answers = factor.solve(forces)

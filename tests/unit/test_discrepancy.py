@@ -17,6 +17,7 @@ from updating.diagnosis.discrepancy import (
     alike,
     block_of,
     log_density,
+    log_together,
     mixing_of,
     shape_block,
 )
@@ -75,6 +76,16 @@ def test_prior_of_a_size_is_a_density_and_nine_of_ten_lie_within_a_factor_of_fiv
     within = np.abs(logs) <= np.log(5.0)
     assert np.trapezoid(density, logs) == pytest.approx(1.0, abs=1e-6)
     assert np.trapezoid(density[within], logs[within]) == pytest.approx(0.9, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "shape", "plausible"),
+    [(0.003, 1e-4, True), (0.019, 1e-3, True), (0.1, 0.05, True), (0.1, 0.004, False), (0.04, 0.004, False)],
+)
+def test_frequencies_are_not_far_off_where_shapes_are_nearly_right(frequency, shape, plausible):
+    found = log_together(np.array([[frequency, 0.1, shape]]))
+    assert found.shape == (1,)
+    assert found[0] == 0.0 if plausible else found[0] < -5.0
 
 
 def test_a_shape_leans_as_wrong_stiffness_and_mass_make_it():

@@ -46,7 +46,7 @@ def test_frequencies_follow_the_station_of_an_inertia_smoothly():
         name="bar", length=0.465, width=0.0624, height=0.06375, n_lamina=40,
         material=model.Material(young=2e11, poisson=0.28, density=7650.0),
         contact=model.Contact(G_f=1480.0, d_f=1e-11, pressure=320e3, normal_modulus=1e9),
-        mesh=model.Mesh(n_x=12, n_y=2),
+        mesh=model.Mesh(n_x=18, n_y=2),
     )  # fmt: skip
     effect = model.catalogue()["clamp_inertia"]
     system = model.reduce(stack.with_effects(effect), n_snapshot=1)
@@ -56,4 +56,4 @@ def test_frequencies_follow_the_station_of_an_inertia_smoothly():
         square = la.eigh(system.matrix("K", theta), system.matrix("M", theta), eigvals_only=True)[6:12]
         total.append(np.sum(np.sqrt(square)))
     bend = np.diff(total, 2)
-    assert np.abs(np.diff(bend)).max() < 0.25 * np.abs(bend).max()  # it was larger than that
+    assert np.abs(np.diff(bend)).max() < 0.7 * np.abs(bend).max()  # of a kink it is larger than that

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 from updating.diagnosis.discrepancy import MEDIAN, Sizes, log_density
-from updating.diagnosis.explanation import RANGE_PRECISION, TRUST
+from updating.diagnosis.explanation import RANGE_PRECISION, TRUST, weights
 from updating.diagnosis.marginal import Linearized, marginal
 
 NOISE = 1e-4
@@ -192,3 +192,10 @@ def test_what_is_due_to_noise_alone_is_told_from_what_discrepancies_leave():
     found = marginal(problem(2e-3 * rng.normal(size=20), column, prior_std=1.0))
     assert found.noise_variance == pytest.approx([NOISE**2 / (column @ column)], rel=1e-6)
     assert found.covariance[0, 0] > 100.0 * found.noise_variance[0]
+
+
+def test_a_fit_is_weighed_by_no_size_that_is_implausible_beside_shapes():
+    far, near = Sizes(frequency=0.1, shape=0.004), Sizes(frequency=0.1, shape=0.05)
+    assert weights(far, ()).frequency == pytest.approx(0.012)
+    assert weights(far, ("frequency",)) == far
+    assert weights(near, ()) == near

@@ -14,7 +14,7 @@ from model import Parameter, SolveError
 from updating.diagnosis.calibration import WIDER
 from updating.diagnosis.candidates import G_F_RANGE
 from updating.diagnosis.coordinates import bounds_of, scaled
-from updating.diagnosis.discrepancy import KINDS, Sizes
+from updating.diagnosis.discrepancy import KINDS, OVER_SHAPE, Kind, Sizes
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.marginal import Linearized, Marginal, marginal
 from updating.diagnosis.residual import Residual, residual, reweighed
@@ -34,6 +34,7 @@ _FAR_OFF = 30.0  # squared residual of a value, in the mean, from which a search
 _UNSEEN = 1e-9  # precision of a nuisance, beside that of data and priors
 _ALIKE = 1.5  # ratio of sizes of the discrepancy from which a fit is weighed anew
 _REWEIGHED = 3  # times
+_WEIGHED = 0.01  # size of the discrepancy of frequencies by which a fit is weighed wherever it is so small
 _FORBIDDEN = 1e6  # residual of a step to where the model has no modes, so that a shorter one is tried
 
 
@@ -135,7 +136,8 @@ def explain(
         The model has no modes where the search starts.
     """
     evidence = evidence.supposing(effects)
-    begun = evidence if sizes is None else replace(evidence, sizes=sizes)
+    sizes = weights(evidence.sizes if sizes is None else sizes, evidence.scatter.stated)
+    begun = replace(evidence, sizes=sizes)
     parameters = evidence.parameters(effects)
     bounds = _bounds(evidence, parameters)
     first = np.concatenate(
@@ -156,10 +158,21 @@ def explain(
         found = marginal(
             linearized(evidence, best, solution, at_bound), evidence.scatter.sizes, evidence.scatter.stated
         )
-        if _alike(found.likeliest, at.evidence.sizes):
+        sizes = weights(found.likeliest, evidence.scatter.stated)
+        if _alike(sizes, at.evidence.sizes):
             break
-        at = at.weighed(found.likeliest)
+        at = at.weighed(sizes)
     return _explanation(evidence, tuple(effects), solution, found, reweighed(best, evidence))
+
+
+def weights(sizes: Sizes, stated: Sequence[Kind]) -> Sizes:
+    """Return sizes by which a fit is weighed: of frequencies none that is implausible beside what shapes leave.
+
+    Frequencies would be left to small errors of shapes, which are many, and all of them end as far off.
+    """
+    if "frequency" in stated:
+        return sizes
+    return replace(sizes, frequency=min(sizes.frequency, max(_WEIGHED, OVER_SHAPE * sizes.shape)))
 
 
 def _explanation(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.discrepancy import KINDS, MEDIAN, RANGE, Kind, Sizes, log_density
+from updating.diagnosis.discrepancy import KINDS, MEDIAN, RANGE, Kind, Sizes, log_density, log_together
 
 Vector = NDArray[np.float64]
 
@@ -300,7 +300,7 @@ def _log_prior(size: Vector, known: Mapping[Kind, float]) -> Vector:
     """Return the logarithm of the prior density of sizes, (n, n_kind), but those that are known."""
     return np.asarray(
         sum(log_density(kind, own) for kind, own in zip(KINDS, size.T, strict=True) if kind not in known)
-        + np.zeros(len(size))
+        + (np.zeros(len(size)) if known else log_together(size))
     )
 
 

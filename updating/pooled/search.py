@@ -150,6 +150,9 @@ def asked(
 ) -> Found:
     """Fit effects of the rig, one after the other beside those before, each from all places where it promises most.
 
+    Those that a global search found places of come last, whatever the order in which they are asked for: which of its
+    places is best, an effect tells beside all others.
+
     Raises
     ------
     FitError
@@ -161,7 +164,8 @@ def asked(
     found = Found(
         bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=(), n_effect=len(effects)
     )
-    for name in effects:
+    found_at = {place.effect for place in bench.places}
+    for name in sorted(effects, key=lambda name: name in found_at):
         _LOG.info("fit %s", name)
         (own,) = (x for x in screen(found.bench, best, [rig], executor) if x.term.effect == name)
         starts = [beside(best, own)]
