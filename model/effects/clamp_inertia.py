@@ -27,8 +27,7 @@ from model.stack.effect import Effect, Parameter
 
 _GRID = np.linspace(0.0, 1.0, 9)
 _REACH = 0.4  # of the length, from the middle to the outermost station
-_FOOTPRINT = 0.08  # of the length, where no clamp of the stack has one
-_STRIP = 0.5  # of a clamp's footprint: sharing among places spreads it as far again
+_FOOTPRINT = 1.0 / 6.0  # of the length, where no clamp of the stack has one
 _SHARING = 2  # how far apart places are that may share a station
 
 
@@ -41,7 +40,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the inertia of a unit J that turns with one place, and with two that share a station."""
     stack, found = assembly.stack, []
     pressed = max((clamp.footprint[0] for clamp in stack.clamps), default=0.0)
-    z, size = mean_lamina(stack), (_STRIP * (pressed or _FOOTPRINT * stack.length), stack.width)
+    z, size = mean_lamina(stack), (pressed or _FOOTPRINT * stack.length, stack.width)
     rows = [
         [turn_of(assembly, (side * _REACH * station * stack.length, 0.0), size, "y", tapered=True) for side in (-1, 1)]
         for station in _GRID
