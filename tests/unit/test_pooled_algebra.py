@@ -1,5 +1,6 @@
 """Block elimination over specimens against one dense Gaussian problem of all of them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -226,6 +227,20 @@ def test_what_is_own_counts_with_what_is_common():
     assert not apart.adequate
 
 
+def test_frequencies_are_not_left_to_shapes_that_are_nearly_right():
+    """As of a single stack: all of them would drift away together, and the contact stiffness with them."""
+    flown = Scales(frequency=0.13, own_frequency=0.02, shape=0.004, own_shape=0.004)
+    weighed = flown.weights(())
+    assert weighed.whole("frequency") == pytest.approx(0.012)
+    assert weighed.own_frequency / weighed.frequency == pytest.approx(0.02 / 0.13)
+    assert weighed.shape == flown.shape
+    assert flown.weights(("frequency",)) == flown  # what a laboratory states is taken as stated
+    assert Scales().weights(()) == Scales()
+    bent = replace(flown, shape=0.2)
+    assert flown.log_prior() < bent.log_prior() - 20.0
+    assert flown.log_prior(("shape",)) > flown.log_prior() + 30.0  # a stated size says nothing of the other
+
+
 def test_scatter_of_specimens_is_no_discrepancy_of_the_model():
     """Twelve specimens of four modes, each off by 5 % of its own: what the model misses alike stays small."""
     rng = np.random.default_rng(3)
@@ -255,7 +270,7 @@ def test_scatter_of_specimens_is_no_discrepancy_of_the_model():
         step = joint.step(np.zeros(0), np.zeros(0), 1.0)
         return (
             log_evidence(joint, step, np.zeros(modes))
-            + Scales(frequency=common, own_frequency=apart).log_prior
+            + Scales(frequency=common, own_frequency=apart).log_prior()
         )
 
     apart = 0.05 / np.sqrt(1.0 - CORRELATION)

@@ -96,6 +96,7 @@ def test_an_explanation_of_more_effects_leads_where_it_halves_the_error(error, l
     ranking = (law, replace(BOTH, log_odds=37.0, left_out_error=error), BASE)
     found = not_told_apart(ranking, BASE, errors(ranking), adequate=False)
     assert (found[0] == 1) == leads
+    assert found == ([1] if leads else [0])  # what leaves twice as much is not "as well", whatever its odds
 
 
 def test_an_explanation_that_is_not_believed_leads_nowhere():

@@ -113,7 +113,9 @@ class Weighing:
         step = found.step(*self.bounds(), TRUST)
         unseen = np.zeros(found.slope.size)
         unseen[found.slope.size - len(self._coordinates) :] = [own.unseen for own in self._coordinates]
-        return log_evidence(found, step, unseen) + scales.log_prior
+        return log_evidence(found, step, unseen) + scales.log_prior(
+            self._bench.own[0].evidence.scatter.stated
+        )
 
     def likeliest(self, scales: Scales, stated: Sequence[str] = ()) -> tuple[Scales, float]:
         """Return the scales of the largest evidence near some, and that; those that are stated stay."""
@@ -206,11 +208,11 @@ def fit(
     linear = only(linearized(bench, start, coordinates), coordinates)
     if scales is None:
         scales, _ = Weighing(bench, linear, coordinates, start.coordinate).likeliest(Scales(), stated)
-    at, linear = _settled(bench, coordinates, start, linear, scales, most)
+    at, linear = _settled(bench, coordinates, start, linear, scales.weights(stated), most)
     weighing = Weighing(bench, linear, coordinates, at.coordinate)
     scales, log_evidence = weighing.likeliest(scales, stated)
     if settled:
-        further = _settled(bench, coordinates, at, linear, scales, most // 2)
+        further = _settled(bench, coordinates, at, linear, scales.weights(stated), most // 2)
         reached = Weighing(bench, further[1], coordinates, further[0].coordinate).log_evidence(scales)
         # the largest evidence need not be where the misfit is least; but away from there it is less exact
         if reached > log_evidence - _INEXACT:

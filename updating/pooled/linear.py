@@ -13,7 +13,8 @@ from model import Parameter, ReducedEquations
 from updating.diagnosis import discrepancy
 from updating.diagnosis.calibration import P_ADEQUATE
 from updating.diagnosis.coordinates import bounds_of
-from updating.diagnosis.discrepancy import CORRELATION, KINDS, MEDIAN, Kind, log_density
+from updating.diagnosis.discrepancy import CORRELATION, KINDS, MEDIAN, Kind, Sizes, log_density, log_together
+from updating.diagnosis.explanation import weights
 from updating.diagnosis.residual import Residual, Spread, residual, rough_about, spread_of
 from updating.pooled.algebra import Block, Strengths
 from updating.pooled.beside import Bench, with_spreads
@@ -56,16 +57,26 @@ class Scales:
     stiffness: float = SPREAD["stiffness"][0]
     loss: float = SPREAD["loss"][0]
 
-    @property
-    def log_prior(self) -> float:
-        """Logarithm of the prior density of their logarithms, up to a constant."""
+    def log_prior(self, stated: Sequence[str] = ()) -> float:
+        """Return the logarithm of the prior density of their logarithms, up to a constant.
+
+        What is said of sizes together is said where the laboratory has stated none of them.
+        """
         sizes = sum(
             float(log_density(kind, np.asarray(size)))
             for kind in KINDS
             for size in (getattr(self, kind), self.own(kind))
         )
+        if not stated:
+            sizes += float(log_together(np.array([self.whole(kind) for kind in KINDS])))
         away = [np.log(getattr(self, name) / median) / std for name, (median, std) in SPREAD.items()]
         return sizes - 0.5 * float(np.sum(np.square(away)))
+
+    def weights(self, stated: Sequence[Kind]) -> Scales:
+        """Return scales by which a fit is weighed, see `updating.diagnosis.explanation.weights`."""
+        whole = Sizes(frequency=self.whole("frequency"), shape=self.whole("shape"))
+        share = weights(whole, stated).frequency / whole.frequency
+        return replace(self, frequency=share * self.frequency, own_frequency=share * self.own_frequency)
 
     @property
     def adequate(self) -> bool:

@@ -44,7 +44,8 @@ def not_told_apart(
     to average Bayesian predictive distributions, 2018, on worlds that no model of a list holds). So there the best
     prediction of specimens left out leads, and what predicts them as well, within one standard error of the mean
     difference over specimens, is not told from it. One that has more terms than the most probable one is among them
-    where it halves the error of those that have not.
+    where it halves the error of those that have not. What is as probable as the most probable one is not told from it
+    either, unless its error is twice as large.
 
     Parameters
     ----------
@@ -73,7 +74,8 @@ def not_told_apart(
         return near
     lead = min(open_to, key=lambda i: mean[i])
     as_well = [i for i in open_to if _predicts_as_well(error[i], error[lead])]
-    return [lead, *(i for i in range(len(ranking)) if i != lead and (i in near or i in as_well))]
+    as_well += [i for i in near if HALVES * mean[i] <= mean[lead]]
+    return [lead, *(i for i in range(len(ranking)) if i != lead and i in as_well)]
 
 
 def _is_believed(own: PooledRanked, base: PooledRanked) -> bool:
