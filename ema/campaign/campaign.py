@@ -17,7 +17,7 @@ from ema.campaign.campaign_file import (
     PointsSection,
 )
 from ema.campaign.estimate import Averaging
-from ema.campaign.named_files import Format, format_of, named_files
+from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
 from ema.io.form import did_you_mean, read_form
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import read_uff_geometry
@@ -41,12 +41,20 @@ class Files:
         Whether all of them are one roving run; else each file is a run of its own.
     output, input : tuple of Dof
         DOFs of their FRFs in reading order; one entry holds for all of them, none leaves them to the file.
+    beside : int
+        How many that follow each other hold channels of the same records, such as the force and a response.
     """
 
     files: tuple[Path, ...]
     together: bool
     output: tuple[Dof, ...]
     input: tuple[Dof, ...]
+    beside: int = 1
+
+    @property
+    def sets(self) -> tuple[tuple[Path, ...], ...]:
+        """The files of each record."""
+        return tuple(self.files[k : k + self.beside] for k in range(0, len(self.files), self.beside))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,7 +238,7 @@ def read_campaign(path: str | Path) -> Campaign:
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
-        [measurement.variables]                # MATLAB and HDF5 files, see `ema.io.variables.VariableLayout`
+        [measurement.variables]                # MATLAB, HDF5, NumPy files, see `ema.io.variables.VariableLayout`
         frf = "H"
         [measurement.time]                     # only where files are time histories of one force and its responses,
         window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
@@ -242,7 +250,7 @@ def read_campaign(path: str | Path) -> Campaign:
         pressure_kPa = 160
         height_mm = 64.8
         force_N = 2                            # level of the force; may be left out
-        files = ["M1/*.uff"]                   # each file is one run, in natural order of the names
+        files = ["M1/*.uff"]                   # each one run, in natural order; [["F*.csv", "A*.csv"]]: side by side
         output = ["1+z", "2+z"]                # DOFs of the FRFs in reading order, if the files hold none: point,
         input = ["45+z"]                       # sign, axis, one for all; or {node = 4, direction = [0, 0.7, 0.7]}
         [[configuration.force_level]]          # the same state at another force, at all points or some:
@@ -329,10 +337,10 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
     if "csv" in formats and (given.table is None or not stated):
         message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
         raise CampaignError(message)
-    if formats & {"mat", "hdf5", "numpy"} and (given.variables is None or given.unit is None):
+    if formats & {"mat", "hdf5", "numpy"} and (given.variables is None or not stated):
         message = (
             f"{path}: measurement: MATLAB, HDF5 and NumPy files need 'unit' and [measurement.variables] with what "
-            "their variables hold"
+            "their variables hold; those of time histories [measurement.time] in place of 'unit'"
         )
         raise CampaignError(message)
 
@@ -348,12 +356,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
         pressure=None if given.pressure_kPa is None else given.pressure_kPa * 1e3,
         height=None if given.height_mm is None else given.height_mm * 1e-3,
         files=tuple(
-            Files(
-                files=named_files(path, folder, key, group.files),
-                together=bool(given.run),
-                output=group.output,
-                input=group.input,
-            )
+            _files(path, folder, key, group.files, (group.output, group.input), together=bool(given.run))
             for group in groups
         ),
         force=given.force_N,
@@ -364,17 +367,42 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
             name=f"{given.name} at {level.force_N:g} N",
             force=level.force_N,
             files=(
-                Files(
-                    files=named_files(path, folder, level_key, level.files),
+                _files(
+                    path,
+                    folder,
+                    level_key,
+                    level.files,
+                    (level.output or given.output, level.input or given.input),
                     together=False,
-                    output=level.output or given.output,
-                    input=level.input or given.input,
                 ),
             ),
         )
         for level in given.force_level
     )
     return replace(configuration, force_levels=levels)
+
+
+def _files(
+    path: Path,
+    folder: Path,
+    key: str,
+    names: Names,
+    dofs: tuple[tuple[Dof, ...], tuple[Dof, ...]],
+    *,
+    together: bool,
+) -> Files:
+    """Return the files of names, or those of lists of names that belong side by side."""
+    output, force = dofs
+    plain = tuple(name for name in names if isinstance(name, str))
+    sets = [name for name in names if not isinstance(name, str)]
+    files = named_files(path, folder, key, plain) if plain else ()
+    return Files(
+        files=(*files, *(file for one in sets for file in files_beside(path, folder, key, one))),
+        together=together,
+        output=output,
+        input=force,
+        beside=len(sets[0]) if sets else 1,
+    )
 
 
 def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correction:

@@ -53,6 +53,20 @@ def _several(given: object) -> object:
     return tuple(given) if isinstance(given, list) else (given,)
 
 
+def _several_records(given: object) -> object:
+    """Return a list of names, or of lists of as many names of files that belong side by side."""
+    several = _several(given)
+    assert isinstance(several, tuple)
+    inner = [entry for entry in several if isinstance(entry, list)]
+    if inner and (len(inner) < len(several) or len({len(entry) for entry in inner}) > 1):
+        message = (
+            "names are either all text, or all lists of files side by side, each of as many, such as "
+            '[["force_*.csv", "response_*.csv"]]'
+        )
+        raise ValueError(message)
+    return tuple(tuple(entry) if isinstance(entry, list) else entry for entry in several)
+
+
 def _checked_unit(text: str) -> str:
     try:
         parse_unit(text)
@@ -64,6 +78,10 @@ def _checked_unit(text: str) -> str:
 DofEntry = Annotated[Dof, BeforeValidator(_dof)]
 DofEntries = Annotated[tuple[DofEntry, ...], BeforeValidator(_several)]
 FileNames = Annotated[tuple[str, ...], BeforeValidator(_several)]
+RecordNames = Annotated[
+    tuple[str, ...] | tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...],
+    BeforeValidator(_several_records),
+]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
 
@@ -115,10 +133,14 @@ class MeasurementSection(Section):
         if self.table is not None and (self.table.layout == "time") != (self.time is not None):
             message = "layout = 'time' and [measurement.time] belong together"
             raise ValueError(message)
-        if self.variables is not None and self.time is not None:
+        if self.variables is not None and self.variables.history is None and self.time is not None:
             message = (
-                "[measurement.variables] is of files of FRFs, [measurement.time] of files of time histories"
+                "[measurement.time] is of time histories, and [measurement.variables] without 'history' is of files of "
+                "FRFs"
             )
+            raise ValueError(message)
+        if self.variables is not None and self.variables.history is not None and self.time is None:
+            message = "'history' in [measurement.variables] needs [measurement.time] with how it is averaged"
             raise ValueError(message)
         return self
 
@@ -126,7 +148,7 @@ class MeasurementSection(Section):
 class RunSection(Section):
     """The files of one roving run."""
 
-    files: FileNames = Field(min_length=1)
+    files: RecordNames = Field(min_length=1)
     output: DofEntries = ()
     input: DofEntries = ()
 
@@ -135,7 +157,7 @@ class ForceLevelSection(Section):
     """The files of a configuration at another force, to be compared with those that are identified."""
 
     force_N: float = Field(gt=0, allow_inf_nan=False)
-    files: FileNames = Field(min_length=1)
+    files: RecordNames = Field(min_length=1)
     output: DofEntries = ()
     input: DofEntries = ()
 
@@ -149,7 +171,7 @@ class ConfigurationSection(Section):
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     force_N: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    files: FileNames = ()
+    files: RecordNames = ()
     output: DofEntries = ()
     input: DofEntries = ()
     run: tuple[RunSection, ...] = ()
@@ -215,3 +237,15 @@ class CampaignFile(Section):
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
+
+    @model_validator(mode="after")
+    def _records_side_by_side(self) -> CampaignFile:
+        names = [run.files for c in self.configuration for run in c.run]
+        names += [level.files for c in self.configuration for level in c.force_level]
+        names += [c.files for c in self.configuration]
+        if self.measurement.time is None and any(isinstance(name, tuple) for own in names for name in own):
+            message = (
+                "files in inner brackets, side by side, are of time histories: they need [measurement.time]"
+            )
+            raise ValueError(message)
+        return self

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
-from ema.campaign.named_files import format_of
+from ema.campaign.reading import frfs_of, records_of
 from ema.campaign.records import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
-from ema.io.table import read_table
-from ema.io.uff import read_uff_functions
-from ema.io.variables import read_variables
 from ema.types.arrays import readonly
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
@@ -140,35 +136,21 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     )
 
 
-def _read(campaign: Campaign, file: Path, notes: list[str]) -> tuple[MeasuredFunction, ...]:
-    kind = format_of(file, campaign.format)
-    if kind == "uff":
-        functions, odd = read_uff_functions(file, campaign.unit)
-        notes += odd
-        return functions
-    if kind in ("mat", "hdf5", "numpy"):
-        assert campaign.variables is not None
-        return read_variables(file, campaign.variables, campaign.unit, matlab=kind == "mat")
-    if campaign.table is None:
-        message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
-        raise CampaignError(message)
-    return read_table(file, campaign.table, campaign.unit)
-
-
 def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
     found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]] = []
-    for group in [files.files] if files.together else [(file,) for file in files.files]:
-        contents = [(file, _read(campaign, file, notes)) for file in group]
+    for group in [files.sets] if files.together else [(one,) for one in files.sets]:
         if campaign.averaging is not None:
-            estimated = frfs_from_records(contents, campaign.averaging, notes)
-            found += [(*f, n_run, i) for i, f in enumerate(estimated, start=1)]
-        else:
-            for file, functions in contents:
-                found += [
-                    (*f, 0.0, campaign.decay_rate, n_run, i)
-                    for i, f in enumerate(_frfs(file, functions, notes), start=1)
-                ]
+            position = 1
+            for contents in records_of(campaign, group, notes):
+                estimated = frfs_from_records(contents, campaign.averaging, notes)
+                found += [(*f, n_run, i) for i, f in enumerate(estimated, start=position)]
+                position += len(estimated)
+                n_run += 1
+            continue
+        for (file,) in group:
+            functions = frfs_of(campaign, file, notes)
+            found += [(*f, 0.0, campaign.decay_rate, n_run, i) for i, f in enumerate(functions, start=1)]
         n_run += 1
     outputs = _listed(campaign, "output", files, files.output, len(found))
     inputs = _listed(campaign, "input", files, files.input, len(found))
@@ -180,37 +162,6 @@ def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> 
         if entry is not None:
             entries.append(replace(entry, overload=overload, decay_rate=decay_rate))
     return entries, n_run
-
-
-def _frfs(
-    file: Path, functions: tuple[MeasuredFunction, ...], notes: list[str]
-) -> list[tuple[MeasuredFunction, MeasuredFunction | None]]:
-    """Return the FRFs of a file, each with the coherence of its DOFs or, unstated, of its place."""
-    frfs = [f for f in functions if f.kind == "frf"]
-    coherences = [f for f in functions if f.kind == "coherence"]
-    if not frfs:
-        kinds = ", ".join(sorted({f.kind for f in functions}))
-        notes.append(f"{file}: no FRF in the file, only functions of kind {kinds}")
-    return list(zip(frfs, _coherences(frfs, coherences, file, notes), strict=True))
-
-
-def _coherences(
-    frfs: list[MeasuredFunction], coherences: list[MeasuredFunction], file: Path, notes: list[str]
-) -> Sequence[MeasuredFunction | None]:
-    if not coherences:
-        return [None] * len(frfs)
-    if len({f.abscissa.size for f in (*frfs, *coherences)}) > 1:
-        notes.append(
-            f"{file}: coherences and FRFs have different numbers of lines; the coherences are left out"
-        )
-        return [None] * len(frfs)
-    if all(f.output is None or f.input is None for f in coherences):
-        if len(coherences) == len(frfs):
-            return list(coherences)
-        notes.append(f"{file}: {len(coherences)} coherences for {len(frfs)} FRFs; they are left out")
-        return [None] * len(frfs)
-    by_dof = {(f.output, f.input): f for f in coherences}
-    return [by_dof.get((f.output, f.input)) for f in frfs]
 
 
 def _listed(

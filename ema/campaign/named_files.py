@@ -10,6 +10,8 @@ from typing import Literal
 from ema.types.errors import CampaignError
 
 Format = Literal["uff", "csv", "mat", "hdf5", "numpy"]
+Names = tuple[str, ...] | tuple[tuple[str, ...], ...]
+"""Names of files, or lists of names of which each gives files that belong side by side."""
 SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".uff", ".unv", ".uf", ".uf3", ".ufb", ".bunv", ".uff58", ".univ"), "uff"),
     ".mat": "mat",
@@ -63,6 +65,27 @@ def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -
             message = f"{path}: {key}: {pattern[:_SHOWN]!r} names no file: {error.strerror}"
             raise CampaignError(message) from error
     return tuple(dict.fromkeys(files))
+
+
+def files_beside(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -> list[Path]:
+    """Return files of several patterns that hold channels of the same records: the first of each, the second of each.
+
+    Raises
+    ------
+    CampaignError
+        As `named_files`, or the patterns do not have as many files each, or one of them twice.
+    """
+    columns = [named_files(path, folder, key, (pattern,)) for pattern in patterns]
+    counts = [len(column) for column in columns]
+    if len(set(counts)) > 1 or len({f for column in columns for f in column}) < sum(counts):
+        found = "; ".join(
+            f"{pattern!r} is {', '.join(f.name for f in column[:3])}{', ...' if len(column) > 3 else ''} "
+            f"({len(column)} files)"
+            for pattern, column in zip(patterns, columns, strict=True)
+        )
+        message = f"{path}: {key}: of files side by side, in inner brackets, each name has as many, none twice: {found}"
+        raise CampaignError(message)
+    return [file for row in zip(*columns, strict=True) for file in row]
 
 
 def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction
+from ema.io.sampling import require_ascending
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
@@ -44,6 +45,8 @@ class TableLayout(BaseModel):
         Column of the frequency in Hz or the time in s, counted from 1; 0 when there is none.
     axis_start, axis_step : float
         First value and step (Hz or s) of a file without such a column.
+    sampling_Hz : float or None
+        Sampling rate of time histories, Hz, where times are missing or rounded.
     columns : tuple of tuple of int
         Columns of each function, e.g. ``[[2, 3], [6, 7]]``; empty takes all columns but the axis.
     coherence_columns : tuple of int
@@ -64,6 +67,7 @@ class TableLayout(BaseModel):
     axis_column: int = Field(default=1, ge=0)
     axis_start: float = 0.0
     axis_step: float = Field(default=0.0, ge=0)
+    sampling_Hz: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     columns: tuple[tuple[Column, ...], ...] = ()
     coherence_columns: tuple[Column, ...] = ()
     phase_unit: Literal["deg", "rad"] = "deg"
@@ -80,9 +84,13 @@ class TableLayout(BaseModel):
         if any(len(columns) != width for columns in self.columns):
             message = f"layout {self.layout!r} takes {width} column(s) for each function in 'columns'"
             raise ValueError(message)
-        if self.axis_column == 0 and self.axis_step <= 0:
+        if self.sampling_Hz is not None and self.layout != "time":
+            message = "sampling_Hz is of time histories, layout = 'time'"
+            raise ValueError(message)
+        if self.axis_column == 0 and self.axis_step <= 0 and self.sampling_Hz is None:
             message = (
-                "without a column of the frequency or time (axis_column = 0), axis_step must be positive"
+                "without a column of the frequency or time (axis_column = 0), axis_step must be positive, or state "
+                "the sampling rate of time histories as sampling_Hz"
             )
             raise ValueError(message)
         if self.decimal == "," and self.delimiter == "comma":
@@ -115,13 +123,18 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
         )
         raise MeasurementError(message)
     table = _numbers(path, rows, layout, sorted(set(used)))
-    if layout.axis_column:
+    if layout.sampling_Hz is not None:
+        axis = np.asarray(np.arange(len(rows)) / layout.sampling_Hz, float)
+    elif layout.axis_column:
         axis = table[layout.axis_column].real
     else:
         axis = layout.axis_start + layout.axis_step * np.arange(len(rows))
-    if not np.all(np.diff(axis) > 0):
+    if layout.layout == "time":
+        where = f"{path}: column {layout.axis_column}"
+        require_ascending(where, "row", layout.header_rows + 1, axis, "[measurement.table]")
+    elif not np.all(np.diff(axis) > 0):
         row = layout.header_rows + 2 + int(np.argmin(np.diff(axis) > 0))
-        message = f"{path}: row {row}, column {layout.axis_column}: the frequency or time does not ascend"
+        message = f"{path}: row {row}, column {layout.axis_column}: the frequency does not ascend"
         raise MeasurementError(message)
     return _functions(path, layout, columns, table, np.asarray(axis), unit)
 

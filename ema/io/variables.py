@@ -1,4 +1,7 @@
-"""FRFs in the named arrays of MATLAB and HDF5 files, as a campaign file describes them. To SI here."""
+"""FRFs in the named arrays of MATLAB, HDF5 and NumPy files, as a campaign file describes them. To SI here.
+
+What these files hold of time histories is described here, too, and read in `ema.io.array_histories`.
+"""
 
 from __future__ import annotations
 
@@ -25,29 +28,40 @@ def _several(given: Any) -> Any:
 
 
 Names = Annotated[tuple[Name, ...], Field(min_length=1), BeforeValidator(_several)]
-Axis = Literal["frequency", "output", "input"]
+Axis = Literal["frequency", "output", "input", "time", "channel", "hit", "run"]
 DIRECTIONS = {f"{sign}{axis}": int(f"{sign}{k}") for k, axis in enumerate("xyz", start=1) for sign in "+-"}
 """Signed local directions as they are written, to 1, 2, 3 for +x, +y, +z and negative numbers against them."""
 FIRST_COLUMN = "first column"
 """In place of a variable of the frequencies: the first column of each array of FRFs."""
+FIRST_CHANNEL = "first channel"
+"""In place of a variable of the times: the first channel of each array of time histories."""
+_OF_FRFS, _OF_HISTORIES = {"frequency", "output", "input"}, {"time", "channel", "hit", "run"}
 _LARGEST_POINT = 1e10  # as in universal files
 _Named = tuple[str, NDArray[Any]]  # a variable and its values (n_frequency, n_output, n_input)
 
 
 class VariableLayout(BaseModel):
-    """Which variables of a MATLAB or HDF5 file hold what; keys of ``[measurement.variables]``.
+    """Which variables of a MATLAB, HDF5 or NumPy file hold what; keys of ``[measurement.variables]``.
 
     Fields of a MATLAB structure are named ``data.H``, data sets in an HDF5 group ``data/H``.
 
     Attributes
     ----------
+    history : tuple of str or None
+        Variables of time histories, in place of FRFs; of several the channels of the first come first, then those of
+        the next. One with a single channel needs no axis of channels.
+    time : str or None
+        Variable of their times, s, or ``"first channel"`` where the first channel of each of them holds these.
+    sampling_Hz : float, str or None
+        Their sampling rate, Hz, or the variable that holds it, where times are missing or rounded.
     frf : tuple of str or None
         Variable of the complex FRFs; of several the outputs of the first come first, then those of the next.
     real, imaginary : str or None
         Variables of their parts, in place of `frf`.
-    axes : tuple of {"frequency", "output", "input"}
-        What each axis of these arrays is, in the order that MATLAB or the HDF5 file shows; axes of length one may
-        be left out.
+    axes : tuple of str
+        What each axis of these arrays is, in the order that MATLAB or the HDF5 file shows: "frequency", "output" and
+        "input" of FRFs; "time", "channel", "hit" (blows that are averaged) and "run" (points that are not) of time
+        histories. Axes of length one may be left out.
     frequency : str or None
         Variable of the frequencies, Hz, or ``"first column"`` where the first column of the FRFs holds them.
     axis_start, axis_step : float
@@ -63,6 +77,9 @@ class VariableLayout(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    history: Names | None = None
+    time: Name | None = None
+    sampling_Hz: Name | Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     frf: Names | None = None
     real: Name | None = None
     imaginary: Name | None = None
@@ -78,11 +95,24 @@ class VariableLayout(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> VariableLayout:
+        if len(set(self.axes)) < len(self.axes):
+            message = f"axes: each once, found {list(self.axes)}"
+            raise ValueError(message)
+        if self.history is not None:
+            _require_of_histories(self)
+        else:
+            self._require_of_frfs()
+        return self
+
+    def _require_of_frfs(self) -> None:
+        if self.time is not None or self.sampling_Hz is not None:
+            message = "'time' and 'sampling_Hz' belong to 'history', variables of time histories"
+            raise ValueError(message)
         parts = (self.real is not None, self.imaginary is not None)
         if (self.frf is not None) == any(parts) or any(parts) != all(parts):
             message = "give either 'frf', the complex FRFs, or both 'real' and 'imaginary'"
             raise ValueError(message)
-        if "frequency" not in self.axes or len(set(self.axes)) < len(self.axes):
+        if "frequency" not in self.axes or not set(self.axes) <= _OF_FRFS:
             message = f"axes: each of 'frequency', 'output', 'input' once, 'frequency' always, found {list(self.axes)}"
             raise ValueError(message)
         if self.frequency == FIRST_COLUMN and self.axes != ("frequency", "output"):
@@ -95,7 +125,28 @@ class VariableLayout(BaseModel):
             if (getattr(self, f"{end}_point") is None) != (getattr(self, f"{end}_direction") is None):
                 message = f"'{end}_point' and '{end}_direction' belong together"
                 raise ValueError(message)
-        return self
+
+
+def _require_of_histories(layout: VariableLayout) -> None:
+    """Refuse what does not describe time histories."""
+    foreign = layout.model_fields_set - {"history", "time", "sampling_Hz", "axes"}
+    if foreign:
+        message = (
+            f"{', '.join(map(repr, sorted(foreign)))}: of FRFs, not of time histories ('history'); their points and "
+            "directions are 'output' and 'input' of the configuration"
+        )
+        raise ValueError(message)
+    if "time" not in layout.axes or not set(layout.axes) <= _OF_HISTORIES:
+        message = (
+            "axes of time histories: each of 'time', 'channel', 'hit', 'run' at most once, 'time' always, such as "
+            f"['time', 'channel'], found {list(layout.axes)}"
+        )
+        raise ValueError(message)
+    if layout.time is None and layout.sampling_Hz is None:
+        message = (
+            "time histories need 'time', the variable of their times, or their sampling rate as 'sampling_Hz'"
+        )
+        raise ValueError(message)
 
 
 def read_variables(

@@ -124,6 +124,7 @@ name = "keys"
 {POINTS}
 [measurement.table]
 layout = "time"
+sampling_Hz = 600
 [measurement.time]
 window = "boxcar"
 estimator = "H2"
@@ -148,6 +149,13 @@ CAMPAIGN_BLOCKS = CAMPAIGN_TIME.replace(
 CAMPAIGN_HITS = CAMPAIGN_BLOCKS.replace(
     "block_s = 2\noverlap = 0.5\n", "block_s = 1.5\nbefore_hit_s = 0.05\n"
 )
+
+CAMPAIGN_ARRAYS = CAMPAIGN_TIME.replace(
+    '[measurement.table]\nlayout = "time"\nsampling_Hz = 600\n',
+    '[measurement.variables]\nhistory = "blows"\naxes = ["hit", "time", "channel"]\ntime = "first channel"\n'
+    "sampling_Hz = 600\n",
+).replace('["blow_1.csv", "blow_2.csv"]', '"blows.npz"')
+CAMPAIGN_BESIDE = CAMPAIGN_TIME.replace('["blow_1.csv", "blow_2.csv"]', '[["force_*.csv", "response_*.csv"]]')
 
 
 def variables(frf, frequency):
@@ -436,6 +444,8 @@ class Used:
 FILES = {
     "table": Used(CampaignFile, CAMPAIGN_TABLE, "ema"),
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
+    "arrays of histories": Used(CampaignFile, CAMPAIGN_ARRAYS, "ema"),
+    "files side by side": Used(CampaignFile, CAMPAIGN_BESIDE, "ema"),
     "hits": Used(CampaignFile, CAMPAIGN_HITS, "ema", slow=True),
     "blocks": Used(CampaignFile, CAMPAIGN_BLOCKS, "ema", slow=True),
     "variables": Used(CampaignFile, variables('frf = "H"', "axis_start = 60\naxis_step = 0.5"), "ema"),
@@ -526,6 +536,10 @@ def record(folder):
     table = np.column_stack([np.arange(n) / rate, force, *response])
     for name, rows in (("record", table), ("blow_1", table[:1200]), ("blow_2", table[1200:2400])):
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",")
+    for name, rows in (("1", table[:1200]), ("2", table[1200:2400])):
+        np.savetxt(folder / f"force_{name}.csv", rows[:, :2], delimiter=",")
+        np.savetxt(folder / f"response_{name}.csv", np.delete(rows, 1, axis=1), delimiter=",")
+    np.savez(folder / "blows.npz", blows=table[:2400].reshape(2, 1200, -1))
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ def test_gzip(tmp_path):
         (rows(PARTS, ";"), {}, "is the delimiter 'comma' right"),
         (rows(PARTS), {"columns": [[8, 9]]}, "column 9 is asked for, but row 1 has 5 columns"),
         ("", {}, "no rows of numbers"),
-        ("1,2,3\n3,2,3\n2,2,3\n", {}, "row 3, column 1: the frequency or time does not ascend"),
+        ("1,2,3\n3,2,3\n2,2,3\n", {}, "row 3, column 1: the frequency does not ascend"),
     ],
 )
 def test_faults_are_named(tmp_path, text, layout, said):

@@ -1,0 +1,157 @@
+"""Time histories in the named arrays of MATLAB, HDF5 and NumPy files, as a campaign file describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.io.array_files import ArrayInFile, array, arrays_in
+from ema.io.measured_function import MeasuredFunction
+from ema.io.sampling import require_ascending
+from ema.io.variables import FIRST_CHANNEL, VariableLayout
+from ema.types.errors import MeasurementError
+
+Channels = tuple[MeasuredFunction, ...]
+_ORDER = ("run", "hit", "channel", "time")
+
+
+def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple[tuple[Channels, ...], ...]:
+    """Read the time histories of a file: for each run its hits, for each hit its channels.
+
+    They come as they stand, as functions of kind "response", since only the user knows which channel is the force.
+
+    Parameters
+    ----------
+    path : Path
+        MATLAB, HDF5 or NumPy file.
+    layout : VariableLayout
+        Which variables hold them, and what their axes are; one of time histories.
+    matlab : bool
+        Whether MATLAB wrote it, see `arrays_in`.
+
+    Raises
+    ------
+    MeasurementError
+        A variable is missing, is complex, or has another shape than the others ask for; the message names file and
+        variable.
+    """
+    assert layout.history is not None
+    with arrays_in(path, matlab=matlab) as arrays:
+        blocks = [(name, _block(path, arrays, layout, name)) for name in layout.history]
+        first, reference = blocks[0]
+        for name, block in blocks:
+            if (*block.shape[:2], block.shape[3]) != (*reference.shape[:2], reference.shape[3]):
+                message = (
+                    f"{path}: variable {name!r} (history): {arrays[name]} do not fit the {arrays[first]} of {first!r}; "
+                    f"expected the same runs, hits and samples in all; is the order axes = {list(layout.axes)} right?"
+                )
+                raise MeasurementError(message)
+        time = _time(path, arrays, layout, blocks)
+    inside = 1 if layout.time == FIRST_CHANNEL else 0
+    n_run, n_hit = reference.shape[:2]
+
+    def channels(run: int, hit: int) -> Channels:
+        place = "".join(
+            f"{what} {k + 1}, " for what, k, n in (("run", run, n_run), ("hit", hit, n_hit)) if n > 1
+        )
+        return tuple(
+            MeasuredFunction(
+                kind="response", abscissa=time, value=block[run, hit, c], quantity=None, output=None, input=None,
+                source=f"{path}: variable {name!r}, {place}channel {c + 1}",
+            )
+            for name, block in blocks
+            for c in range(inside, block.shape[2])
+        )  # fmt: skip
+
+    return tuple(tuple(channels(run, hit) for hit in range(n_hit)) for run in range(n_run))
+
+
+def _block(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str
+) -> NDArray[np.float64]:
+    """Return an array with the axes run, hit, channel, time; those that it does not have are of length one."""
+    value = array(path, arrays, "history", name)
+    if np.iscomplexobj(value):
+        message = (
+            f"{path}: variable {name!r} (history): its numbers are complex, expected time histories; where they are "
+            "FRFs, name them as 'frf' and leave [measurement.time] out"
+        )
+        raise MeasurementError(message)
+    axes, shape = _axes_of(value, layout)
+    if len(axes) != len(shape):
+        message = (
+            f"{path}: variable {name!r} (history): {arrays[name]} have {len(shape)} axes, axes = {list(layout.axes)} "
+            "names others; say which axis is what"
+        )
+        raise MeasurementError(message)
+    lengths = [shape[axes.index(a)] if a in axes else 1 for a in _ORDER]
+    order = [axes.index(a) for a in _ORDER if a in axes]
+    return value.reshape(shape).transpose(order).reshape(lengths)
+
+
+def _axes_of(value: NDArray[Any], layout: VariableLayout) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Return what the axes of an array are, and its shape without those of length one that are not named."""
+    axes, shape = layout.axes, value.shape
+    if value.size == max(shape, default=0):  # MATLAB has no vectors, only columns and rows
+        return ("time",), (value.size,)
+    if len(shape) > len(axes):
+        shape = tuple(n for n in shape if n > 1)
+    if len(shape) < len(axes):
+        several = layout.history is not None and len(layout.history) > 1
+        # a force beside responses of many channels; else MATLAB drops axes of length one at the end
+        axes = tuple(a for a in axes if a != "channel") if several else axes[: len(shape)]
+    return axes, shape
+
+
+def _time(
+    path: Path,
+    arrays: Mapping[str, ArrayInFile],
+    layout: VariableLayout,
+    blocks: list[tuple[str, NDArray[np.float64]]],
+) -> NDArray[np.float64]:
+    name, block = blocks[0]
+    count = block.shape[3]
+    where, time = f"{path}: variable {name!r} (time)", block[0, 0, 0]
+    if layout.time == FIRST_CHANNEL:
+        for other, own in blocks:
+            if own.shape[2] < 2 or np.any(own[0, 0, 0] != block[0, 0, 0]):
+                message = (
+                    f"{path}: variable {other!r} (history): expected the times in its first channel, the same as in "
+                    f"{name!r}, and others beside them, found {arrays[other]}; is the order axes = "
+                    f"{list(layout.axes)} right?"
+                )
+                raise MeasurementError(message)
+    elif layout.time is not None:
+        where, time = f"{path}: variable {layout.time!r} (time)", array(path, arrays, "time", layout.time)
+        if time.size != count or max(time.shape, default=0) != count or np.iscomplexobj(time):
+            message = (
+                f"{where}: expected {count} real numbers, as many as the time axis of {name!r} ({arrays[name]}) has, "
+                f"found {arrays[layout.time]}; is the order axes = {list(layout.axes)} right?"
+            )
+            raise MeasurementError(message)
+        time = time.ravel()
+    if layout.sampling_Hz is not None:
+        return np.arange(count) / _rate(path, arrays, layout.sampling_Hz)
+    require_ascending(where, "value", 1, time, "[measurement.variables]")
+    return time
+
+
+def _rate(path: Path, arrays: Mapping[str, ArrayInFile], name: str | float) -> float:
+    """Return the stated sampling rate, Hz."""
+    if not isinstance(name, str):
+        return name
+    value = array(path, arrays, "sampling_Hz", name)
+    if value.size != 1 or np.iscomplexobj(value) or not 0 < value.flat[0] < np.inf:
+        message = (
+            f"{path}: variable {name!r} (sampling_Hz): expected one positive number, found {arrays[name]}"
+        )
+        if value.size == 1:
+            message = (
+                f"{path}: variable {name!r} (sampling_Hz): expected a positive number, found {value.flat[0]}"
+            )
+        raise MeasurementError(message)
+    return float(value.flat[0])

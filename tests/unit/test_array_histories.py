@@ -1,0 +1,244 @@
+"""Time histories in the arrays of MATLAB, HDF5 and NumPy files, and in files side by side: as those of text files."""
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from ema.campaign.campaign import read_campaign
+from ema.campaign.measurement import read_measurement
+from ema.io.array_histories import read_histories
+from ema.io.sampling import rate_of_rounded
+from ema.io.table import TableLayout, read_table
+from ema.io.variables import VariableLayout
+from ema.types.errors import CampaignError, MeasurementError
+
+RATE, N, HITS, CHANNELS = 2560.0, 600, 3, 3
+TIME = np.arange(N) / RATE
+BASE = """
+[campaign]
+name = "histories"
+[points]
+file = "points.csv"
+unit = "mm"
+{measurement}
+[measurement.time]
+window = "boxcar"
+force_unit = "N"
+response_unit = "g"
+[[configuration]]
+name = "M1"
+{files}
+"""
+
+
+def blows(seed=0):
+    """A force and two responses that ring, (hit, channel, time)."""
+    rng = np.random.default_rng(seed)
+    value = np.zeros((HITS, CHANNELS, N))
+    for hit in value:
+        hit[0, 20:23] = rng.uniform(20, 60) * np.array([0.4, 1.0, 0.5])
+        for k, f in enumerate((150.0, 340.0), start=1):
+            ring = np.exp(-40 * TIME) * np.sin(2 * np.pi * f * TIME)
+            hit[k] = np.convolve(hit[0], ring)[:N] + 1e-3 * rng.normal(size=N)
+    return value
+
+
+def frf(folder, measurement, files):
+    (folder / "points.csv").write_text("node,x,y,z\n1,0,0,0\n2,100,0,0\n")
+    (folder / "c.toml").write_text(BASE.format(measurement=measurement, files=files))
+    return read_measurement(read_campaign(folder / "c.toml"), "M1").frf
+
+
+RUN = '[[configuration.run]]\nfiles = {}\noutput = ["1+z", "2+z"]\ninput = "1+z"'
+
+
+@pytest.fixture
+def of_text(tmp_path):
+    """The functions of three blows in text files."""
+    folder = tmp_path / "text"
+    folder.mkdir()
+    for k, hit in enumerate(blows()):
+        np.savetxt(folder / f"hit{k}.csv", np.column_stack([TIME, *hit]), delimiter=",")
+    return frf(folder, '[measurement.table]\nlayout = "time"', RUN.format('"hit*.csv"'))
+
+
+def variables(text):
+    return f"[measurement.variables]\n{text}"
+
+
+@pytest.mark.parametrize(
+    ("keys", "content"),
+    [
+        ('history = "y"\naxes = ["hit", "channel", "time"]\nsampling_Hz = 2560', lambda v: {"y": v}),
+        ('history = "y"\naxes = ["time", "channel", "hit"]\nsampling_Hz = "fs"', lambda v: {"y": v.T, "fs": RATE}),
+        ('history = "y"\naxes = ["hit", "time", "channel"]\ntime = "t"',
+         lambda v: {"y": v.transpose(0, 2, 1), "t": TIME}),
+        ('history = ["F", "A"]\naxes = ["hit", "channel", "time"]\ntime = "t"',
+         lambda v: {"F": v[:, 0], "A": v[:, 1:], "t": TIME}),
+        ('history = ["F", "A", "B"]\naxes = ["time", "hit"]\ntime = "t"\nsampling_Hz = 2560',
+         lambda v: {"F": v[:, 0].T, "A": v[:, 1].T, "B": v[:, 2].T, "t": np.round(TIME, 3)}),
+        ('history = "y"\naxes = ["hit", "channel", "time"]\ntime = "first channel"',
+         lambda v: {"y": np.concatenate([np.broadcast_to(TIME, (HITS, 1, N)), v], axis=1)}),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("kind", ["mat", "npz", "h5", "v7.3"])
+def test_histories_of_arrays_give_the_functions_of_those_of_text(tmp_path, of_text, kind, keys, content):
+    arrays = content(blows())
+    if kind == "mat":
+        savemat(tmp_path / "a.mat", arrays)
+    elif kind == "npz":
+        np.savez(tmp_path / "a.npz", **arrays)
+    else:
+        with h5py.File(tmp_path / ("a.h5" if kind == "h5" else "a.mat"), "w") as file:
+            for name, value in arrays.items():
+                file[name] = (
+                    np.atleast_2d(value).T if kind == "v7.3" else value
+                )  # MATLAB turns the axes around
+    found = frf(tmp_path, variables(keys), RUN.format(f'"a.{"mat" if kind == "v7.3" else kind}"'))
+    np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
+    np.testing.assert_allclose(found.frequency, of_text.frequency)
+    np.testing.assert_allclose(found.coherence, of_text.coherence, rtol=1e-9)
+    assert found.quantity == of_text.quantity
+
+
+def test_runs_of_an_array_are_runs_of_their_own(tmp_path):
+    """A roving accelerometer: for each of two points three blows."""
+    np.save(tmp_path / "a.npy", np.stack([blows()[:, [0, 1]], blows(1)[:, [0, 2]]]))
+    keys = 'history = "array"\naxes = ["run", "hit", "channel", "time"]\nsampling_Hz = 2560'
+    found = frf(tmp_path, variables(keys), 'files = "a.npy"\noutput = ["1+z", "2+z"]\ninput = "1+z"')
+    assert found.run.tolist() == [0, 1]
+    assert "run 2, hit 1, channel 2" in found.source[1]
+    peaks = found.frequency[np.abs(found.value[:, 0]).argmax(axis=1)]
+    np.testing.assert_allclose(peaks, [150.0, 340.0], atol=5.0)
+
+
+@pytest.mark.parametrize("kind", ["csv", "npy"])
+def test_files_side_by_side_are_channels_of_one_record(tmp_path, of_text, kind):
+    for k, hit in enumerate(blows()):
+        for name, value in (("force", hit[:1]), ("acc", hit[1:])):
+            if kind == "csv":
+                np.savetxt(tmp_path / f"hit{k}_{name}.csv", np.column_stack([TIME, *value]), delimiter=",")
+            else:
+                np.save(tmp_path / f"hit{k}_{name}.npy", value)
+    measurement = '[measurement.table]\nlayout = "time"'
+    if kind == "npy":
+        measurement = variables('history = "array"\naxes = ["channel", "time"]\nsampling_Hz = 2560')
+    found = frf(tmp_path, measurement, RUN.format(f'[["hit*_force.{kind}", "hit*_acc.{kind}"]]'))
+    np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ('[["hit*_force.csv", "hit1_acc.csv"]]', r"'hit\*_force\.csv' is hit0_force\.csv, hit1.*\(3 files\); 'hit1"),
+        ('[["hit0_force.csv", "hit0_force.csv"]]', "none twice"),
+        ('["hit0_acc.csv", ["hit0_force.csv"]]', "either all text, or all lists"),
+        ('[["hit0_force.csv", "hit0_acc.csv"], ["hit1_force.csv"]]', "each of as many"),
+        ('[["hit0_force.csv", "late.csv"]]', r"late\.csv: its times begin at 0\.5 s, those of .*hit0_force\.csv"),
+    ],
+)  # fmt: skip
+def test_files_that_do_not_fit_side_by_side_are_named(tmp_path, names, said):
+    for k, hit in enumerate(blows()):
+        for name, value in (("force", hit[0]), ("acc", hit[1])):
+            np.savetxt(tmp_path / f"hit{k}_{name}.csv", np.column_stack([TIME, value]), delimiter=",")
+    np.savetxt(tmp_path / "late.csv", np.column_stack([TIME + 0.5, blows()[0, 1]]), delimiter=",")
+    with pytest.raises((CampaignError, MeasurementError), match=said):
+        frf(tmp_path, '[measurement.table]\nlayout = "time"', RUN.format(names))
+
+
+def test_files_side_by_side_are_of_histories(tmp_path):
+    text = BASE.format(
+        measurement='[measurement.table]\nlayout = "complex"', files='files = [["a.csv", "b.csv"]]'
+    )
+    begin, _, rest = text.partition("[measurement.time]")
+    (tmp_path / "c.toml").write_text(begin + rest[rest.index("[[conf") :])
+    with pytest.raises(CampaignError, match=r"inner brackets.*need \[measurement\.time\]"):
+        read_campaign(tmp_path / "c.toml")
+
+
+def test_histories_say_how_they_are_averaged(tmp_path):
+    text = BASE.format(
+        measurement=variables('history = "y"\naxes = ["time"]\nsampling_Hz = 1'), files='files = "a.mat"'
+    )
+    begin, _, rest = text.partition("[measurement.time]")
+    (tmp_path / "c.toml").write_text(begin + rest[rest.index("[[conf") :])
+    with pytest.raises(CampaignError, match=r"'history' .* needs \[measurement\.time\]"):
+        read_campaign(tmp_path / "c.toml")
+
+
+FORM = {"history": ("y",), "axes": ("time", "channel"), "sampling_Hz": RATE}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"axes": ("frequency", "output")}, "axes of time histories"),
+        ({"sampling_Hz": None}, "need 'time'"),
+        ({"coherence": ("c",), "output_point": 1}, "'coherence', 'output_point': of FRFs"),
+        ({"history": None, "frf": ("H",), "axes": ("frequency",), "frequency": "f"}, "belong to 'history'"),
+        ({"axes": ("time", "time")}, "each once"),
+    ],
+)
+def test_impossible_descriptions_are_refused(changes, said):
+    with pytest.raises(ValueError, match=said):
+        VariableLayout.model_validate({k: v for k, v in (FORM | changes).items() if v is not None})
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"history": ("z",)}, r"variable 'z' \(history\): no numbers of that name"),
+        ({"history": ("c",)}, "its numbers are complex"),
+        ({"history": ("cube",)}, r"5 x 4 x 3 have 3 axes, axes = \['time', 'channel'\]"),
+        ({"history": ("y", "few")}, r"'few' \(history\): 5 x 2 do not fit the 600 x 3 of 'y'"),
+        ({"sampling_Hz": None, "time": "few"}, "expected 600 real numbers"),
+        ({"sampling_Hz": None, "time": "rounded"},
+         r"value 2: the time does not ascend; .* 600 samples in 0\.234 s are 2560 Hz"
+         r".*sampling_Hz = 2560, under \[measurement\.variables\]"),
+        ({"sampling_Hz": None, "time": "first channel", "history": ("one",)}, "the times in its first channel"),
+        ({"sampling_Hz": "y"}, "expected one positive number, found 600 x 3"),
+        ({"sampling_Hz": "zero"}, r"expected a positive number, found 0\.0"),
+    ],
+)  # fmt: skip
+def test_faults_are_named(tmp_path, changes, said):
+    content = {
+        "y": np.ones((N, 3)), "c": np.ones((N, 2)) * 1j, "cube": np.ones((5, 4, 3)), "few": np.ones((5, 2)),
+        "rounded": np.round(TIME, 3), "one": np.ones(N), "zero": 0.0,
+    }  # fmt: skip
+    np.savez(tmp_path / "a.npz", **content)
+    layout = VariableLayout.model_validate({k: v for k, v in (FORM | changes).items() if v is not None})
+    with pytest.raises(MeasurementError, match=said):
+        read_histories(tmp_path / "a.npz", layout, matlab=False)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2048.0, 2560.0, 1651.6, 44100.0])
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda t: np.round(t, 3),
+        lambda t: np.floor(t * 1e4) / 1e4,
+        lambda t: np.round(t, 4) - 0.05,
+        lambda t: np.array([float(f"{x:.2e}") for x in t]),
+    ],
+)
+def test_the_rate_of_rounded_times(rate, form):
+    assert rate_of_rounded(form(np.arange(4000) / rate)) == pytest.approx(rate, rel=1e-9)
+
+
+def test_times_of_no_rate_have_none():
+    steps = np.random.default_rng(0).integers(0, 3, 1000)
+    assert rate_of_rounded(np.cumsum(steps) * 1e-3) is None
+    assert rate_of_rounded(np.zeros(100)) is None
+
+
+def test_a_table_of_rounded_times(tmp_path):
+    rows = "".join(f"{t:.3f},{np.sin(k):.4f},{np.cos(k):.4f}\n" for k, t in enumerate(TIME))
+    (tmp_path / "a.csv").write_text(rows)
+    with pytest.raises(MeasurementError, match=r"row 2: the time does not ascend; .*sampling_Hz = 2560"):
+        read_table(tmp_path / "a.csv", TableLayout(layout="time"), None)
+    channels = read_table(tmp_path / "a.csv", TableLayout(layout="time", sampling_Hz=2560), None)
+    assert len(channels) == 2
+    np.testing.assert_allclose(channels[0].abscissa, TIME)
+    with pytest.raises(ValueError, match="sampling_Hz is of time histories"):
+        TableLayout(layout="complex", sampling_Hz=2560)
