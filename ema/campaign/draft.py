@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +169,7 @@ def _of_one_layout(
 ) -> dict[str, tuple[Contents, ...]]:
     """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
     every = [c for contents in configurations.values() for c in contents]
+    every = [_with_channels(c, every) for c in every]
     of_frfs = [c for c in every if not c.is_time] or every
     usual: dict[str, Contents] = {}
     for section in ("table", "variables"):
@@ -179,7 +180,7 @@ def _of_one_layout(
     only_time = all(c.is_time for c in every)
     kept: dict[str, tuple[Contents, ...]] = {}
     for name, contents in configurations.items():
-        for c in contents:
+        for c in (_with_channels(c, every) for c in contents):
             if c.is_time and not only_time:
                 left_out.append(f"{c.file}: holds time histories, and other files FRFs")
             elif c.section is not None and c.keys != usual[c.section].keys:
@@ -188,6 +189,16 @@ def _of_one_layout(
             else:
                 kept[name] = (*kept.get(name, ()), c)
     return kept
+
+
+def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
+    """Return arrays of one channel described as those of several in other files, which have an axis more."""
+    axes = contents.keys.get("axes", ())
+    for other in every if contents.is_time and "channel" not in axes else ():
+        others = other.keys.get("axes", ())
+        if "channel" in others and [a for a in others if a != "channel"] == list(axes):
+            return replace(contents, keys={**contents.keys, "axes": others})
+    return contents
 
 
 def _differing(contents: Contents, usual: Contents) -> str:
@@ -213,6 +224,8 @@ def _lists_points(file: Path) -> bool:
 def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> PointsFound | None:
     """Return the list of points: a table of the folder, else the first universal file that holds some."""
     for file in sorted(folder.rglob("*"), key=natural):
+        if (file.parent / _RESULT).exists():
+            continue
         if file.is_file() and file.suffix.lower() in _TEXT_SUFFIXES and _lists_points(file):
             try:
                 geometry = read_points(file, parse_unit("m"))

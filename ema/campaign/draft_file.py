@@ -10,6 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from ema.campaign.draft import Draft, force_by_exclusion, unlisted
+from ema.campaign.draft_histories import (
+    Guessed,
+    Set,
+    averaged,
+    averaging_of,
+    dofs_of,
+    in_order,
+    side_by_side,
+)
 from ema.campaign.named_files import natural
 from ema.io.contents import UNKNOWN, Code, Contents, dof_name
 from ema.io.files import whole
@@ -110,14 +119,17 @@ def _measurement(found: Draft, missing: list[str]) -> list[str]:
         if described:
             lines += ["", f"[measurement.{section}]", *_section(section, described, missing)]
     if is_time:
-        missing.append(
-            'measurement.time.window: "hann" for random excitation, "boxcar" for impacts or whole periods'
-        )
-        lines += ["", "[measurement.time]", f'window = "{UNKNOWN}"  # to be filled in: "hann" or "boxcar"']
-        if any(c.section == "table" for c in found.contents):
-            missing.append("measurement.time.force_unit, response_unit: such as N and m/s2")
-            lines += [f'{end}_unit = "{UNKNOWN}"  # to be filled in' for end in ("force", "response")]
+        contents = next(iter(found.configurations.values()))
+        lines += ["", "[measurement.time]", *_averaging(averaging_of(side_by_side(contents)), missing)]
     return lines
+
+
+def _averaging(keys: dict[str, Guessed], missing: list[str]) -> Iterable[str]:
+    for key, guessed in keys.items():
+        yield f"{key} = {_toml(guessed.value)}  # {guessed.comment}"
+        if guessed.value == UNKNOWN:
+            meant = '"hann" for random excitation, "boxcar" for impacts or whole periods'
+            missing.append(f"measurement.time.{key}: {meant if key == 'window' else 'such as N and m/s2'}")
 
 
 def _section(section: str, described: list[Contents], missing: list[str]) -> Iterable[str]:
@@ -140,13 +152,10 @@ def _configuration(
     yield f"name = {_toml(name)}"
     yield "# torque_Nm =           # to be filled in for fit and diagnose: bolt torque, or"
     yield "# pressure_kPa =        # the mean pressure between the sheets"
-    yield f"files = {_toml(_patterns(found.folder, contents))}  # each file is one run"
     if any(c.is_time for c in contents):
-        yield "# blows or blocks of one force and its sensors that are averaged are one [[configuration.run]]"
-        if not all({"output", "input"} <= c.states for c in contents):
-            missing.append(f"output and input of configuration {name}: the DOFs of its time histories")
-            yield '# to be filled in: output and input, one DOF for each response, such as output = ["12+z"]'
+        yield from _histories(found, name, contents, missing)
         return
+    yield f"files = {_toml(_patterns(found.folder, [c.file for c in contents]))}  # each file is one run"
     for end, which in (("output", 0), ("input", 1)):
         if all(end in c.states for c in contents):
             continue
@@ -164,23 +173,67 @@ def _configuration(
         yield f"{end} = {_toml(_names(dofs))}{comment}"
 
 
+def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]) -> Iterable[str]:
+    """Give the files of a configuration of time histories, as runs where their names tell which are averaged."""
+    sets = side_by_side(contents)
+    runs = averaged(sets)
+    force = averaging_of(sets).get("force")
+    position = 0 if force is None else force.value - 1
+    stated = all({"output", "input"} <= c.states for c in contents)
+    pairs = [pair for own in sets for pair in dofs_of(own, position)]
+    told = bool(pairs) and not any(None in pair for pair in pairs)
+    if not stated and not told:
+        missing.append(f"output and input of configuration {name}: the DOFs of its time histories")
+    beside = "; files in inner brackets hold channels of the same records" if len(sets[0]) > 1 else ""
+    together = any(len(run) > 1 for run in runs)
+    for run in runs if together else [sets]:
+        if together:
+            yield "[[configuration.run]]"
+            yield f"files = {_toml(_of_sets(found, run))}  # guessed: blows that are averaged, by their names{beside}"
+        else:
+            yield f"files = {_toml(_of_sets(found, run))}  # each is one run{beside}"
+            yield "# blows or blocks of one force and its sensors that are averaged are one [[configuration.run]]"
+        if stated:
+            continue
+        pairs = [pair for own in (run[:1] if together else run) for pair in dofs_of(own, position)]
+        if told:
+            for end, which in (("output", 0), ("input", 1)):
+                yield f"{end} = {_toml(_names([pair[which] for pair in pairs]))}  # guessed: by titles and file names"
+        else:
+            yield f"# to be filled in: output and input, one for all or one for each of {len(pairs)} functions, such as"
+            yield '# output = ["12+z"]'
+
+
+def _of_sets(found: Draft, sets: list[Set]) -> list[Any]:
+    """Return the names of the files of records, of files side by side as lists."""
+    if len(sets[0]) == 1:
+        return _patterns(found.folder, [c.file for own in sets for c in own])
+    patterns = [_patterns(found.folder, [c.file for c in column]) for column in zip(*sets, strict=True)]
+    if in_order(sets) and all(len(names) == 1 for names in patterns):
+        return [[names[0] for names in patterns]]
+    return [[_patterns(found.folder, [c.file])[0] for c in own] for own in sets]
+
+
 def _names(dofs: list[Code | None]) -> list[str]:
     once = list(dict.fromkeys(dofs))
     return [dof_name(code) for code in (once if len(once) == 1 else dofs)]
 
 
-def _patterns(folder: Path, contents: tuple[Contents, ...]) -> list[str]:
+def _patterns(folder: Path, files: list[Path]) -> list[str]:
     """Return one name with a wildcard where it is that of these files and no others, else all names."""
-    files = [c.file for c in contents]
     names = [glob.escape(file.relative_to(folder).as_posix()) for file in files]
     start = names[0]
     while not all(name.startswith(start) for name in names):
         start = start[:-1]
     place = "".join(names[0].rpartition("/")[:2])
     start = start.rstrip("0123456789") if len(start) > len(place) else place
-    pattern = f"{start}*{files[0].suffix}"
-    if len(files) > 1 and sorted(folder.glob(pattern), key=natural) == files:
-        return [pattern]
+    end = names[0][len(start) :]
+    while not all(name[len(start) :].endswith(end) for name in names):
+        end = end[1:]
+    end = end.lstrip("0123456789")
+    for pattern in (f"{start}*{files[0].suffix}", f"{start}*{end}"):
+        if len(files) > 1 and sorted(folder.glob(pattern), key=natural) == files:
+            return [pattern]
     return names
 
 

@@ -166,7 +166,7 @@ def estimate_frf(
         h1 = g_fx / g_ff
         coherence = np.nan_to_num(np.abs(g_fx) ** 2 / (g_ff * g_xx))
         ratio = np.sqrt(np.where(coherence > 0, coherence, np.nan))
-    value = {"H1": h1, "H2": h1 / ratio**2, "Hv": h1 / ratio}[averaging.estimator]
+        value = {"H1": h1, "H2": h1 / ratio**2, "Hv": h1 / ratio}[averaging.estimator]
     n_average = force.shape[0] * (1 + (n_sample - n_block) // (n_block - n_overlap))
     return FRFEstimate(
         frequency=frequency,

@@ -41,7 +41,7 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
     """
     assert layout.history is not None
     with arrays_in(path, matlab=matlab) as arrays:
-        blocks = [(name, _block(path, arrays, layout, name)) for name in layout.history]
+        blocks = [(name, _block(path, arrays, layout, name, matlab=matlab)) for name in layout.history]
         first, reference = blocks[0]
         for name, block in blocks:
             if (*block.shape[:2], block.shape[3]) != (*reference.shape[:2], reference.shape[3]):
@@ -71,7 +71,7 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
 
 
 def _block(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str, *, matlab: bool
 ) -> NDArray[np.float64]:
     """Return an array with the axes run, hit, channel, time; those that it does not have are of length one."""
     value = array(path, arrays, "history", name)
@@ -81,7 +81,7 @@ def _block(
             "FRFs, name them as 'frf' and leave [measurement.time] out"
         )
         raise MeasurementError(message)
-    axes, shape = _axes_of(value, layout)
+    axes, shape = _axes_of(value, layout, matlab=matlab)
     if len(axes) != len(shape):
         message = (
             f"{path}: variable {name!r} (history): {arrays[name]} have {len(shape)} axes, axes = {list(layout.axes)} "
@@ -93,7 +93,9 @@ def _block(
     return value.reshape(shape).transpose(order).reshape(lengths)
 
 
-def _axes_of(value: NDArray[Any], layout: VariableLayout) -> tuple[tuple[str, ...], tuple[int, ...]]:
+def _axes_of(
+    value: NDArray[Any], layout: VariableLayout, *, matlab: bool
+) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Return what the axes of an array are, and its shape without those of length one that are not named."""
     axes, shape = layout.axes, value.shape
     if value.size == max(shape, default=0):  # MATLAB has no vectors, only columns and rows
@@ -102,8 +104,9 @@ def _axes_of(value: NDArray[Any], layout: VariableLayout) -> tuple[tuple[str, ..
         shape = tuple(n for n in shape if n > 1)
     if len(shape) < len(axes):
         several = layout.history is not None and len(layout.history) > 1
-        # a force beside responses of many channels; else MATLAB drops axes of length one at the end
-        axes = tuple(a for a in axes if a != "channel") if several else axes[: len(shape)]
+        # MATLAB drops axes of length one at the end; else it is a force beside responses of many channels
+        dropped = matlab and not several and axes[-1] in ("hit", "run")
+        axes = axes[: len(shape)] if dropped else tuple(a for a in axes if a != "channel")
     return axes, shape
 
 

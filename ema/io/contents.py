@@ -16,7 +16,17 @@ Code = tuple[int, int]
 UNKNOWN = "?"
 """What stands in a campaign file for what nobody can guess; reading it names the key that is to be filled in."""
 
+FORCE = re.compile(
+    r"forc|hammer|impact|kraft|\bsil[ae]\b|kladiv|load.?cell|excit|^f\d*(_|$)|[\[(](m|k)?N[\])]|[\[(]lbf?[\])]",
+    re.IGNORECASE,
+)
+"""What a channel or a file of a force may be called, in English, German or Slovene, or its unit."""
 _DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
+_POINT = re.compile(
+    r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})[ :]*([+-]?[xyz][+-]?)"
+    r"(?![A-Za-z0-9])",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +49,8 @@ class Contents:
         What reading the file gives without the campaign file.
     is_time : bool
         Whether it holds time histories.
+    titles : tuple of str
+        Of time histories what each channel is called; empty where it has no name.
     guesses : tuple of str
         What was taken for granted, and why.
     """
@@ -50,13 +62,14 @@ class Contents:
     dofs: tuple[tuple[Code | None, Code | None], ...] = ()
     states: frozenset[str] = frozenset()
     is_time: bool = False
+    titles: tuple[str, ...] = ()
     guesses: tuple[str, ...] = ()
 
 
 def dofs_in(text: str) -> list[Code]:
-    """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12z``, ``12:+Z`` or ``12Z-``."""
+    """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12:+Z``, ``12Z-`` or ``P12_Z``."""
     found = []
-    for node, before, axis, after in _DOF.findall(text.replace("_", " ")):
+    for node, before, axis, after in _DOF.findall(_plain(text)):
         sign = -1 if "-" in (before, after) else 1
         found.append((int(node), sign * ("xyz".index(axis.lower()) + 1)))
     return [(node, code) for node, code in found if node > 0]
@@ -64,7 +77,12 @@ def dofs_in(text: str) -> list[Code]:
 
 def lacks_sign(text: str) -> bool:
     """Whether a header or a file name holds a DOF without a sign, which is then taken as +."""
-    return any(not before + after for _, before, _, after in _DOF.findall(text.replace("_", " ")))
+    return any(not before + after for _, before, _, after in _DOF.findall(_plain(text)))
+
+
+def _plain(text: str) -> str:
+    """Return a text in which a DOF such as ``P12_Z`` stands as ``12Z``."""
+    return _POINT.sub(r"\1\2", text.replace("_", " "))
 
 
 def dof_name(code: Code | None) -> str:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.contents import UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, with_names
+from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, with_names
+from ema.io.sampling import is_uneven, rate_of_rounded
 from ema.io.table import number
 
 _FEWEST_ROWS = 10  # of numbers; less is no measured function
@@ -20,6 +21,7 @@ _MOST_HEADER = 200  # rows
 _LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b"
 _OF_TIME = r"sampl(e|ing) (rate|frequency|freq|interval|period)"
+_RATE = r"sampl\w*[ _]?(?:rate|freq\w*)[^0-9\n]{0,20}(\d+(?:\.\d+)?)\s*(khz)?"
 _SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
 _KINDS = (
     ("coherence", r"coh|gamma"),
@@ -71,6 +73,8 @@ def guess_table(path: Path) -> Contents | None:
         if value != usual:
             keys[key] = value
     axis = _axis(text)
+    if axis is None and (histories := _without_times(path, text, keys)) is not None:
+        return histories
     has_axis = axis is not None
     if axis is None:
         keys |= {"axis_column": 0, "axis_step": UNKNOWN}
@@ -79,13 +83,7 @@ def guess_table(path: Path) -> Contents | None:
         guesses.append("the first column counts the rows, and the second is taken as the axis")
     columns = list(range(0 if axis is None else axis + 1, text.value.shape[1]))
     if axis is not None and _is_time(text, axis, guesses):
-        headed = [dofs_in(text.title(c)) for c in columns[1:]]
-        if axis > 0:
-            keys["columns"] = [[c + 1] for c in columns]
-        return Contents(
-            file=path, section="table", keys={"layout": "time"} | keys, is_time=True, dofs=with_names(path, headed)[0],
-            guesses=(*guesses, "the first column after the time is the force"),
-        )  # fmt: skip
+        return _with_times(path, text, axis, keys, guesses)
     found = _functions(text, columns, guesses)
     if found is None or (guesses and not has_axis):  # any table of numbers
         return None
@@ -162,10 +160,51 @@ def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
         return None
 
 
+def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesses: list[str]) -> Contents:
+    """Return the time histories of a table with times."""
+    columns = range(axis + 1, text.value.shape[1])
+    if axis > 0:
+        keys["columns"] = [[c + 1] for c in columns]
+    time = text.value[:, axis].real
+    if is_uneven(time):
+        rate = rate_of_rounded(time)
+        keys["sampling_Hz"] = rate or UNKNOWN
+        guesses.append(
+            f"the times are rounded: the first {len(time)} samples in {np.ptp(time):.6g} s give the sampling rate"
+            if rate
+            else "the steps of the times differ: state the sampling rate, or mend the times"
+        )
+    return Contents(
+        file=path, section="table", keys={"layout": "time"} | keys, is_time=True,
+        titles=tuple(text.title(c) for c in columns), guesses=tuple(guesses),
+    )  # fmt: skip
+
+
+def _without_times(path: Path, text: _Text, keys: dict[str, Any]) -> Contents | None:
+    """Return the time histories of a table without times, of which a title names the force or the header the rate."""
+    titles = tuple(text.title(c) for c in range(text.value.shape[1]))
+    header = "\n".join(" ".join(row) for row in text.header)
+    rate = re.search(_RATE, header, re.IGNORECASE)
+    if text.value.imag.any() or not (rate or any(FORCE.search(title) for title in titles)):
+        return None
+    if any(re.search(words, title.lower()) for _, words in _KINDS for title in titles):
+        return None  # functions of frequency
+    sampling: float | str = UNKNOWN if rate is None else float(rate[1]) * (1e3 if rate[2] else 1.0)
+    said = () if rate is None else ("the sampling rate is that of the header",)
+    return Contents(
+        file=path, section="table",
+        keys={"layout": "time"} | keys | {"axis_column": 0, "sampling_Hz": sampling},
+        is_time=True, titles=titles, guesses=("no column is a time", *said),
+    )  # fmt: skip
+
+
 def _axis(text: _Text) -> int | None:
     """Return the column of frequencies or times: the first that ascends and does not count the rows, or None."""
     value = text.value
     ascends = [bool(np.all(np.diff(own.real) > 0)) and not own.imag.any() for own in value[:, :2].T]
+    rounded = bool(np.all(np.diff(value[:, 0].real) >= 0)) and not value[:, 0].imag.any()
+    if rounded and not ascends[0] and rate_of_rounded(value[:, 0].real) is not None:
+        return 0  # times of few digits, of which some repeat
     counts = bool(np.ptp(value[:, 0].real - np.arange(len(value))) == 0.0) and value[0, 0].real in (0.0, 1.0)
     if counts and value.shape[1] > 3 and ascends[1]:
         return 1
@@ -183,8 +222,8 @@ def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
     if re.search(_OF_TIME, header):
         guesses.append("the columns are taken as time histories, for the header tells of sampling")
         return True
-    step = float(np.median(np.diff(text.value[:, axis].real)))
-    if title or step > _LONGEST_SAMPLE or len(text.value[0]) < 3:
+    step = float(np.diff(text.value[:, axis].real).mean())
+    if title or step > _LONGEST_SAMPLE or text.value[:, axis + 1 :].imag.any():
         return False
     guesses.append(
         f"the first column is taken as the time in s, since a step of {step:.4g} Hz is none of a frequency"

@@ -1,4 +1,4 @@
-"""Which variables of a MATLAB, HDF5 or NumPy file seem to hold FRFs."""
+"""Which variables of a MATLAB, HDF5 or NumPy file seem to hold FRFs, else time histories."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in
 from ema.io.contents import UNKNOWN, Code, Contents, with_names
+from ema.io.guess_histories import guess_histories
 from ema.io.variables import FIRST_COLUMN
 
 _Arrays = dict[str, NDArray[Any]]
@@ -32,7 +33,7 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
     The FRFs are the complex arrays that are called so, such as ``H1_2``, else the largest that is not called a
     spectrum, or two real ones whose names say so. Their frequencies are an ascending vector as long as one of their
     axes that is not called a circular frequency, or their first column. Coherences have their shape and are called
-    so.
+    so. Where there are no FRFs it may hold time histories, see `guess_histories`.
 
     Raises
     ------
@@ -43,6 +44,12 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
     keys, block, guesses = _frfs(arrays)
     if block is None:
+        found = guess_histories(arrays)
+        if found is not None:
+            return Contents(
+                file=path, section="variables", keys=found.keys, is_time=True, titles=found.titles,
+                guesses=found.guesses,
+            )  # fmt: skip
         return Contents(
             file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
             guesses=tuple(guesses),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
 
 _MOST_DIGITS = 9
-_FEWEST = 4  # samples that tell a rate
+_FEWEST = 10  # samples that tell a rate
+_LONGEST = 1e9  # s
+_JITTER = 0.2  # of a step; a missing or a doubled sample is more
+_MOST_OFF = 0.35  # of a step, by which times of mixed digits lie off the line
 
 
 def rate_of_rounded(time: NDArray[np.float64]) -> float | None:
@@ -25,30 +26,63 @@ def rate_of_rounded(time: NDArray[np.float64]) -> float | None:
     time : (n_sample,) float
         Times as the file holds them, s.
     """
-    if time.size < _FEWEST or not np.isfinite(time).all() or np.any(np.diff(time) < 0):
+    if time.size < _FEWEST or not np.all(np.abs(time) < _LONGEST) or np.any(np.diff(time) < 0):
         return None
-    sample = np.arange(time.size)
-    for quantum in _last_digits(time):
-        step, start = np.polyfit(sample, time, 1, w=1 / quantum)
-        if step > 0 and np.all(np.abs(time - start - step * sample) <= quantum):
-            doubt = 3.0 * float(np.median(quantum)) / (step * time.size**1.5)
+    return _of_decimals(time) or _of_digits(time) or _of_mixed_digits(time)
+
+
+def _of_decimals(time: NDArray[np.float64]) -> float | None:
+    """Return the rate of times with so many decimals: a line through them, whichever way they are rounded."""
+    for decimals in range(_MOST_DIGITS):
+        quantum = 10.0**-decimals
+        if np.allclose(np.round(time, decimals), time, rtol=0, atol=1e-6 * quantum):
+            step, off = _line(time)
+            if step <= 0 or np.abs(off).max() > quantum:
+                return None
+            doubt = 3.0 * quantum / (step * time.size**1.5)
             return _simplest((1 - doubt) / step, (1 + doubt) / step)
     return None
 
 
-def _last_digits(time: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Give what one of the last digit of each time may be worth, s: the same for all, or of so many digits."""
-    for decimals in range(_MOST_DIGITS):
-        if np.allclose(np.round(time, decimals), time, rtol=0, atol=1e-6 * 10.0**-decimals):
-            yield np.full(time.size, 10.0**-decimals)
-            break
+def _of_digits(time: NDArray[np.float64]) -> float | None:
+    """Return the rate of times with so many digits, such as 9.85E-02: each sample bounds it, late ones by less."""
     size = np.abs(time)
     least = size[size > 0].min(initial=1.0)
     for digits in range(1, _MOST_DIGITS):
-        place = 10.0 ** (np.floor(np.log10(np.maximum(size, least)) + 1e-12) + 1 - digits)
-        if np.allclose(np.round(time / place) * place, time, rtol=1e-9, atol=0):
-            yield place
-            break
+        quantum = 10.0 ** (np.floor(np.log10(np.maximum(size, least)) + 1e-12) + 1 - digits)
+        if np.allclose(np.round(time / quantum) * quantum, time, rtol=1e-9, atol=0):
+            sample, passed = np.arange(1, time.size), time[1:] - time[0]
+            for share in (0.5001, 1.0):  # rounded, or cut
+                shortest = float(np.max((passed - share * quantum[1:]) / sample))
+                longest = float(np.min((passed + share * quantum[1:]) / sample))
+                if 0 < shortest <= longest:
+                    return _simplest(1 / longest, 1 / shortest)
+            return None
+    return None
+
+
+def _line(time: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Return the step of a line through times, s, and how far they are off it, s."""
+    sample = np.arange(time.size)
+    step, start = np.polyfit(sample, time, 1)
+    return float(step), time - start - step * sample
+
+
+def is_uneven(time: NDArray[np.float64]) -> bool:
+    """Whether samples, (n_sample,), lie farther from even steps than the last digit of printed times lets them."""
+    step = np.diff(time)
+    return step.size == 0 or bool(np.abs(step - step.mean()).max() > _JITTER * step.mean())
+
+
+def _of_mixed_digits(time: NDArray[np.float64]) -> float | None:
+    """Return the rate of times with more digits in some rows than in others, which lie about a line without a break."""
+    step, off = _line(time)
+    if step <= 0 or np.abs(off).max() > _MOST_OFF * step:
+        return None
+    if any(abs(part.mean()) > _MOST_OFF / 5 * step for part in np.array_split(off, 10)):
+        return None  # a missing sample moves all that follow
+    doubt = 3.0 * float(np.abs(off).max()) / (step * time.size)
+    return _simplest((1 - doubt) / step, (1 + doubt) / step)
 
 
 def _simplest(low: float, high: float) -> float:

@@ -30,7 +30,8 @@ def new(
     path = write_draft(found, file)
     for name, contents in found.configurations.items():
         n_frf = sum(len(c.dofs) for c in contents)
-        OUT.print(f"  {name}: {len(contents)} files, {n_frf} functions", markup=False, highlight=False)
+        held = "time histories" if any(c.is_time for c in contents) else f"{n_frf} functions"
+        OUT.print(f"  {name}: {len(contents)} files, {held}", markup=False, highlight=False)
     for line in found.left_out:
         OUT.print(f"  left out: {line}", markup=False, highlight=False, soft_wrap=True)
     OUT.print(f"Campaign: {path}; look at what is marked as guessed.")

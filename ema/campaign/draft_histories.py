@@ -1,0 +1,249 @@
+"""What files of time histories seem to be: which are of one record, which are averaged, which channel is the force."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.campaign.hits import find_hits
+from ema.campaign.named_files import format_of, natural
+from ema.io.array_histories import read_histories
+from ema.io.contents import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
+from ema.io.guess_histories import PULSE, pulse_share
+from ema.io.measured_function import MeasuredFunction
+from ema.io.table import TableLayout, read_table
+from ema.io.uff import read_uff_functions
+from ema.io.units import Unit, parse_unit
+from ema.io.variables import VariableLayout
+from ema.types.errors import MeasurementError
+
+Set = tuple[Contents, ...]
+"""Files that hold channels of the same records."""
+_FORCE_FILE = re.compile(
+    r"^(f|force|forces|hammer|ham|impact|kraft|sila|kladivo|exc|excitation|input)$", re.IGNORECASE
+)
+_BLOW = re.compile(r"(hit|blow|strike|schlag|udar\w*|rep|repeat|average|avg|trial)[ _-]*\d+", re.IGNORECASE)
+_LOOKED_AT = 3  # records, to tell the force and the window
+_FEWEST_HITS = 3  # in one record; two may be a double hit
+_SHORTEST_BLOCK = 0.02  # of a record
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guessed:
+    """A key's value and the comment that stands beside it."""
+
+    value: Any
+    comment: str
+
+
+def side_by_side(contents: Sequence[Contents]) -> list[Set]:
+    """Return the files of each record, the force first, as far as their names tell; else each file alone.
+
+    Files belong to one record where their names are the same but for a word, which in one of them is of a force, such
+    as ``hit1_force.csv`` and ``hit1_acc.csv``.
+    """
+    forces = {key: c for c in contents if (key := _force_key(c)) is not None}
+    sets: dict[str, list[Contents]] = {key: [c] for key, c in forces.items()}
+    for c in contents:
+        if _force_key(c) is None:
+            key = next((key for key in _keys(c) if key in forces), None)
+            if key is None:
+                return [(own,) for own in contents]
+            sets[key].append(c)
+    if len({len(own) for own in sets.values()}) != 1 or any(len(own) == 1 for own in sets.values()):
+        return [(own,) for own in contents]
+    return [tuple(own) for own in sets.values()]
+
+
+def _words(contents: Contents) -> list[re.Match[str]]:
+    return list(re.finditer(r"[A-Za-z]+?(?=[A-Z][a-z]|[^A-Za-z]|$)", contents.file.stem))
+
+
+def _without(contents: Contents, start: int, end: int) -> str:
+    """Return a name without a word and all signs: what files of one record share."""
+    stem = contents.file.stem
+    return "/".join(
+        (str(contents.file.parent), re.sub(r"[\W_]+", "", f"{stem[:start]} {stem[end:]}").lower())
+    )
+
+
+def _force_key(contents: Contents) -> str | None:
+    for word in _words(contents):
+        if _FORCE_FILE.match(word[0]):
+            return _without(contents, *word.span())
+    return None
+
+
+def _keys(contents: Contents) -> list[str]:
+    """Return the name of a file without each of its words, and without each with the number behind it."""
+    number = [re.compile(r"[ _-]*\d*").match(contents.file.stem, word.end()) for word in _words(contents)]
+    ends = [
+        (word.start(), {word.end(), n.end()}) for word, n in zip(_words(contents), number, strict=True) if n
+    ]
+    return [_without(contents, start, end) for start, both in ends for end in sorted(both)]
+
+
+def averaged(sets: list[Set]) -> list[list[Set]]:
+    """Return the records of each run: those whose names differ in the number of a blow alone; else each alone."""
+    runs: dict[str, list[Set]] = defaultdict(list)
+    for own in sets:
+        name = str(own[-1].file)
+        place, _, last = name.rpartition("/")
+        runs[f"{place}/{_BLOW.sub('', last)}" if _BLOW.search(last) else name].append(own)
+    return list(runs.values())
+
+
+def averaging_of(sets: list[Set]) -> dict[str, Guessed]:
+    """Return the keys of ``[measurement.time]`` as far as the first records tell, `UNKNOWN` where they do not."""
+    records = [r for own in sets[:_LOOKED_AT] if (r := _record(own)) is not None]
+    titles = _titles(sets[0])
+    found: dict[str, Guessed] = {}
+    force = _force(sets[0], records, titles)
+    position = 0 if force is None else force.value
+    states = any(f.kind == "force" for record in records for f in record)
+    if force is not None and not states:
+        found["force"] = Guessed(value=position + 1, comment=force.comment)
+    found |= _window([_forces_first(r)[0] if states else r[position] for r in records if len(r) > position])
+    if all(c.section is None for c in sets[0]):
+        return found  # universal files state their units
+    if force is None:
+        found["force"] = Guessed(value=1, comment="guessed: nothing tells which channel is the force")
+    units = [_unit(title) for title in titles]
+    own = units[position] if position < len(units) else None
+    others = {label for k, label in enumerate(units) if k != position}
+    responses = next(iter(others)) if len(others) == 1 else None
+    for key, label, fits in (("force", own, _is_force), ("response", responses, _is_motion)):
+        stated = label is not None and fits(parse_unit(label))
+        found[f"{key}_unit"] = Guessed(
+            value=label if stated else UNKNOWN, comment="as the header says" if stated else "to be filled in"
+        )
+    return found
+
+
+def dofs_of(own: Set, position: int) -> list[tuple[Code | None, Code | None]]:
+    """Return output and input of each function of a record, from the titles of its channels and its file names."""
+    if all(c.section is None for c in own):
+        return [pair for c in own for pair in c.dofs]
+    titles = _titles(own)
+    responses = [title for k, title in enumerate(titles) if k != position]
+    dofs, _ = with_names(own[-1].file, [dofs_in(title) for title in responses])
+    stated = dofs_in(titles[position]) if position < len(titles) else []
+    return [(output, stated[0] if stated else force) for output, force in dofs]
+
+
+def _titles(own: Set) -> list[str]:
+    """Return what each channel is called; the only one of a file among others is called like the file."""
+    return [
+        title or (c.file.stem if len(own) > 1 and len(c.titles) == 1 else "")
+        for c in own
+        for title in c.titles
+    ]
+
+
+def _record(own: Set) -> list[MeasuredFunction] | None:
+    """Return the channels of a first record; None where its description lacks something, or it cannot be read."""
+    channels: list[MeasuredFunction] = []
+    for c in own:
+        keys = {
+            key: 1.0 if (key, value) == ("sampling_Hz", UNKNOWN) else value for key, value in c.keys.items()
+        }
+        keys = {
+            key: (value,) if key == "history" and isinstance(value, str) else value
+            for key, value in keys.items()
+        }
+        kind = format_of(c.file)
+        try:
+            if kind == "uff":
+                channels += [f for f in read_uff_functions(c.file)[0] if f.kind in ("force", "response")]
+            elif kind == "csv":
+                channels += read_table(c.file, TableLayout.model_validate(keys), None)
+            else:
+                layout = VariableLayout.model_validate(keys)
+                channels += read_histories(c.file, layout, matlab=kind == "mat")[0][0]
+        except (MeasurementError, ValueError):
+            return None
+    return channels
+
+
+def _forces_first(record: list[MeasuredFunction]) -> list[MeasuredFunction]:
+    return sorted(record, key=lambda f: f.kind != "force")
+
+
+def _force(own: Set, records: list[list[MeasuredFunction]], titles: list[str]) -> Guessed | None:
+    """Return the position of the force, from 0: its title, its file, or its short pulse."""
+    if len(own) > 1:
+        return Guessed(value=0, comment="guessed: the files' names say so")
+    called = [k for k, title in enumerate(titles) if FORCE.search(title)]
+    if len(called) == 1:
+        return Guessed(value=called[0], comment="guessed: its title says so")
+    shares = [
+        pulse_share(np.array([f.value for f in record])) for record in records if _of_one_length(record)
+    ]
+    narrowest = Counter(int(np.argmin(share)) for share in shares if share.min() < PULSE)
+    if not narrowest:
+        return None
+    return Guessed(
+        value=narrowest.most_common(1)[0][0], comment="guessed: it is a short pulse, as of a hammer"
+    )
+
+
+def _of_one_length(record: list[MeasuredFunction]) -> bool:
+    return len({f.value.size for f in record}) == 1
+
+
+def _window(forces: list[MeasuredFunction]) -> dict[str, Guessed]:
+    """Return the window, and of records of many hits the blocks."""
+    shares = [float(pulse_share(f.value)) for f in forces]
+    if not shares or max(shares) > PULSE:
+        return {"window": Guessed(value=UNKNOWN, comment='to be filled in: "hann" or "boxcar"')}
+    found = {"window": Guessed(value="boxcar", comment="guessed: the force is a short pulse, as of a hammer")}
+    hits = [_hits(f.value) for f in forces]
+    if min(map(len, hits)) < _FEWEST_HITS:
+        return found
+    step = float(np.diff(forces[0].abscissa).mean())
+    between = min(float(np.diff(own).min()) for own in hits) * step
+    block = float(f"{0.9 * between:.1e}")
+    said = (
+        f"guessed: hits are {between:.3g} s apart or more; shorten it where responses have died away before"
+    )
+    found["block_s"] = Guessed(value=block, comment=said)
+    found["before_hit_s"] = Guessed(value=float(f"{0.02 * block:.1e}"), comment="guessed")
+    return found
+
+
+def _hits(force: NDArray[np.float64]) -> NDArray[np.int64]:
+    return find_hits(force, max(1, int(_SHORTEST_BLOCK * force.size)))
+
+
+def _unit(title: str) -> str | None:
+    """Return the unit of a channel in its title, in brackets or as its last word."""
+    for label in (*re.findall(r"[\[(]([^\[\]]+?)[\])](?:\s|$)", title), *title.split()[-1:]):
+        try:
+            unit = parse_unit(label)
+        except MeasurementError:
+            continue
+        if _is_force(unit) or _is_motion(unit):
+            return label
+    return None
+
+
+def _is_force(unit: Unit) -> bool:
+    return unit.is_force
+
+
+def _is_motion(unit: Unit) -> bool:
+    return unit.motion is not None
+
+
+def in_order(sets: list[Set]) -> bool:
+    """Whether the files of every place come in the natural order of their names, as wildcards give them."""
+    return all(
+        list(column) == sorted(column, key=natural)
+        for column in zip(*([c.file for c in s] for s in sets), strict=True)
+    )
