@@ -17,6 +17,7 @@ from ema.quality.identical import repeated
 from ema.quality.peaks import MIN_LINES, peaks
 from ema.quality.run_states import run_states
 from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undetectable_signs
+from ema.quality.structure import formless
 from ema.quality.turned import turned_functions
 from ema.quality.verdict import Verdict
 from ema.types.errors import MeasurementError
@@ -47,7 +48,8 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
 
     Notes
     -----
-    Checked are, in this order: frequency axis, numbers, dead and clipped channels, copies, runs of two states
+    Checked are, in this order: frequency axis, numbers, dead and clipped channels (dead also by their form,
+    `ema.quality.structure`), copies, runs of two states
     of the structure (`ema.quality.run_states`), channels that share nothing with the others,
     coherence, driving points (the real part of the mobility must not be negative,
     which also places an anti-resonance between any two resonances), single functions that are turned against those of
@@ -62,6 +64,7 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     findings: list[Verdict] = [*_not_finite(frf)]
     sound = _sound(frf, findings)
     findings += _dead(frf, sound)
+    findings += _formless(frf, _sound(frf, findings))
     findings += _clipped(frf, measurement.overload, _sound(frf, findings))
     findings += repeated(frf, _sound(frf, findings))
     findings += _states(frf, _sound(frf, findings))
@@ -180,6 +183,14 @@ def _dead(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
                 f"dead, its level is {value / middle if middle else 0:.2g} of the median of all channels"
             )
             yield _verdict(frf, "dead", "fail", int(channel), message)
+
+
+def _formless(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+    for fault in formless(frf, sound):
+        if fault.channel is None:
+            yield Verdict(check="dead", level="warn", channel=(), band=None, message=fault.message)
+        else:
+            yield _verdict(frf, "dead", "fail" if fault.is_noise else "warn", fault.channel, fault.message)
 
 
 def _clipped(frf: FRF, overload: NDArray[np.float64], sound: NDArray[np.int64]) -> Iterator[Verdict]:

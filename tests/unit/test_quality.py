@@ -87,6 +87,42 @@ def test_dead(factor):
     assert found(changed(bar(), 4, lambda v: factor * v)) == {("dead", "fail", (4,))}
 
 
+def noise(shape, seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+@pytest.mark.parametrize("smeared", [1, 3])
+def test_unplugged_channels_of_few(n, smeared):
+    """Too few channels to be made of each other's resonances; a window shares noise among three lines."""
+    measurement = bar()
+    few = replace(measurement, frf=measurement.frf.outputs(np.arange(N) < n), overload=np.zeros(n))
+
+    def unplug(value):
+        own = np.apply_along_axis(np.convolve, -1, noise(value.shape), np.ones(smeared), mode="same")
+        return 0.1 * np.std(value) * own
+
+    (verdict,) = [v for v in check(changed(few, n - 1, unplug)) if v.level == "fail"]
+    assert (verdict.check, verdict.channel) == ("dead", (n - 1,))
+    assert "its phase jumps from line to line as that of noise does" in verdict.message
+
+
+def test_a_channel_that_picks_up_the_force():
+    measurement = bar()
+    few = replace(measurement, frf=measurement.frf.outputs(np.arange(N) < 3), overload=np.zeros(3))
+    flat = changed(few, 1, lambda v: 0.1 + 1e-3 * noise(v.shape))
+    assert channels(flat) == {("dead", "warn", (1,))}
+
+
+def test_a_set_of_noise_alone():
+    measurement = bar()
+    frf = replace(measurement.frf, value=noise(measurement.frf.value.shape))
+    (verdict,) = [v for v in check(replace(measurement, frf=frf)) if v.check == "dead" and not v.channel]
+    assert verdict.level == "warn"
+    assert "is the force plugged in" in verdict.message
+
+
 def test_a_channel_of_another_test():
     other = bar(modes=np.array([90.0, 260.0, 333.0])).frf.value[4]
     assert found(changed(bar(), 4, lambda _: other)) == {("dead", "fail", (4,))}
