@@ -18,7 +18,7 @@ from ema.io.uff import read_uff_functions, read_uff_geometry
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
-_TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".gz")
+_TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
 _LONGEST = 10.0  # m; points that span more than this number of their unit are in mm
 _RESULT = "modal_model.json"  # in a folder of results, which are no measurements
 

@@ -22,7 +22,6 @@ SUFFIXES: dict[str, Format] = {
 _SHOWN = 60  # characters of a name that is none
 
 NOT_READ = {
-    ".lvm": "a LabVIEW file: write what the Python package lvm_read reads of it as CSV or MATLAB file",
     ".tdms": "a LabVIEW file: write what the Python package npTDMS reads of it as CSV or MATLAB file",
     ".frf": "a format of one program: export its FRFs as a universal file (58)",
     ".lms": "a format of one program: export its FRFs as a universal file (58)",

@@ -15,7 +15,7 @@ from ema.io.variables import FIRST_CHANNEL
 
 _Arrays = Mapping[str, NDArray[Any]]
 _TIME = re.compile(r"^t$|time|zeit|^cas|^čas", re.IGNORECASE)
-_RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abtast|vzor", re.IGNORECASE)
+RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abtast|vzor", re.IGNORECASE)
 _STEP = re.compile(r"^d_?t$|^delta_?t$|^t_?s$|interval|increment|^dx$", re.IGNORECASE)
 _NO_HISTORY = re.compile(r"psd|csd|spec|auto|cross|corr|fft|coh|freq|mag|phase|window", re.IGNORECASE)
 _FEWEST_SAMPLES = 64
@@ -98,7 +98,7 @@ def _sampling(arrays: _Arrays, guesses: list[str]) -> dict[str, Any]:
     """Return the key of the sampling rate: the variable that is called so, or the number that a time step gives."""
     numbers = {name: float(v.flat[0]) for name, v in arrays.items() if v.size == 1 and not np.iscomplexobj(v)}
     for name, value in numbers.items():
-        if _RATE.search(_last(name)) and not _STEP.search(_last(name)) and value > 1.0:
+        if RATE.search(_last(name)) and not _STEP.search(_last(name)) and value > 1.0:
             return {"sampling_Hz": name}
     for name, value in numbers.items():
         if _STEP.search(_last(name)) and 0.0 < value < 1.0:

@@ -19,16 +19,21 @@ _FEWEST_ROWS = 10  # of numbers; less is no measured function
 _LOOKED_AT = 400  # rows of numbers
 _MOST_HEADER = 200  # rows
 _LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
-_OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b"
-_OF_TIME = r"sampl(e|ing) (rate|frequency|freq|interval|period)"
-_RATE = r"sampl\w*[ _]?(?:rate|freq\w*)[^0-9\n]{0,20}(\d+(?:\.\d+)?)\s*(khz)?"
+_OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
+_OF_TIME = (
+    r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
+)
+_NUMBER = r"[^0-9\n]{0,20}(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
+_RATE = rf"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|freq\w*)|vzor[cč]enj\w*){_NUMBER}\s*(khz)?"
+_STEP = rf"(?:delta_x|sampl\w*[ _]?(?:interval|period|time)|abtastint\w*){_NUMBER}\s*(ms)?"
+_END_OF_HEADER = "***End_of_Header"  # of LabVIEW, whose titles follow it
 _SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
 _KINDS = (
-    ("coherence", r"coh|gamma"),
-    ("phase", r"phase|\bphi\b|angle"),
+    ("coherence", r"[ck]oh[eä]|\bcoh|gamma"),
+    ("phase", r"phase|\bphi\b|angle|\bfaza|\bfazni|winkel"),
     ("imaginary", r"\bim(ag\w*)?\b"),
-    ("real", r"\bre(al)?\b"),
-    ("magnitude", r"\bmag\w*|\bamp\w*|\babs\b|\bdb\b|modulus"),
+    ("real", r"\bre(al\w*)?\b"),
+    ("magnitude", r"\bmag\w*|\bamp\w*|\babs\b|\bdb\b|modulus|betrag"),
 )  # fmt: skip
 _PAIRS = {"real-imaginary": ("real", "imaginary"), "magnitude-phase": ("magnitude", "phase")}
 
@@ -47,10 +52,31 @@ class _Text:
     def title(self, column: int) -> str:
         """All that the header says over a column."""
         width = self.value.shape[1]
-        rows = [
-            row for row in self.header if len(row) == width or (len(row) == width + 1 and not row[-1].strip())
-        ]
-        return " ".join(row[column] for row in rows).replace("_", " ").strip()
+        begin = (
+            max((k for k, row in enumerate(self.header) if row[0].startswith(_END_OF_HEADER)), default=-1) + 1
+        )
+        rows = self.header[begin:]
+        fits = [row for row in rows if len(row) == width or (len(row) == width + 1 and not row[-1].strip())]
+        if not fits:  # a title more than there are numbers in all rows, such as that of a column of comments
+            fits = [row for row in rows if len(row) > width and any(map(_is_word, row[:width]))][-1:]
+        unit = self._labview_unit(fits[-1], column) if begin > 0 and fits else ""
+        return " ".join(row[column].strip('" ') for row in fits).replace("_", " ").strip() + unit
+
+    def _labview_unit(self, titles: list[str], column: int) -> str:
+        """Return the unit of a column in brackets, which LabVIEW lists for channels, without their columns of times."""
+        units = next((row[1:] for row in self.header if row[0] == "Y_Unit_Label"), [])
+        channel = sum(title != "X_Value" for title in titles[: column + 1])
+        is_time = titles[column] == "X_Value"
+        return f" [{units[channel - 1].strip()}]" if 0 < channel <= len(units) and not is_time else ""
+
+    @property
+    def words(self) -> str:
+        """All of the header."""
+        return "\n".join(" ".join(row) for row in self.header)
+
+
+def _is_word(cell: str) -> bool:
+    return bool(re.search(r"[^\W\d]{2}", cell))
 
 
 def guess_table(path: Path) -> Contents | None:
@@ -81,14 +107,14 @@ def guess_table(path: Path) -> Contents | None:
     elif axis > 0:
         keys["axis_column"] = axis + 1
         guesses.append("the first column counts the rows, and the second is taken as the axis")
-    columns = list(range(0 if axis is None else axis + 1, text.value.shape[1]))
+    columns = _beside(text, axis)
     if axis is not None and _is_time(text, axis, guesses):
         return _with_times(path, text, axis, keys, guesses)
     found = _functions(text, columns, guesses)
     if found is None or (guesses and not has_axis):  # any table of numbers
         return None
     layout, groups, coherence = found
-    if axis or [c for group in groups for c in group] != columns:
+    if axis or [c for group in groups for c in group] != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1 for c in group] for group in groups]
     if coherence:
         keys["coherence_columns"] = [c + 1 for c in coherence]
@@ -154,16 +180,20 @@ def _cells(row: str, delimiter: str) -> list[str]:
 
 
 def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
+    """Return the numbers of a row, NaN for a first cell that is empty; None where another cell holds none."""
+    cells = _cells(row, delimiter)
+    if len(cells) > 2 and not cells[0].strip():
+        cells[0] = "nan"
     try:
-        return [number(cell.replace(decimal, ".").strip()) for cell in _cells(row, delimiter)]
+        return [number(cell.replace(decimal, ".").strip()) for cell in cells]
     except ValueError:
         return None
 
 
 def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesses: list[str]) -> Contents:
     """Return the time histories of a table with times."""
-    columns = range(axis + 1, text.value.shape[1])
-    if axis > 0:
+    columns = _beside(text, axis)
+    if columns != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1] for c in columns]
     time = text.value[:, axis].real
     if is_uneven(time):
@@ -180,22 +210,38 @@ def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesse
     )  # fmt: skip
 
 
+def _beside(text: _Text, axis: int | None) -> list[int]:
+    """Return the columns of functions: those after the axis, without those that repeat it."""
+    columns = range(0 if axis is None else axis + 1, text.value.shape[1])
+    return [c for c in columns if axis is None or np.any(text.value[:, c] != text.value[:, axis])]
+
+
 def _without_times(path: Path, text: _Text, keys: dict[str, Any]) -> Contents | None:
     """Return the time histories of a table without times, of which a title names the force or the header the rate."""
-    titles = tuple(text.title(c) for c in range(text.value.shape[1]))
-    header = "\n".join(" ".join(row) for row in text.header)
-    rate = re.search(_RATE, header, re.IGNORECASE)
-    if text.value.imag.any() or not (rate or any(FORCE.search(title) for title in titles)):
+    columns = [c for c in range(text.value.shape[1]) if not np.isnan(text.value[:, c]).any()]
+    titles = tuple(text.title(c) for c in columns)
+    rate = _rate(text.words)
+    if text.value[:, columns].imag.any() or not (rate or any(FORCE.search(title) for title in titles)):
         return None
     if any(re.search(words, title.lower()) for _, words in _KINDS for title in titles):
         return None  # functions of frequency
-    sampling: float | str = UNKNOWN if rate is None else float(rate[1]) * (1e3 if rate[2] else 1.0)
+    if len(columns) < text.value.shape[1]:
+        keys["columns"] = [[c + 1] for c in columns]
     said = () if rate is None else ("the sampling rate is that of the header",)
     return Contents(
         file=path, section="table",
-        keys={"layout": "time"} | keys | {"axis_column": 0, "sampling_Hz": sampling},
+        keys={"layout": "time"} | keys | {"axis_column": 0, "sampling_Hz": rate or UNKNOWN},
         is_time=True, titles=titles, guesses=("no column is a time", *said),
     )  # fmt: skip
+
+
+def _rate(header: str) -> float | None:
+    """Return the sampling rate that a header states, Hz, or one over its step."""
+    rate, step = (re.search(pattern, header, re.IGNORECASE) for pattern in (_RATE, _STEP))
+    if rate is not None:
+        return float(rate[1].replace(",", ".")) * (1e3 if rate[2] else 1.0) or None
+    value = 0.0 if step is None else float(step[1].replace(",", ".")) * (1e-3 if step[2] else 1.0)
+    return float(f"{1.0 / value:.9g}") if value > 0.0 else None
 
 
 def _axis(text: _Text) -> int | None:
@@ -214,10 +260,11 @@ def _axis(text: _Text) -> int | None:
 def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
     """Whether an axis is the time: its title or the header says so or, without one, its step is none of a frequency."""
     title = text.title(axis).lower()
-    if re.search(r"\btime\b|\bzeit\b|^t\b|[\[(]s[\])]", title):
+    if re.search(r"\btime\b|\bzeit\b|\b[cč]as\b|^t\b|[\[(]s[\])]", title):
         return True
-    header = "\n".join(" ".join(row) for row in text.header).lower()
-    if re.search(_OF_FREQUENCY, header):
+    header = text.words.lower()
+    titles = [text.title(c).lower() for c in range(axis + 1, text.value.shape[1])]
+    if re.search(_OF_FREQUENCY, header) or any(re.search(r"\bfft\b|spectr|spekt", own) for own in titles):
         return False
     if re.search(_OF_TIME, header):
         guesses.append("the columns are taken as time histories, for the header tells of sampling")
@@ -241,6 +288,9 @@ def _functions(
     coherence = [c for c in columns if kinds[c] == "coherence"]
     for layout, (first, second) in _PAIRS.items():
         groups = [[c, c + 1] for c in columns[:-1] if kinds[c] == first and kinds[c + 1] == second]
+        blocks = [[c for c in columns if kinds[c] == kind] for kind in (first, second)]
+        if len(blocks[0]) == len(blocks[1]) > len(groups):  # all of the first kind before those of the second
+            groups = [list(pair) for pair in zip(*blocks, strict=True)]
         if groups:
             return layout, groups, coherence if len(coherence) == len(groups) else []
     columns = [c for c in columns if c not in coherence]

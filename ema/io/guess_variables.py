@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in
 from ema.io.contents import UNKNOWN, Code, Contents, with_names
-from ema.io.guess_histories import guess_histories
+from ema.io.guess_histories import RATE, guess_histories
 from ema.io.variables import FIRST_COLUMN
 
 _Arrays = dict[str, NDArray[Any]]
@@ -23,6 +23,10 @@ _FRF = re.compile(
 _SPECTRUM = re.compile(r"^[sgx]\d*(_\d+)?$|spec|psd|csd|cross|auto|fft|corr", re.IGNORECASE)
 _COHERENCE = re.compile(r"coh|gamma|^c\d+_\d+$", re.IGNORECASE)  # C1_2 of the analysers that write H1_2
 _CIRCULAR = re.compile(r"^(w|om(ega)?)$", re.IGNORECASE)  # rad/s
+_STEP = re.compile(
+    r"^(increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$", re.IGNORECASE
+)
+_START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0)$", re.IGNORECASE)
 _FEWEST_LINES = 10
 _LISTED = 6  # names of variables in a comment
 
@@ -57,9 +61,10 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
     names = keys.get("frf", [])
     own_column = _is_axis(block)
     frequency = FIRST_COLUMN if own_column else _frequency(arrays, block.shape)
-    keys["frequency"] = frequency or UNKNOWN
+    steps = {} if frequency else _steps(arrays, max(block.shape), guesses)
+    keys |= steps if steps else {"frequency": frequency or UNKNOWN}
     shape = (block.shape[0], block.shape[1] - 1) if own_column else block.shape
-    n_line = shape[0] if own_column or not frequency else arrays[frequency].size
+    n_line = max(shape) if steps else shape[0] if own_column or not frequency else arrays[frequency].size
     axes = ["frequency", "output"] if own_column or len(names) > 1 else _axes(shape, n_line)
     keys["axes"] = axes
     if own_column:
@@ -87,12 +92,14 @@ def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None, list[st
     """Return the keys of the FRFs, an array in their shape, and what was guessed."""
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
     spectra = [name for name in whole if _SPECTRUM.search(_last(name))]
-    called = [name for name in whole if name not in spectra and _FRF.search(_last(name))]
+    called = [
+        name for name in whole if name not in spectra and any(map(_FRF.search, re.split(r"[./]", name)))
+    ]
     free = called or [name for name in whole if name not in spectra]
     if free:
         first = max(free, key=lambda n: whole[n].size)
         alike = [
-            n for n in called if _numberless(n) == _numberless(first) and whole[n].shape == whole[first].shape
+            n for n in free if _numberless(n) == _numberless(first) and whole[n].shape == whole[first].shape
         ]
         names = alike if len(alike) > 1 and max(_counts(whole[first])) == 1 else [first]
         others = [name for name in whole if name not in names][:_LISTED]
@@ -158,6 +165,25 @@ def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
     ]  # fmt: skip
     named = [name for name in fits if re.search(r"(?:^|[._/])f(?:req\w*)?$|freq|hz", name, re.IGNORECASE)]
     return next(iter(named), None) or max(fits, key=lambda name: arrays[name].size, default=None)
+
+
+def _steps(arrays: _Arrays, n_line: int, guesses: list[str]) -> dict[str, float]:
+    """Return the keys of frequencies that a file holds as numbers: a step and perhaps a start, or a sampling rate."""
+    numbers = {
+        name: float(value.flat[0])
+        for name, value in arrays.items()
+        if value.size == 1 and not np.iscomplexobj(value)
+    }
+    for name, step in numbers.items():
+        if _STEP.search(_last(name)) and step > 0.0:
+            beside = {other: value for other, value in numbers.items() if _START.search(_last(other))}
+            guesses.append(f"the frequencies come in steps of variable {name!r}")
+            return {"axis_step": step} | ({"axis_start": next(iter(beside.values()))} if beside else {})
+    for name, rate in numbers.items():
+        if RATE.search(_last(name)) and rate > 1.0 and n_line > 1:
+            guesses.append(f"the frequencies reach from 0 to half of the sampling rate, variable {name!r}")
+            return {"axis_step": float(f"{rate / (2 * (n_line - 1)):.12g}")}
+    return {}
 
 
 def _axes(shape: tuple[int, ...], n_line: int) -> list[str]:

@@ -58,7 +58,7 @@ def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
         if own < NOISE:
             message = (
                 f"dead, its phase jumps from line to line as that of noise does (steadiness {own:.2f}, of the others "
-                f"{usual:.2f} in the median): unplugged, or its cable or sensor is broken"
+                f"{usual:.2f} in the median): unplugged, broken, or its response is below its noise"
             )
             yield Formless(channel=int(channel), is_noise=True, message=message)
         elif width < _FLAT and np.median(levels) > _NOT_FLAT:

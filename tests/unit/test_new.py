@@ -115,6 +115,45 @@ def test_layouts_of_tables(tmp_path, text, keys):
     assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3-x"]
 
 
+@pytest.mark.parametrize(
+    ("titles", "kinds"),
+    [
+        (
+            "Frequenz [Hz];1+z Realteil;1+z Imaginärteil;2+z Realteil;2+z Imaginärteil;3-x Realteil;3-x Imaginärteil",
+            "ri",
+        ),
+        (
+            "Frekvenca;1+z amplituda;1+z faza [deg];2+z amplituda;2+z faza [deg];3-x amplituda;3-x faza [deg]",
+            "mp",
+        ),
+        ("f;1+z Betrag;1+z Phase [°];2+z Betrag;2+z Phase [°];3-x Betrag;3-x Phase [°]", "mp"),
+        ("f;1+z Re;2+z Re;3-x Re;1+z Im;2+z Im;3-x Im", "rrr"),
+        ("f;1+z Re;1+z Im;f;2+z Re;2+z Im;f;3-x Re;3-x Im", "fri"),
+    ],
+)
+def test_titles_of_other_languages_and_other_orders(tmp_path, titles, kinds):
+    parts = {
+        "r": lambda v: v.real,
+        "i": lambda v: v.imag,
+        "m": np.abs,
+        "p": lambda v: np.rad2deg(np.angle(v)),
+    }
+    if kinds == "rrr":
+        own = [*VALUE.T.real, *VALUE.T.imag]
+    elif kinds == "fri":
+        own = [x for v in VALUE.T for x in (v.real, v.imag, FREQUENCY)][:-1]
+    else:
+        own = [parts[kind](v) for v in VALUE.T for kind in kinds]
+    (tmp_path / "a.csv").write_text(
+        titles + "\n" + columns(*own, delimiter=";", decimal=","), encoding="utf-8"
+    )
+    new(tmp_path)
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('input = ["?"]', 'input = ["45+z"]'))
+    found = frf(tmp_path, tmp_path.name)
+    np.testing.assert_allclose(found.value[:, 0], VALUE.T, rtol=1e-12)
+    assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3-x"]
+
+
 def test_dofs_and_unit_from_names_and_headers(tmp_path):
     for k, node in enumerate((1, 2, 3)):
         text = "f [Hz],Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [k]])
@@ -151,6 +190,27 @@ def test_files_of_arrays(tmp_path, kind):
     np.testing.assert_array_equal(found.coherence[:, 0], np.abs(VALUE.T) / 10)
     assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3-x"]
     assert found.input.name(0) == "45+z"
+
+
+@pytest.mark.parametrize(
+    ("content", "right", "step"),
+    [
+        ({"FRF": {"x_values": {"start_value": 10.0, "increment": 1.0}, "y_values": {"values": VALUE}}}, 10.0, 1.0),
+        ({f"Signal_{k}": {"x_values": {"start_value": 0.0, "increment": 2.0, "number_of_values": 30},
+                          "y_values": {"values": VALUE[:, [k]]}} for k in range(3)}, 0.0, 2.0),
+        ({"H": VALUE, "fs": 580.0}, 0.0, 10.0),
+        ({"H": VALUE, "df": 0.5}, 0.0, 0.5),
+    ],
+)  # fmt: skip
+def test_frequencies_that_are_numbers(tmp_path, content, right, step):
+    """As Test.Lab exports them, and scripts that keep a step or a sampling rate."""
+    savemat(tmp_path / "a.mat", content)
+    new(tmp_path)
+    fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('output = ["?"]', 'output = ["1+z", "2+z", "3+z"]'),
+         ('input = ["?"]', 'input = ["45+z"]'))  # fmt: skip
+    found = frf(tmp_path, tmp_path.name)
+    np.testing.assert_allclose(found.frequency, right + step * np.arange(30))
+    np.testing.assert_allclose(found.value[:, 0], VALUE.T)
 
 
 def test_points_of_output_and_input_are_told_apart(tmp_path):
@@ -527,6 +587,50 @@ def test_blocks_are_guessed_where_a_record_holds_many_hits(tmp_path):
         assert key in campaign_text(tmp_path)
 
 
+def labview(x_columns, decimal="."):
+    """What LabVIEW writes of a force and an acceleration: a header, one of the channels, titles, rows, comments."""
+    time, (force, response) = np.arange(600) * 4e-4, pulse()
+    step, start = "\t".join(["4.000000E-4"] * 2), "\t".join(["0.0000000000000000E+0"] * 2)
+    head = [
+        "LabVIEW Measurement\t", f"Decimal_Separator\t{decimal}", f"X_Columns\t{x_columns}", "Date\t2024/01/31",
+        "***End_of_Header***\t", "\t", "Channels\t2\t\t", "Samples\t600\t600\t", "Date\t2024/01/31\t2024/01/31\t",
+        "Y_Unit_Label\tN\tg\t", "X_Dimension\tTime\tTime\t", f"X0\t{start}\t", f"Delta_X\t{step}\t",
+        "***End_of_Header***\t\t\t",
+    ]  # fmt: skip
+    columns = {
+        "One": [time, force, response],
+        "Multi": [time, force, time, response],
+        "No": [force, response],
+    }[x_columns]
+    titles = {
+        "One": "X_Value\tHammer\tDiskrete",
+        "Multi": "X_Value\tHammer\tX_Value\tDiskrete",
+        "No": "X_Value\tHammer\tDiskrete",
+    }
+    lead = "\t" if x_columns == "No" else ""
+    rows = [lead + "\t".join(f"{x:.6f}" for x in row) for row in zip(*columns, strict=True)]
+    text = "\n".join([*head, titles[x_columns] + "\tComment", *rows]) + "\n"
+    return text.replace(".", ",") if decimal == "," else text
+
+
+@pytest.mark.parametrize("x_columns", ["One", "Multi", "No"])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_text_of_labview(tmp_path, x_columns, decimal):
+    (tmp_path / "blow.lvm").write_text(labview(x_columns, decimal))
+    new(tmp_path)
+    for key in (
+        "force = 1  # guessed: its title says so",
+        'window = "boxcar"',
+        'force_unit = "N"',
+        'response_unit = "g"',
+    ):
+        assert key in campaign_text(tmp_path)
+    fill(tmp_path, ('# output = ["12+z"]', 'output = "1+z"\ninput = "45+z"'))
+    found = frf(tmp_path, tmp_path.name)
+    assert found.frequency[1] == pytest.approx(1 / (600 * 4e-4))
+    assert found.output.node.size == 1
+
+
 def test_rounded_times_are_given_their_rate(tmp_path):
     (tmp_path / "a.csv").write_text(of_rows(np.arange(600) / 2560, *pulse(), form="{:.3f}"))
     new(tmp_path)
@@ -577,8 +681,8 @@ def test_a_unit_in_a_header(text, unit):
 
 
 def test_files_that_are_not_read_are_named_with_a_way_out(tmp_path):
-    (tmp_path / "hammer.lvm").write_text("LabVIEW Measurement")
-    with pytest.raises(CampaignError, match=r"hammer\.lvm: is a LabVIEW file: .* lvm_read .* CSV"):
+    (tmp_path / "hammer.tdms").write_bytes(b"TDSm")
+    with pytest.raises(CampaignError, match=r"hammer\.tdms: is a LabVIEW file: .* npTDMS .* CSV"):
         draft(tmp_path)
 
 
