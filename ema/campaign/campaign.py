@@ -307,6 +307,9 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
     _require_description(
         path, content.measurement, [f for s in read for group in s.files for f in group.files]
     )
+    if content.measurement.time is None and any(group.beside > 1 for s in read for group in s.files):
+        message = f"{path}: files in inner brackets, side by side, are of time histories: they need [measurement.time]"
+        raise CampaignError(message)
     options = content.identification
     return Campaign(
         name=content.campaign.name,

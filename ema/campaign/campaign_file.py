@@ -237,15 +237,3 @@ class CampaignFile(Section):
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
-
-    @model_validator(mode="after")
-    def _records_side_by_side(self) -> CampaignFile:
-        names = [run.files for c in self.configuration for run in c.run]
-        names += [level.files for c in self.configuration for level in c.force_level]
-        names += [c.files for c in self.configuration]
-        if self.measurement.time is None and any(isinstance(name, tuple) for own in names for name in own):
-            message = (
-                "files in inner brackets, side by side, are of time histories: they need [measurement.time]"
-            )
-            raise ValueError(message)
-        return self

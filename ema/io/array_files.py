@@ -46,7 +46,7 @@ class ArrayInFile:
 
 @contextmanager
 def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]]:
-    """Open a file and give the arrays of numbers in it by their names; text, cells and objects are passed over.
+    """Open a file and give the arrays of numbers in it by their names; text and objects are passed over.
 
     Parameters
     ----------
@@ -54,8 +54,9 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         MATLAB file of any version (7.3 is HDF5), HDF5 file, or file of `numpy.save` or `numpy.savez`. The array of
         `numpy.save` has no name and is called ``array``.
     matlab : bool
-        Whether MATLAB wrote it: then fields of structures are named ``data.H`` and axes come in its order, which
-        in HDF5 it reverses. Else groups are named ``data/H``.
+        Whether MATLAB wrote it: then fields of structures are named ``data.H``, of lists of them ``data(2).H``,
+        elements of cells ``a{2}``, and axes come in its order, which in HDF5 it reverses. Else groups are named
+        ``data/H``.
 
     Raises
     ------
@@ -136,24 +137,46 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
 
     found: dict[str, ArrayInFile] = {}
 
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Group):  # an element of a cell that is a structure
+            for field in item:
+                add(f"{name}.{field}", item[field])
+        elif isinstance(item, h5py.Dataset) and item.shape is not None:
+            if matlab and h5py.check_ref_dtype(item.dtype) is not None:
+                for k, reference in enumerate(item[()].ravel(), start=1):
+                    add(_element(name, k, is_cell=item.attrs.get("MATLAB_class") == b"cell"), file[reference])
+            elif item.dtype.names == _COMPLEX_FIELDS or item.dtype.kind in "fiubc":
+                found[name] = _dataset(item, matlab=matlab)
+
     def visit(name: str, item: Any) -> None:
-        if not isinstance(item, h5py.Dataset) or name.startswith("#") or item.shape is None:
-            return  # MATLAB keeps what cells refer to in #refs#
-        pairs = item.dtype.names == _COMPLEX_FIELDS
-        if not pairs and item.dtype.kind not in "fiubc":
-            return
-        empty = matlab and bool(item.attrs.get("MATLAB_empty", 0))  # its numbers are then its shape
-        shape = (0,) if empty else item.shape[::-1] if matlab else item.shape
-
-        def read() -> NDArray[Any]:
-            value = item[()]
-            value = value["real"] + 1j * value["imag"] if pairs else value
-            return np.asarray(value.T if matlab else value)
-
-        found[name.replace("/", ".") if matlab else name] = ArrayInFile(shape=tuple(shape), read=read)
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            add(
+                name.replace("/", ".") if matlab else name, item
+            )  # MATLAB keeps what cells refer to in #refs#
 
     file.visititems(visit)
     return found
+
+
+def _dataset(item: Any, *, matlab: bool) -> ArrayInFile:
+    """Return the array of a data set of HDF5, as MATLAB shows it where MATLAB wrote it."""
+    empty = matlab and bool(item.attrs.get("MATLAB_empty", 0))  # its numbers are then its shape
+    shape = (0,) if empty else item.shape[::-1] if matlab else item.shape
+
+    def read() -> NDArray[Any]:
+        value = item[()]
+        value = value["real"] + 1j * value["imag"] if item.dtype.names == _COMPLEX_FIELDS else value
+        return np.asarray(value.T if matlab else value)
+
+    return ArrayInFile(shape=tuple(shape), read=read)
+
+
+def _element(name: str, number: int, *, is_cell: bool) -> str:
+    """Return the name of an element of a cell, ``a{2}``, or of a structure in a list of them, ``data(2).H``."""
+    if is_cell:
+        return f"{name}{{{number}}}"
+    structure, _, field = name.rpartition(".")
+    return f"{structure}({number}).{field}"
 
 
 def _in_numpy(path: Path, *, single: bool) -> dict[str, ArrayInFile]:
@@ -197,7 +220,7 @@ def _in_mat(path: Path) -> dict[str, ArrayInFile]:
         check_elements(path)
     found: dict[str, ArrayInFile] = {}
     for name, shape, kind in io.whosmat(str(path), appendmat=False):
-        if kind == "struct":
+        if kind in ("struct", "cell"):
             content = io.loadmat(str(path), appendmat=False, variable_names=[name])
             for field, value in _fields(name, content.get(name)):
                 found[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value))
@@ -213,11 +236,17 @@ def _variable(path: Path, name: str) -> NDArray[Any]:
 
 
 def _fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Give the arrays of numbers in a structure, and in structures in it."""
+    """Give the arrays of numbers in structures, lists of structures and cells, and in those in them."""
     if type(value) is not np.ndarray:
         return  # sparse, or an object of MATLAB's
-    if value.dtype.names is not None and value.size == 1:
-        for field in value.dtype.names:
-            yield from _fields(f"{name}.{field}", value.flat[0][field])
+    if value.dtype.names is not None:
+        for k, element in enumerate(value.ravel(order="F"), start=1):
+            for field in value.dtype.names:
+                yield from _fields(
+                    f"{name}.{field}" if value.size == 1 else f"{name}({k}).{field}", element[field]
+                )
+    elif value.dtype.kind == "O":
+        for k, element in enumerate(value.ravel(order="F"), start=1):
+            yield from _fields(f"{name}{{{k}}}", element)
     elif value.dtype.kind in "fiubc":
         yield name, value

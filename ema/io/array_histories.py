@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from ema.io.variables import FIRST_CHANNEL, VariableLayout
 from ema.types.errors import MeasurementError
 
 Channels = tuple[MeasuredFunction, ...]
+_PARTS = re.compile(r"(\d+)")
 _ORDER = ("run", "hit", "channel", "time")
 
 
@@ -41,13 +43,13 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
     """
     assert layout.history is not None
     with arrays_in(path, matlab=matlab) as arrays:
-        blocks = [(name, _block(path, arrays, layout, name, matlab=matlab)) for name in layout.history]
+        blocks = [(name, _hits(path, arrays, layout, name, matlab=matlab)) for name in layout.history]
         first, reference = blocks[0]
         for name, block in blocks:
             if (*block.shape[:2], block.shape[3]) != (*reference.shape[:2], reference.shape[3]):
                 message = (
-                    f"{path}: variable {name!r} (history): {arrays[name]} do not fit the {arrays[first]} of {first!r}; "
-                    f"expected the same runs, hits and samples in all; is the order axes = {list(layout.axes)} right?"
+                    f"{path}: variable {name!r} (history): {_counts(block)} do not fit the {_counts(reference)} of "
+                    f"{first!r}; expected as many in all; is the order axes = {list(layout.axes)} right?"
                 )
                 raise MeasurementError(message)
         time = _time(path, arrays, layout, blocks)
@@ -68,6 +70,44 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
         )  # fmt: skip
 
     return tuple(tuple(channels(run, hit) for hit in range(n_hit)) for run in range(n_run))
+
+
+def _counts(block: NDArray[np.float64]) -> str:
+    return f"{block.shape[0]} runs, {block.shape[1]} hits and {block.shape[3]} samples"
+
+
+def _alike(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -> list[str]:
+    """Return the variables that a name with ``*`` stands for, in natural order; without one the name itself."""
+    if "*" not in name:
+        return [name]
+    pattern = re.compile(re.escape(name).replace(r"\*", "[^./]*"))
+    found = sorted(filter(pattern.fullmatch, arrays), key=_natural)
+    if not found:
+        array(path, arrays, key, name)  # says which there are
+    return found
+
+
+def _natural(name: str) -> list[int | str]:
+    return [int(part) if part.isdigit() else part for part in _PARTS.split(name)]
+
+
+def _hits(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str, *, matlab: bool
+) -> NDArray[np.float64]:
+    """Return an array of the axes run, hit, channel, time, or those of several hits, as long as the shortest."""
+    found = [
+        (n, _block(path, arrays, layout, n, matlab=matlab)) for n in _alike(path, arrays, "history", name)
+    ]
+    first = found[0][1].shape
+    for other, block in found:
+        if len(found) > 1 and (block.shape[1] > 1 or block.shape[::2] != first[::2]):
+            message = (
+                f"{path}: variable {other!r} (history): {arrays[other]} do not fit the {arrays[found[0][0]]} of "
+                f"{found[0][0]!r}; each variable of {name!r} is one hit, of the same channels and runs"
+            )
+            raise MeasurementError(message)
+    n_sample = min(block.shape[3] for _, block in found)
+    return np.concatenate([block[..., :n_sample] for _, block in found], axis=1)
 
 
 def _block(
@@ -124,19 +164,21 @@ def _time(
             if own.shape[2] < 2 or np.any(own[0, 0, 0] != block[0, 0, 0]):
                 message = (
                     f"{path}: variable {other!r} (history): expected the times in its first channel, the same as in "
-                    f"{name!r}, and others beside them, found {arrays[other]}; is the order axes = "
+                    f"{name!r}, and others beside them, found {own.shape[2]} channels; is the order axes = "
                     f"{list(layout.axes)} right?"
                 )
                 raise MeasurementError(message)
     elif layout.time is not None:
-        where, time = f"{path}: variable {layout.time!r} (time)", array(path, arrays, "time", layout.time)
-        if time.size != count or max(time.shape, default=0) != count or np.iscomplexobj(time):
+        given = _alike(path, arrays, "time", layout.time)
+        where, time = f"{path}: variable {given[0]!r} (time)", array(path, arrays, "time", given[0])
+        fits = time.size == count or (len(given) > 1 and time.size > count)  # of the first of several hits
+        if not fits or max(time.shape, default=0) != time.size or np.iscomplexobj(time):
             message = (
-                f"{where}: expected {count} real numbers, as many as the time axis of {name!r} ({arrays[name]}) has, "
-                f"found {arrays[layout.time]}; is the order axes = {list(layout.axes)} right?"
+                f"{where}: expected {count} real numbers, as many as {name!r} has samples, found {arrays[given[0]]}; "
+                f"is the order axes = {list(layout.axes)} right?"
             )
             raise MeasurementError(message)
-        time = time.ravel()
+        time = time.ravel()[:count]
     if layout.sampling_Hz is not None:
         return np.arange(count) / _rate(path, arrays, layout.sampling_Hz)
     require_ascending(where, "value", 1, time, "[measurement.variables]")
@@ -147,11 +189,9 @@ def _rate(path: Path, arrays: Mapping[str, ArrayInFile], name: str | float) -> f
     """Return the stated sampling rate, Hz."""
     if not isinstance(name, str):
         return name
-    value = array(path, arrays, "sampling_Hz", name)
+    value = array(path, arrays, "sampling_Hz", _alike(path, arrays, "sampling_Hz", name)[0])
     if value.size != 1 or np.iscomplexobj(value) or not 0 < value.flat[0] < np.inf:
-        message = (
-            f"{path}: variable {name!r} (sampling_Hz): expected one positive number, found {arrays[name]}"
-        )
+        message = f"{path}: variable {name!r} (sampling_Hz): expected one positive number, found {value.size}"
         if value.size == 1:
             message = (
                 f"{path}: variable {name!r} (sampling_Hz): expected a positive number, found {value.flat[0]}"

@@ -18,6 +18,7 @@ _TIME = re.compile(r"^t$|time|zeit|^cas|^čas", re.IGNORECASE)
 RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abtast|vzor", re.IGNORECASE)
 _STEP = re.compile(r"^d_?t$|^delta_?t$|^t_?s$|interval|increment|^dx$", re.IGNORECASE)
 _NO_HISTORY = re.compile(r"psd|csd|spec|auto|cross|corr|fft|coh|freq|mag|phase|window", re.IGNORECASE)
+_NUMBERED = re.compile(r"\(\d+\)|\{\d+\}|\d+(?=[^./]*[./])")
 _FEWEST_SAMPLES = 64
 _LONGEST_SAMPLE = 2e-3  # s, of a first channel that is taken for the time without being called so
 _OF_A_PULSE = 0.1
@@ -53,6 +54,7 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
     that ascends in steps of a time, or a record with the short pulse of a hammer.
     """
     guesses: list[str] = []
+    arrays = _hits_as_one(arrays, guesses)
     of_time = _time(arrays)
     keys = _sampling(arrays, guesses) if of_time is None else {"time": of_time}
     n_sample = None if of_time is None else arrays[of_time].size
@@ -79,6 +81,19 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
         titles=_titles(own, axes, inside=inside),
         guesses=tuple(guesses),
     )
+
+
+def _hits_as_one(arrays: _Arrays, guesses: list[str]) -> _Arrays:
+    """Return the first of arrays that differ in the number of a structure, cell or group alone, by a name with *."""
+    alike: dict[str, list[str]] = {}
+    for name in arrays:
+        alike.setdefault(_NUMBERED.sub(lambda found: re.sub(r"\d+", "*", found[0]), name), []).append(name)
+    several = {name: found for name, found in alike.items() if len(found) > 1 and name.count("*") == 1}
+    if several:
+        guesses.append(f"each of {', '.join(map(repr, several))} is taken as a hit")
+    of_several = {found[0]: name for name, found in several.items()}
+    left_out = {other for found in several.values() for other in found[1:]}
+    return {of_several.get(name, name): value for name, value in arrays.items() if name not in left_out}
 
 
 def _last(name: str) -> str:

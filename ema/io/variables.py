@@ -49,7 +49,8 @@ class VariableLayout(BaseModel):
     ----------
     history : tuple of str or None
         Variables of time histories, in place of FRFs; of several the channels of the first come first, then those of
-        the next. One with a single channel needs no axis of channels.
+        the next. One with a single channel needs no axis of channels. A name with ``*``, such as ``data(*).force``,
+        stands for variables of which each is one hit.
     time : str or None
         Variable of their times, s, or ``"first channel"`` where the first channel of each of them holds these.
     sampling_Hz : float, str or None

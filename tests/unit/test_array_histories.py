@@ -102,6 +102,61 @@ def test_histories_of_arrays_give_the_functions_of_those_of_text(tmp_path, of_te
     assert found.quantity == of_text.quantity
 
 
+def structures(file, hits):
+    """Write a list of structures, and cells, as MATLAB 7.3 does: references to what lies apart."""
+    with h5py.File(file, "w") as written:
+        parts = {"force": [h[:1] for h in hits], "acc": [h[1:] for h in hits]}
+        apart = {
+            field: [written.create_dataset(f"#refs#/{field}{k}", data=v.T).ref for k, v in enumerate(own)]
+            for field, own in parts.items()
+        }
+        for field, own in apart.items():
+            written.create_dataset(f"data/{field}", data=np.array(own, dtype=h5py.ref_dtype)[:, None])
+        cell = written.create_dataset("acc", data=np.array(apart["acc"], dtype=h5py.ref_dtype)[:, None])
+        cell.attrs["MATLAB_class"] = np.bytes_("cell")
+        written["fs"] = np.array([[RATE]])
+
+
+@pytest.mark.parametrize("kind", ["mat", "v7.3", "h5"])
+@pytest.mark.parametrize("second", ["data(*).acc", "acc{*}"])
+def test_each_structure_or_cell_is_a_hit_as_long_as_the_shortest(tmp_path, of_text, kind, second):
+    hits = [np.pad(hit, ((0, 0), (0, 7 * k))) for k, hit in enumerate(blows())]
+    first, sampling = "data(*).force", "fs"
+    if kind == "mat":
+        rows = np.empty(HITS, dtype=[("force", object), ("acc", object)])
+        cell = np.empty(HITS, dtype=object)
+        for k, hit in enumerate(hits):
+            rows[k], cell[k] = (hit[:1], hit[1:]), hit[1:]
+        savemat(tmp_path / "a.mat", {"data": rows, "acc": cell, "fs": RATE})
+    elif kind == "v7.3":
+        structures(tmp_path / "a.mat", hits)
+    else:
+        first, second, sampling = "hit_*/force", "hit_*/acc", "hit_*/fs"
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            for k, hit in enumerate(hits):
+                file[f"hit_{k + 9}/force"], file[f"hit_{k + 9}/acc"], file[f"hit_{k + 9}/fs"] = (
+                    hit[0],
+                    hit[1:],
+                    RATE,
+                )
+    keys = f'history = ["{first}", "{second}"]\naxes = ["channel", "time"]\nsampling_Hz = "{sampling}"'
+    found = frf(tmp_path, variables(keys), RUN.format('"a.*"'))
+    np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
+    np.testing.assert_allclose(found.coherence, of_text.coherence, rtol=1e-9)
+
+
+def test_names_with_a_star_that_do_not_fit_are_named(tmp_path):
+    np.savez(tmp_path / "a.npz", a1=np.ones((N, 2)), a2=np.ones((N, 3)), b1=np.ones((N, 2)))
+    layout = VariableLayout.model_validate(FORM | {"history": ("a*",)})
+    with pytest.raises(
+        MeasurementError, match=r"'a2' .*600 x 3 do not fit the 600 x 2 of 'a1'; each variable of 'a\*'"
+    ):
+        read_histories(tmp_path / "a.npz", layout, matlab=False)
+    layout = VariableLayout.model_validate(FORM | {"history": ("c*",)})
+    with pytest.raises(MeasurementError, match=r"'c\*' \(history\): no numbers of that name"):
+        read_histories(tmp_path / "a.npz", layout, matlab=False)
+
+
 def test_runs_of_an_array_are_runs_of_their_own(tmp_path):
     """A roving accelerometer: for each of two points three blows."""
     np.save(tmp_path / "a.npy", np.stack([blows()[:, [0, 1]], blows(1)[:, [0, 2]]]))
@@ -152,7 +207,11 @@ def test_files_side_by_side_are_of_histories(tmp_path):
         measurement='[measurement.table]\nlayout = "complex"', files='files = [["a.csv", "b.csv"]]'
     )
     begin, _, rest = text.partition("[measurement.time]")
+    unit = '[measurement]\nunit = "g/N"\n[measurement.table]'
+    begin = begin.replace("[measurement.table]", unit)
     (tmp_path / "c.toml").write_text(begin + rest[rest.index("[[conf") :])
+    for name, content in (("points", "node,x,y,z\n1,0,0,0\n"), ("a", "1,1\n"), ("b", "1,1\n")):
+        (tmp_path / f"{name}.csv").write_text(content)
     with pytest.raises(CampaignError, match=r"inner brackets.*need \[measurement\.time\]"):
         read_campaign(tmp_path / "c.toml")
 
@@ -191,13 +250,13 @@ def test_impossible_descriptions_are_refused(changes, said):
         ({"history": ("z",)}, r"variable 'z' \(history\): no numbers of that name"),
         ({"history": ("c",)}, "its numbers are complex"),
         ({"history": ("cube",)}, r"5 x 4 x 3 have 3 axes, axes = \['time', 'channel'\]"),
-        ({"history": ("y", "few")}, r"'few' \(history\): 5 x 2 do not fit the 600 x 3 of 'y'"),
+        ({"history": ("y", "few")}, r"'few' \(history\): .* hits and 5 samples do not fit the .* 600 samples of 'y'"),
         ({"sampling_Hz": None, "time": "few"}, "expected 600 real numbers"),
         ({"sampling_Hz": None, "time": "rounded"},
          r"value 2: the time does not ascend; .* 600 samples in 0\.234 s are 2560 Hz"
          r".*sampling_Hz = 2560, under \[measurement\.variables\]"),
         ({"sampling_Hz": None, "time": "first channel", "history": ("one",)}, "the times in its first channel"),
-        ({"sampling_Hz": "y"}, "expected one positive number, found 600 x 3"),
+        ({"sampling_Hz": "y"}, "expected one positive number, found 1800"),
         ({"sampling_Hz": "zero"}, r"expected a positive number, found 0\.0"),
     ],
 )  # fmt: skip

@@ -506,6 +506,31 @@ def test_the_force_of_arrays_without_names_is_the_channel_with_a_pulse(tmp_path)
         assert key in campaign_text(tmp_path)
 
 
+@pytest.mark.parametrize("kind", ["mat", "h5"])
+def test_structures_and_groups_are_hits(tmp_path, kind):
+    if kind == "mat":
+        rows = np.empty(3, dtype=[("force", object), ("acc", object)])
+        for k in range(3):
+            rows[k] = pulse(600 + 9 * k, 20)
+        savemat(tmp_path / "a.mat", {"data": rows, "dt": 1 / 2560})
+        names = '["data(*).force", "data(*).acc"]'
+    else:
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            for k in range(3):
+                file[f"blow{k}/hammer"], file[f"blow{k}/x"] = pulse(600, 20 + k)
+                file[f"blow{k}/time"] = np.arange(600) / 2560
+        names = '["blow*/hammer", "blow*/x"]'
+    new(tmp_path)
+    assert f"history = {names}" in campaign_text(tmp_path)
+    fill(tmp_path, ('force_unit = "?"', 'force_unit = "N"'), ('response_unit = "?"', 'response_unit = "g"'),
+         ('# output = ["12+z"]', 'output = "1+z"\ninput = "45+z"'))  # fmt: skip
+    found = frf(tmp_path, tmp_path.name)
+    assert found.coherence is not None
+    assert 2560 * 0.4 / (2 * np.pi) == pytest.approx(
+        found.frequency[np.abs(found.value[0, 0, :200]).argmax()], abs=5
+    )
+
+
 def test_a_time_step_and_times_in_the_first_channel(tmp_path):
     (tmp_path / "a").mkdir()
     savemat(tmp_path / "a/a.mat", {"x": pulse()[1], "f": pulse()[0], "dt": 1 / 2560})

@@ -18,11 +18,11 @@ from ema.campaign.campaign_file import (
     CorrectionSection,
     DofEntries,
     DofEntry,
-    FileNames,
     IdentificationSection,
     MeasurementSection,
     NameSection,
     PointsSection,
+    RecordNames,
     RunSection,
 )
 from ema.io.form import Section, did_you_mean, read_form, read_toml
@@ -62,7 +62,7 @@ class SpecimenConfigurationSection(Section):
     name: str
     torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    files: FileNames = ()
+    files: RecordNames = ()
     run: tuple[RunSection, ...] = ()
     output: DofEntries = ()
     input: DofEntries = ()
