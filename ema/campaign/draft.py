@@ -11,7 +11,7 @@ import numpy as np
 
 from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
 from ema.io.contents import Code, Contents
-from ema.io.guess_table import columns_without_axis, guess_table
+from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.table import read_points
 from ema.io.uff import read_uff_functions, read_uff_geometry
@@ -87,7 +87,7 @@ def draft(folder: Path) -> Draft:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _of_one_layout(configurations, left_out)
     if not configurations:
-        left_out += _without_axis(folder)
+        left_out += _not_understood(folder)
         said = f" ({'; '.join(left_out)})" if left_out else ""
         message = (
             f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5, "
@@ -104,18 +104,19 @@ def draft(folder: Path) -> Draft:
     )
 
 
-def _without_axis(folder: Path) -> list[str]:
-    """Say which text files hold numbers, but no column of frequencies or times: nothing tells what they are."""
+def _not_understood(folder: Path) -> list[str]:
+    """Say which text files hold numbers, but nothing that tells what they are."""
     texts = (f for f in sorted(folder.rglob("*"), key=natural) if f.suffix.lower() in _TEXT_SUFFIXES)
-    found = [(f, columns) for f in texts if f.is_file() and (columns := columns_without_axis(f)) is not None]
+    found = [
+        (f, said)
+        for f in texts
+        if f.is_file() and not _lists_points(f) and (said := not_understood(f)) is not None
+    ]
     if not found:
         return []
-    file, columns = found[0]
+    file, said = found[0]
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    return [
-        f"{file}{more}: {columns} of numbers, none of frequencies or times before them; write a campaign file by hand, "
-        "with layout, axis_column = 0 and axis_step under [measurement.table]"
-    ]
+    return [f"{file}{more}: {said}"]
 
 
 def _contents(file: Path, left_out: list[str]) -> Contents | None:

@@ -26,6 +26,9 @@ _OF_TIME = (
 _NUMBER = r"[^0-9\n]{0,20}(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
 _RATE = rf"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|freq\w*)|vzor[cč]enj\w*){_NUMBER}\s*(khz)?"
 _STEP = rf"(?:delta_x|sampl\w*[ _]?(?:interval|period|time)|abtastint\w*){_NUMBER}\s*(ms)?"
+_FACTORS = {
+    "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi), "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
+}  # fmt: skip
 _END_OF_HEADER = "***End_of_Header"  # of LabVIEW, whose titles follow it
 _SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
 _KINDS = (
@@ -114,7 +117,11 @@ def guess_table(path: Path) -> Contents | None:
     if found is None or (guesses and not has_axis):  # any table of numbers
         return None
     layout, groups, coherence = found
-    if axis or [c for group in groups for c in group] != list(range(1, text.value.shape[1])):
+    factor = _axis_factor(text, axis, r"\bkhz\b|rad/s")
+    if factor != 1.0 and axis is not None:
+        keys |= _axis_keys(text.value[:, axis].real, factor)
+        guesses.append(f"the frequencies are those of the first column times {factor:.6g}")
+    if axis or factor != 1.0 or [c for group in groups for c in group] != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1 for c in group] for group in groups]
     if coherence:
         keys["coherence_columns"] = [c + 1 for c in coherence]
@@ -133,14 +140,23 @@ def guess_table(path: Path) -> Contents | None:
     )
 
 
-def columns_without_axis(path: Path) -> str | None:
-    """Return the columns of a table of numbers, in words, whose first one is no frequency or time; else None."""
+def not_understood(path: Path) -> str | None:
+    """Return in words what a table of numbers lacks to be a measurement; None where it is no such table."""
     text = _cut(path)
-    if text is None or np.all(np.diff(text.value[:, 0].real) > 0):
+    if text is None:
         return None
     width = text.value.shape[1]
     titles = ", ".join(filter(None, (text.title(c) for c in range(width))))
-    return f"{width} columns" + (f" ({titles})" if titles else "")
+    columns = f"{width} columns" + (f" ({titles})" if titles else "") + " of numbers, "
+    if np.all(np.diff(text.value[:, 0].real) > 0):
+        return (
+            f"{columns}of which those after the first are no pairs: an FRF is real and imaginary part, or magnitude "
+            "and phase, and histories have a force and a response; export these"
+        )
+    return (
+        f"{columns}none of frequencies or times before them; write a campaign file by hand, with layout, "
+        "axis_column = 0 and axis_step, or of histories sampling_Hz, under [measurement.table]"
+    )
 
 
 def _cut(path: Path) -> _Text | None:
@@ -196,7 +212,11 @@ def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesse
     if columns != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1] for c in columns]
     time = text.value[:, axis].real
-    if is_uneven(time):
+    factor = _axis_factor(text, axis, r"\b[mµu]s\b|msec")
+    if factor != 1.0:
+        keys["sampling_Hz"] = float(f"{1.0 / _axis_keys(time, factor)['axis_step']:.9g}")
+        guesses.append("the times are not in s")
+    elif is_uneven(time):
         rate = rate_of_rounded(time)
         keys["sampling_Hz"] = rate or UNKNOWN
         guesses.append(
@@ -208,6 +228,23 @@ def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesse
         file=path, section="table", keys={"layout": "time"} | keys, is_time=True,
         titles=tuple(text.title(c) for c in columns), guesses=tuple(guesses),
     )  # fmt: skip
+
+
+def _axis_factor(text: _Text, axis: int | None, units: str) -> float:
+    """Return what makes s or Hz of a column of times or frequencies, by the unit in its title."""
+    found = re.search(units, "" if axis is None else text.title(axis).lower())
+    return 1.0 if found is None else _FACTORS[found[0]]
+
+
+def _axis_keys(axis: NDArray[np.float64], factor: float) -> dict[str, float]:
+    """Return the keys of an axis in another unit, which is read without its column."""
+    rate = rate_of_rounded(axis)
+    step = factor / rate if rate else factor * float(np.diff(axis).mean())
+    return {
+        "axis_column": 0,
+        "axis_start": float(f"{factor * axis[0]:.12g}"),
+        "axis_step": float(f"{step:.12g}"),
+    }
 
 
 def _beside(text: _Text, axis: int | None) -> list[int]:

@@ -21,7 +21,9 @@ import model
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.identification.poles_file import read_poles, write_poles
+from ema.io.array_histories import read_histories
 from ema.io.guess_table import guess_table
+from ema.io.guess_variables import guess_variables
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.io.units import parse_unit
@@ -206,6 +208,46 @@ def test_files_of_arrays(tmp_path, survives, damage, kind, count):
     layout = VariableLayout(frf=f"group{mark}H", frequency=f"group{mark}f")
     read = partial(read_variables, layout=layout, unit=parse_unit("m/s2/N"), matlab=kind != "hdf5")
     survives(read, file, EmaError, damage(file, 3 * count))
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("kind", ["mat", "hdf5", "npz"])
+def test_files_of_histories(tmp_path, survives, damage, kind, count):
+    """A list of structures, groups, and arrays of NumPy with a sampling rate; read, and looked into for a draft."""
+    blows = np.zeros((2, 2, 600))
+    blows[:, 0, 20], blows[:, 1] = 1.0, np.sin(np.arange(600))
+    history, sampling = (
+        ("data(*).y", "fs") if kind == "mat" else ("hit_*/y", "fs") if kind == "hdf5" else ("y", "fs")
+    )
+    file = tmp_path / {"mat": "a.mat", "hdf5": "a.h5", "npz": "a.npz"}[kind]
+    if kind == "mat":
+        rows = np.empty(2, dtype=[("y", object)])
+        rows["y"] = list(blows)
+        savemat(file, {"data": rows, "fs": 2560.0})
+    elif kind == "hdf5":
+        with h5py.File(file, "w") as written:
+            written["fs"] = 2560.0
+            for k, blow in enumerate(blows):
+                written[f"hit_{k}/y"] = blow
+    else:
+        np.savez(file, y=blows, fs=2560.0)
+    axes = ("hit", "channel", "time") if kind == "npz" else ("channel", "time")
+    layout = VariableLayout(history=(history,), axes=axes, sampling_Hz=sampling)
+    matlab = kind == "mat"
+    read = both(
+        partial(read_histories, layout=layout, matlab=matlab), partial(guess_variables, matlab=matlab)
+    )
+    survives(read, file, EmaError, damage(file, 2 * count))
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_tables_of_histories(tmp_path, survives, damage, count):
+    file = tmp_path / "small.csv"
+    file.write_text(
+        "t,force [N],a\n" + "\n".join(f"{k / 2560:.3f},{k / 3:.6g},{-k / 7:.4e}" for k in range(40))
+    )
+    layout = TableLayout(layout="time", header_rows=1)
+    survives(both(table(layout), guess_table), file, EmaError, damage(file, 3 * count))
 
 
 @pytest.mark.parametrize("count", COUNTS)

@@ -154,6 +154,36 @@ def test_titles_of_other_languages_and_other_orders(tmp_path, titles, kinds):
     assert [found.output.name(k) for k in range(3)] == ["1+z", "2+z", "3-x"]
 
 
+@pytest.mark.parametrize(("title", "factor"), [("Frequency [kHz]", 1e-3), ("omega [rad/s]", 2 * np.pi)])
+def test_frequencies_in_other_units(tmp_path, title, factor):
+    rows = zip(factor * FREQUENCY, VALUE[:, 0].real, VALUE[:, 0].imag, strict=True)
+    (tmp_path / "1z_45z.csv").write_text(
+        f"{title},Re [g/N],Im [g/N]\n" + "".join(f"{a:.9g},{b:.9g},{c:.9g}\n" for a, b, c in rows)
+    )
+    new(tmp_path)
+    assert "the frequencies are those of the first column times" in campaign_text(tmp_path)
+    found = frf(tmp_path, tmp_path.name)
+    np.testing.assert_allclose(found.frequency, FREQUENCY, rtol=1e-8)
+    np.testing.assert_allclose(found.value[0, 0], 9.80665 * VALUE[:, 0], rtol=1e-7)
+
+
+def test_times_in_milliseconds(tmp_path):
+    text = "Time (ms),Force (N),Acc (g)\n" + of_rows(1e3 * np.arange(600) / 2560, *pulse())
+    (tmp_path / "a.csv").write_text(text)
+    new(tmp_path)
+    fill(tmp_path, ('# output = ["12+z"]', 'output = "1+z"\ninput = "45+z"'))
+    assert frf(tmp_path, tmp_path.name).frequency[1] == pytest.approx(2560 / 600)
+
+
+def test_magnitudes_alone_are_named_with_what_they_lack(tmp_path):
+    (tmp_path / "a.csv").write_text("f [Hz],Magnitude [g/N]\n" + columns(np.abs(VALUE[:, 0])))
+    with pytest.raises(
+        CampaignError,
+        match=r"a\.csv: 2 columns \(f \[Hz\], Magn.*magnitude and phase",
+    ):
+        draft(tmp_path)
+
+
 def test_dofs_and_unit_from_names_and_headers(tmp_path):
     for k, node in enumerate((1, 2, 3)):
         text = "f [Hz],Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [k]])
