@@ -179,11 +179,13 @@ def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing:
     runs = averaged(sets)
     force = averaging_of(sets).get("force")
     position = 0 if force is None else force.value - 1
-    stated = all({"output", "input"} <= c.states for c in contents)
+    ends = [("output", 0), ("input", 1)]
+    if all({"output", "input"} <= c.states for c in contents):
+        ends = []
     pairs = [pair for own in sets for pair in dofs_of(own, position)]
-    told = bool(pairs) and not any(None in pair for pair in pairs)
-    if not stated and not told:
-        missing.append(f"output and input of configuration {name}: the DOFs of its time histories")
+    unknown = [end for end, which in ends if not pairs or None in [pair[which] for pair in pairs]]
+    if unknown:
+        missing.append(f"{' and '.join(unknown)} of configuration {name}: the DOFs of its time histories")
     beside = "; files in inner brackets hold channels of the same records" if len(sets[0]) > 1 else ""
     together = any(len(run) > 1 for run in runs)
     for run in runs if together else [sets]:
@@ -193,15 +195,12 @@ def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing:
         else:
             yield f"files = {_toml(_of_sets(found, run))}  # each is one run{beside}"
             yield "# blows or blocks of one force and its sensors that are averaged are one [[configuration.run]]"
-        if stated:
-            continue
         pairs = [pair for own in (run[:1] if together else run) for pair in dofs_of(own, position)]
-        if told:
-            for end, which in (("output", 0), ("input", 1)):
+        for end, which in ends:
+            if end in unknown:
+                yield f'# {end} = ["12+z"]  # to be filled in: one for all, or one for each of {len(pairs)} functions'
+            else:
                 yield f"{end} = {_toml(_names([pair[which] for pair in pairs]))}  # guessed: by titles and file names"
-        else:
-            yield f"# to be filled in: output and input, one for all or one for each of {len(pairs)} functions, such as"
-            yield '# output = ["12+z"]'
 
 
 def _of_sets(found: Draft, sets: list[Set]) -> list[Any]:

@@ -43,7 +43,7 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
     """
     assert layout.history is not None
     with arrays_in(path, matlab=matlab) as arrays:
-        blocks = [(name, _hits(path, arrays, layout, name, matlab=matlab)) for name in layout.history]
+        blocks = [(name, _stacked(path, arrays, layout, name, matlab=matlab)) for name in layout.history]
         first, reference = blocks[0]
         for name, block in blocks:
             if (*block.shape[:2], block.shape[3]) != (*reference.shape[:2], reference.shape[3]):
@@ -73,45 +73,72 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
 
 
 def _counts(block: NDArray[np.float64]) -> str:
-    return f"{block.shape[0]} runs, {block.shape[1]} hits and {block.shape[3]} samples"
+    return f"{block.shape[0]} runs, {block.shape[1]} hits, {block.shape[2]} channels and {block.shape[3]} samples"
 
 
 def _alike(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -> list[str]:
     """Return the variables that a name with ``*`` stands for, in natural order; without one the name itself."""
     if "*" not in name:
         return [name]
-    pattern = re.compile(re.escape(name).replace(r"\*", "[^./]*"))
-    found = sorted(filter(pattern.fullmatch, arrays), key=_natural)
+    found = sorted((n for n in arrays if _pattern(name).fullmatch(n)), key=_natural)
     if not found:
         array(path, arrays, key, name)  # says which there are
     return found
+
+
+def _pattern(name: str) -> re.Pattern[str]:
+    return re.compile(re.escape(name).replace(r"\*", "([^./]*)"))
+
+
+def _starred(name: str, variable: str) -> tuple[str, ...]:
+    """Return what stands in a variable where a name has ``*``."""
+    found = _pattern(name).fullmatch(variable)
+    assert found is not None
+    return found.groups()
 
 
 def _natural(name: str) -> list[int | str]:
     return [int(part) if part.isdigit() else part for part in _PARTS.split(name)]
 
 
-def _hits(
+def _stacked(
     path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str, *, matlab: bool
 ) -> NDArray[np.float64]:
-    """Return an array of the axes run, hit, channel, time, or those of several hits, as long as the shortest."""
+    """Return an array of the axes run, hit, channel, time, or many along the first axes, as long as the shortest."""
+    count = name.count("*")
     found = [
-        (n, _block(path, arrays, layout, n, matlab=matlab)) for n in _alike(path, arrays, "history", name)
+        (n, _block(path, arrays, layout, n, layout.axes[count:], matlab=matlab))
+        for n in _alike(path, arrays, "history", name)
     ]
-    first = found[0][1].shape
-    for other, block in found:
-        if len(found) > 1 and (block.shape[1] > 1 or block.shape[::2] != first[::2]):
-            message = (
-                f"{path}: variable {other!r} (history): {arrays[other]} do not fit the {arrays[found[0][0]]} of "
-                f"{found[0][0]!r}; each variable of {name!r} is one hit, of the same channels and runs"
-            )
-            raise MeasurementError(message)
     n_sample = min(block.shape[3] for _, block in found)
-    return np.concatenate([block[..., :n_sample] for _, block in found], axis=1)
+
+    def along(level: int, part: list[tuple[str, NDArray[np.float64]]]) -> NDArray[np.float64]:
+        if level == count:
+            return part[0][1][..., :n_sample]
+        own: dict[str, list[tuple[str, NDArray[np.float64]]]] = {}
+        for n, block in part:
+            own.setdefault(_starred(name, n)[level], []).append((n, block))
+        blocks = [along(level + 1, group) for group in own.values()]
+        for block, group in zip(blocks, own.values(), strict=True):
+            if block.shape != blocks[0].shape:
+                message = (
+                    f"{path}: variable {group[0][0]!r} (history): {_counts(block)} do not fit the {_counts(blocks[0])} "
+                    f"of {part[0][0]!r}; expected as many in each of {name!r}"
+                )
+                raise MeasurementError(message)
+        return np.concatenate(blocks, axis=_ORDER.index(layout.axes[level]))
+
+    return along(0, found)
 
 
 def _block(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str, *, matlab: bool
+    path: Path,
+    arrays: Mapping[str, ArrayInFile],
+    layout: VariableLayout,
+    name: str,
+    named: tuple[str, ...],
+    *,
+    matlab: bool,
 ) -> NDArray[np.float64]:
     """Return an array with the axes run, hit, channel, time; those that it does not have are of length one."""
     value = array(path, arrays, "history", name)
@@ -121,10 +148,11 @@ def _block(
             "FRFs, name them as 'frf' and leave [measurement.time] out"
         )
         raise MeasurementError(message)
-    axes, shape = _axes_of(value, layout, matlab=matlab)
+    several = layout.history is not None and len(layout.history) > 1
+    axes, shape = _axes_of(value, named, droppable=matlab and not several)
     if len(axes) != len(shape):
         message = (
-            f"{path}: variable {name!r} (history): {arrays[name]} have {len(shape)} axes, axes = {list(layout.axes)} "
+            f"{path}: variable {name!r} (history): {arrays[name]} have {len(shape)} axes, axes = {list(named)} "
             "names others; say which axis is what"
         )
         raise MeasurementError(message)
@@ -134,18 +162,17 @@ def _block(
 
 
 def _axes_of(
-    value: NDArray[Any], layout: VariableLayout, *, matlab: bool
+    value: NDArray[Any], axes: tuple[str, ...], *, droppable: bool
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Return what the axes of an array are, and its shape without those of length one that are not named."""
-    axes, shape = layout.axes, value.shape
+    shape = value.shape
     if value.size == max(shape, default=0):  # MATLAB has no vectors, only columns and rows
         return ("time",), (value.size,)
     if len(shape) > len(axes):
         shape = tuple(n for n in shape if n > 1)
     if len(shape) < len(axes):
-        several = layout.history is not None and len(layout.history) > 1
         # MATLAB drops axes of length one at the end; else it is a force beside responses of many channels
-        dropped = matlab and not several and axes[-1] in ("hit", "run")
+        dropped = droppable and axes[-1] in ("hit", "run")
         axes = axes[: len(shape)] if dropped else tuple(a for a in axes if a != "channel")
     return axes, shape
 

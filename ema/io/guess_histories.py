@@ -19,6 +19,7 @@ RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abt
 _STEP = re.compile(r"^d_?t$|^delta_?t$|^t_?s$|interval|increment|^dx$", re.IGNORECASE)
 _NO_HISTORY = re.compile(r"psd|csd|spec|auto|cross|corr|fft|coh|freq|mag|phase|window", re.IGNORECASE)
 _NUMBERED = re.compile(r"\(\d+\)|\{\d+\}|\d+(?=[^./]*[./])")
+_OF_POINTS = r"point|node|dof|pos|punkt|knoten|to[cč]k|^p[^a-z]*$|^pt"
 _FEWEST_SAMPLES = 64
 _LONGEST_SAMPLE = 2e-3  # s, of a first channel that is taken for the time without being called so
 _OF_A_PULSE = 0.1
@@ -54,7 +55,7 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
     that ascends in steps of a time, or a record with the short pulse of a hammer.
     """
     guesses: list[str] = []
-    arrays = _hits_as_one(arrays, guesses)
+    arrays = _as_one(arrays)
     of_time = _time(arrays)
     keys = _sampling(arrays, guesses) if of_time is None else {"time": of_time}
     n_sample = None if of_time is None else arrays[of_time].size
@@ -72,28 +73,41 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
         if not any(_has_pulse(value, n_sample) for value in own.values()):
             return None
         keys = {"sampling_Hz": UNKNOWN}
+    titles = _titles(own, axes, inside=inside)
+    axes = _starred(names[0], axes, guesses) + axes
     said = (
         f"variable{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {'are' if len(names) > 1 else 'is'}"
     )
     guesses.insert(0, f"{said} taken as time histories")
     return HistoriesFound(
         keys={"history": names if len(names) > 1 else names[0], "axes": axes} | keys,
-        titles=_titles(own, axes, inside=inside),
+        titles=titles,
         guesses=tuple(guesses),
     )
 
 
-def _hits_as_one(arrays: _Arrays, guesses: list[str]) -> _Arrays:
+def _as_one(arrays: _Arrays) -> _Arrays:
     """Return the first of arrays that differ in the number of a structure, cell or group alone, by a name with *."""
     alike: dict[str, list[str]] = {}
     for name in arrays:
         alike.setdefault(_NUMBERED.sub(lambda found: re.sub(r"\d+", "*", found[0]), name), []).append(name)
-    several = {name: found for name, found in alike.items() if len(found) > 1 and name.count("*") == 1}
-    if several:
-        guesses.append(f"each of {', '.join(map(repr, several))} is taken as a hit")
+    several = {name: found for name, found in alike.items() if len(found) > 1 and name.count("*") < 3}
     of_several = {found[0]: name for name, found in several.items()}
     left_out = {other for found in several.values() for other in found[1:]}
     return {of_several.get(name, name): value for name, value in arrays.items() if name not in left_out}
+
+
+def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:
+    """Return what the axes are that each * of a name stands for: points, where it says so, else hits."""
+    parts = [part for part in re.split(r"[./]", name) if "*" in part]
+    kinds = [
+        "run" if re.search(_OF_POINTS, part, re.IGNORECASE) or "hit" in axes else "hit" for part in parts
+    ]
+    if kinds in (["hit", "hit"], ["run", "run"]):
+        kinds = ["run", "hit"]
+    if parts:
+        guesses.append(f"{' and '.join(map(repr, parts))} in the names is taken as {', '.join(kinds)}")
+    return kinds
 
 
 def _last(name: str) -> str:

@@ -180,12 +180,17 @@ def _cut(path: Path) -> _Text | None:
             block = numbers[start : start + _FEWEST_ROWS]
             if width > 1 and len(block) == _FEWEST_ROWS and all(len(row or ()) == width for row in block):
                 value = [row for row in numbers[start:] if row is not None and len(row) == width]
-                header = [row.split(_SEPARATORS[delimiter]) for row in rows[:start]]
+                header = [_uncommented(row).split(_SEPARATORS[delimiter]) for row in rows[:start]]
                 return _Text(
                     encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
                     value=np.array(value),
                 )  # fmt: skip
     return None
+
+
+def _uncommented(row: str) -> str:
+    """Return a row of a header without the sign of a comment before it, as NumPy and gnuplot write it."""
+    return row.lstrip("#%").lstrip(" ") if row.startswith(("#", "%")) else row
 
 
 def _cells(row: str, delimiter: str) -> list[str]:

@@ -164,7 +164,15 @@ def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
         and np.all(np.diff(value.ravel().astype(float)) > 0)
     ]  # fmt: skip
     named = [name for name in fits if re.search(r"(?:^|[._/])f(?:req\w*)?$|freq|hz", name, re.IGNORECASE)]
+    if not fits and (beside := _of_sdt(arrays, shape)) is not None:
+        return beside
     return next(iter(named), None) or max(fits, key=lambda name: arrays[name].size, default=None)
+
+
+def _of_sdt(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
+    """Return the frequencies of the Structural Dynamics Toolbox, which calls those in Hz w, beside its functions xf."""
+    names = (f"{name.removesuffix('.xf')}.w" for name in arrays if name.endswith(".xf"))
+    return next((name for name in names if name in arrays and arrays[name].size in shape), None)
 
 
 def _steps(arrays: _Arrays, n_line: int, guesses: list[str]) -> dict[str, float]:

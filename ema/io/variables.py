@@ -50,7 +50,7 @@ class VariableLayout(BaseModel):
     history : tuple of str or None
         Variables of time histories, in place of FRFs; of several the channels of the first come first, then those of
         the next. One with a single channel needs no axis of channels. A name with ``*``, such as ``data(*).force``,
-        stands for variables of which each is one hit.
+        stands for variables along the first of `axes`, "hit" or "run"; one with two for those along the first two.
     time : str or None
         Variable of their times, s, or ``"first channel"`` where the first channel of each of them holds these.
     sampling_Hz : float, str or None
@@ -143,6 +143,13 @@ def _require_of_histories(layout: VariableLayout) -> None:
             f"['time', 'channel'], found {list(layout.axes)}"
         )
         raise ValueError(message)
+    for name in layout.history or ():
+        if not set(layout.axes[: name.count("*")]) <= {"hit", "run"}:
+            message = (
+                f"{name!r}: each * stands for one of the first axes, 'hit' or 'run', such as axes = ['hit', 'channel', "
+                f"'time'], found {list(layout.axes)}"
+            )
+            raise ValueError(message)
     if layout.time is None and layout.sampling_Hz is None:
         message = (
             "time histories need 'time', the variable of their times, or their sampling rate as 'sampling_Hz'"

@@ -231,8 +231,7 @@ def test_files_of_histories(tmp_path, survives, damage, kind, count):
                 written[f"hit_{k}/y"] = blow
     else:
         np.savez(file, y=blows, fs=2560.0)
-    axes = ("hit", "channel", "time") if kind == "npz" else ("channel", "time")
-    layout = VariableLayout(history=(history,), axes=axes, sampling_Hz=sampling)
+    layout = VariableLayout(history=(history,), axes=("hit", "channel", "time"), sampling_Hz=sampling)
     matlab = kind == "mat"
     read = both(
         partial(read_histories, layout=layout, matlab=matlab), partial(guess_variables, matlab=matlab)

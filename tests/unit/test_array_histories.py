@@ -139,22 +139,47 @@ def test_each_structure_or_cell_is_a_hit_as_long_as_the_shortest(tmp_path, of_te
                     hit[1:],
                     RATE,
                 )
-    keys = f'history = ["{first}", "{second}"]\naxes = ["channel", "time"]\nsampling_Hz = "{sampling}"'
+    axes = '["hit", "channel", "time"]'
+    keys = f'history = ["{first}", "{second}"]\naxes = {axes}\nsampling_Hz = "{sampling}"'
     found = frf(tmp_path, variables(keys), RUN.format('"a.*"'))
     np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
     np.testing.assert_allclose(found.coherence, of_text.coherence, rtol=1e-9)
 
 
+def test_two_stars_are_points_and_blows(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for point in (2, 10):
+            for k, hit in enumerate(blows(point)):
+                file[f"point_{point}/hit_{k}/force"], file[f"point_{point}/hit_{k}/acc"] = (
+                    hit[0],
+                    hit[1 if point == 2 else 2],
+                )
+    keys = 'history = ["point_*/hit_*/force", "point_*/hit_*/acc"]\naxes = ["run", "hit", "time"]\nsampling_Hz = 2560'
+    found = frf(tmp_path, variables(keys), 'files = "a.h5"\noutput = ["1+z", "2+z"]\ninput = "1+z"')
+    assert found.run.tolist() == [0, 1]
+    peaks = found.frequency[np.abs(found.value[:, 0]).argmax(axis=1)]
+    np.testing.assert_allclose(peaks, [150.0, 340.0], atol=5.0)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["point_10/hit_0"]
+    with pytest.raises(
+        MeasurementError, match=r"'point_10/hit_1/force' .*: 1 runs, 2 hits.* do not fit the 1 runs, 3 hits"
+    ):
+        frf(tmp_path, variables(keys), 'files = "a.h5"\noutput = ["1+z", "2+z"]\ninput = "1+z"')
+
+
 def test_names_with_a_star_that_do_not_fit_are_named(tmp_path):
     np.savez(tmp_path / "a.npz", a1=np.ones((N, 2)), a2=np.ones((N, 3)), b1=np.ones((N, 2)))
-    layout = VariableLayout.model_validate(FORM | {"history": ("a*",)})
+    hits = FORM | {"axes": ("hit", "time", "channel")}
+    layout = VariableLayout.model_validate(hits | {"history": ("a*",)})
     with pytest.raises(
-        MeasurementError, match=r"'a2' .*600 x 3 do not fit the 600 x 2 of 'a1'; each variable of 'a\*'"
+        MeasurementError, match=r"'a2' .*3 channels .* do not fit the .*2 channels .* of 'a1'"
     ):
         read_histories(tmp_path / "a.npz", layout, matlab=False)
-    layout = VariableLayout.model_validate(FORM | {"history": ("c*",)})
+    layout = VariableLayout.model_validate(hits | {"history": ("c*",)})
     with pytest.raises(MeasurementError, match=r"'c\*' \(history\): no numbers of that name"):
         read_histories(tmp_path / "a.npz", layout, matlab=False)
+    with pytest.raises(ValueError, match=r"'a\*': each \* stands for one of the first axes"):
+        VariableLayout.model_validate(FORM | {"history": ("a*",)})
 
 
 def test_runs_of_an_array_are_runs_of_their_own(tmp_path):
@@ -250,7 +275,7 @@ def test_impossible_descriptions_are_refused(changes, said):
         ({"history": ("z",)}, r"variable 'z' \(history\): no numbers of that name"),
         ({"history": ("c",)}, "its numbers are complex"),
         ({"history": ("cube",)}, r"5 x 4 x 3 have 3 axes, axes = \['time', 'channel'\]"),
-        ({"history": ("y", "few")}, r"'few' \(history\): .* hits and 5 samples do not fit the .* 600 samples of 'y'"),
+        ({"history": ("y", "few")}, r"'few' \(history\): .* and 5 samples do not fit the .* 600 samples of 'y'"),
         ({"sampling_Hz": None, "time": "few"}, "expected 600 real numbers"),
         ({"sampling_Hz": None, "time": "rounded"},
          r"value 2: the time does not ascend; .* 600 samples in 0\.234 s are 2560 Hz"

@@ -552,6 +552,7 @@ def test_structures_and_groups_are_hits(tmp_path, kind):
         names = '["blow*/hammer", "blow*/x"]'
     new(tmp_path)
     assert f"history = {names}" in campaign_text(tmp_path)
+    assert 'axes = ["hit", "time"]' in campaign_text(tmp_path)
     fill(tmp_path, ('force_unit = "?"', 'force_unit = "N"'), ('response_unit = "?"', 'response_unit = "g"'),
          ('# output = ["12+z"]', 'output = "1+z"\ninput = "45+z"'))  # fmt: skip
     found = frf(tmp_path, tmp_path.name)
@@ -559,6 +560,17 @@ def test_structures_and_groups_are_hits(tmp_path, kind):
     assert 2560 * 0.4 / (2 * np.pi) == pytest.approx(
         found.frequency[np.abs(found.value[0, 0, :200]).argmax()], abs=5
     )
+
+
+def test_groups_of_points_are_runs(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for point in (1, 2, 3):
+            for k in range(2):
+                file[f"point_{point}/hit_{k}/force"], file[f"point_{point}/hit_{k}/acc"] = pulse(600, 20 + k)
+    new(tmp_path)
+    assert 'history = ["point_*/hit_*/force", "point_*/hit_*/acc"]' in campaign_text(tmp_path)
+    assert 'axes = ["run", "hit", "time"]' in campaign_text(tmp_path)
+    assert "'point_*' and 'hit_*' in the names is taken as run, hit" in campaign_text(tmp_path)
 
 
 def test_a_time_step_and_times_in_the_first_channel(tmp_path):
@@ -630,6 +642,39 @@ def test_dofs_of_histories_from_titles_and_names(tmp_path):
     assert found.output.node.tolist() == [1, 2]  # given by reciprocity
     assert found.input.name(0) == "45+z"
     assert found.coherence is not None
+
+
+def test_titles_of_numpy_follow_a_sign_of_a_comment(tmp_path):
+    table = np.column_stack([np.arange(600) / 2560, *pulse()[::-1]])
+    np.savetxt(tmp_path / "P2_Z_hit1.txt", table, header="Time[s] 1+z[g] Force[N]")
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    for key in (
+        "force = 2  # guessed: its title",
+        'force_unit = "N"',
+        'response_unit = "g"',
+        'output = ["1+z"]',
+    ):
+        assert key in text
+    assert 'input = ["2+z"]' in text
+
+
+def test_what_titles_tell_of_outputs_is_written_where_the_force_is_not_told(tmp_path):
+    table = of_rows(np.arange(600) / 2560, *pulse())
+    (tmp_path / "a.csv").write_text("Time [s],Force [N],1+z [g]\n" + table)
+    said = new(tmp_path)
+    assert 'output = ["1+z"]' in campaign_text(tmp_path)
+    assert (
+        '# input = ["12+z"]  # to be filled in: one for all, or one for each of 1 functions'
+        in campaign_text(tmp_path)
+    )
+    assert re.search(r"^ *input of configuration", said, re.MULTILINE)
+
+
+def test_frequencies_of_the_structural_dynamics_toolbox(tmp_path):
+    savemat(tmp_path / "a.mat", {"XF": {"w": FREQUENCY, "xf": VALUE, "dof": [[1.03, 45.03]]}})
+    new(tmp_path)
+    assert 'frequency = "XF.w"' in campaign_text(tmp_path)
 
 
 def test_blocks_are_guessed_where_a_record_holds_many_hits(tmp_path):
@@ -728,6 +773,8 @@ def test_dofs_in_a_text(text, names):
         ("f [Hz] FRF [g/N]", "g/N"),
         ("(m/s2)/N re", "(m/s2)/N"),
         ("Re (mm/N)", "(mm/N)"),
+        ("H1: Betrag/(m/s²/N)", "m/s²/N"),
+        ("H1: Betrag[(m/s^2)/N]", "(m/s^2)/N"),
         ("Hz m/s2 N re/im", None),
     ],
 )
