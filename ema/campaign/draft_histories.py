@@ -134,7 +134,7 @@ def dofs_of(own: Set, position: int) -> list[tuple[Code | None, Code | None]]:
     responses = [title for k, title in enumerate(titles) if k != position]
     dofs, _ = with_names(own[-1].file, [dofs_in(title) for title in responses])
     stated = dofs_in(titles[position]) if position < len(titles) else []
-    return [(output, stated[0] if stated else force) for output, force in dofs]
+    return [(output, stated[0] if stated else force) for output, force in dofs] * own[0].n_run
 
 
 def _titles(own: Set) -> list[str]:

@@ -56,7 +56,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     matlab : bool
         Whether MATLAB wrote it: then fields of structures are named ``data.H``, of lists of them ``data(2).H``,
         elements of cells ``a{2}``, and axes come in its order, which in HDF5 it reverses. Else groups are named
-        ``data/H``.
+        ``data/H`` and attributes ``data/H@fs``.
 
     Raises
     ------
@@ -155,7 +155,27 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
             )  # MATLAB keeps what cells refer to in #refs#
 
     file.visititems(visit)
+    if not matlab:
+        found |= {name: value for item in (file, *_items(file)) for name, value in _attributes(item)}
     return found
+
+
+def _items(file: Any) -> list[Any]:
+    """Return all groups and data sets of a file."""
+    items: list[Any] = []
+    file.visititems(lambda _, item: items.append(item))
+    return items
+
+
+def _attributes(item: Any) -> Iterator[tuple[str, ArrayInFile]]:
+    """Give the attributes of a group or a data set that are numbers, such as ``hit_1/acc@fs``."""
+    for key in item.attrs:
+        value = np.asarray(item.attrs[key])
+        if value.dtype.kind in "fiub" and value.size:
+            yield (
+                f"{item.name.strip('/')}@{key}",
+                ArrayInFile(shape=value.shape, read=partial(np.asarray, value)),
+            )
 
 
 def _dataset(item: Any, *, matlab: bool) -> ArrayInFile:

@@ -51,6 +51,8 @@ class Contents:
         Whether it holds time histories.
     titles : tuple of str
         Of time histories what each channel is called; empty where it has no name.
+    n_run : int
+        Runs of time histories that it holds.
     guesses : tuple of str
         What was taken for granted, and why.
     """
@@ -63,6 +65,7 @@ class Contents:
     states: frozenset[str] = frozenset()
     is_time: bool = False
     titles: tuple[str, ...] = ()
+    n_run: int = 1
     guesses: tuple[str, ...] = ()
 
 

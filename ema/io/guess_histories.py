@@ -18,7 +18,7 @@ _TIME = re.compile(r"^t$|time|zeit|^cas|^čas", re.IGNORECASE)
 RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abtast|vzor", re.IGNORECASE)
 _STEP = re.compile(r"^d_?t$|^delta_?t$|^t_?s$|interval|increment|^dx$", re.IGNORECASE)
 _NO_HISTORY = re.compile(r"psd|csd|spec|auto|cross|corr|fft|coh|freq|mag|phase|window", re.IGNORECASE)
-_NUMBERED = re.compile(r"\(\d+\)|\{\d+\}|\d+(?=[^./]*[./])")
+_NUMBERED = re.compile(r"\(\d+\)|\{\d+\}|\d+(?=[^./@]*[./@])")
 _OF_POINTS = r"point|node|dof|pos|punkt|knoten|to[cč]k|^p[^a-z]*$|^pt"
 _FEWEST_SAMPLES = 64
 _LONGEST_SAMPLE = 2e-3  # s, of a first channel that is taken for the time without being called so
@@ -31,10 +31,11 @@ _FEWEST_OF_A_PULSE = 512  # samples of a record of which nothing but a pulse tel
 
 @dataclass(frozen=True, kw_only=True)
 class HistoriesFound:
-    """Keys of ``[measurement.variables]``, names of the channels, and what was taken for granted."""
+    """Keys of ``[measurement.variables]``, names of the channels, runs, and what was taken for granted."""
 
     keys: dict[str, Any]
     titles: tuple[str, ...]
+    n_run: int
     guesses: tuple[str, ...]
 
 
@@ -55,6 +56,7 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
     that ascends in steps of a time, or a record with the short pulse of a hammer.
     """
     guesses: list[str] = []
+    every = tuple(arrays)
     arrays = _as_one(arrays)
     of_time = _time(arrays)
     keys = _sampling(arrays, guesses) if of_time is None else {"time": of_time}
@@ -82,6 +84,7 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
     return HistoriesFound(
         keys={"history": names if len(names) > 1 else names[0], "axes": axes} | keys,
         titles=titles,
+        n_run=_runs(names[0], axes, every, own),
         guesses=tuple(guesses),
     )
 
@@ -110,8 +113,20 @@ def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:
     return kinds
 
 
+def _runs(name: str, axes: list[str], every: tuple[str, ...], own: _Arrays) -> int:
+    """Return how many runs there are: numbers of a name's * that stands for them, or the length of their axis."""
+    if "run" not in axes:
+        return 1
+    place, count = axes.index("run"), name.count("*")
+    if place < count:
+        pattern = re.compile(re.escape(name).replace(r"\*", "([^./]*)"))
+        return len({found[place + 1] for other in every if (found := pattern.fullmatch(other))})
+    shape = [n for n in max(own.values(), key=lambda v: v.ndim).shape if n > 1]
+    return shape[place - count]
+
+
 def _last(name: str) -> str:
-    return re.split(r"[./]", name)[-1]
+    return re.split(r"[./@]", name)[-1]
 
 
 def _time(arrays: _Arrays) -> str | None:

@@ -52,7 +52,7 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
         if found is not None:
             return Contents(
                 file=path, section="variables", keys=found.keys, is_time=True, titles=found.titles,
-                guesses=found.guesses,
+                n_run=found.n_run, guesses=found.guesses,
             )  # fmt: skip
         return Contents(
             file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
@@ -119,7 +119,7 @@ def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None, list[st
 
 def _last(name: str) -> str:
     """Return the name of a field without those of the structures that it is in."""
-    return re.split(r"[./]", name)[-1]
+    return re.split(r"[./@]", name)[-1]
 
 
 def _numberless(name: str) -> str:

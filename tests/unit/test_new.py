@@ -567,10 +567,30 @@ def test_groups_of_points_are_runs(tmp_path):
         for point in (1, 2, 3):
             for k in range(2):
                 file[f"point_{point}/hit_{k}/force"], file[f"point_{point}/hit_{k}/acc"] = pulse(600, 20 + k)
+                file[f"point_{point}/hit_{k}"].attrs["fs"] = 2560
     new(tmp_path)
+    assert 'sampling_Hz = "point_*/hit_*@fs"' in campaign_text(tmp_path)
+    assert "for each of 3 functions" in campaign_text(tmp_path)
     assert 'history = ["point_*/hit_*/force", "point_*/hit_*/acc"]' in campaign_text(tmp_path)
     assert 'axes = ["run", "hit", "time"]' in campaign_text(tmp_path)
     assert "'point_*' and 'hit_*' in the names is taken as run, hit" in campaign_text(tmp_path)
+
+
+def test_a_roving_test_in_groups_is_read_as_drafted(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["fs"] = 2560.0
+        for point in (1, 2):
+            file[f"p{point}/force"], file[f"p{point}/acc"] = np.array(
+                [pulse(600, 20 + k) for k in range(3)]
+            ).swapaxes(0, 1)
+    new(tmp_path)
+    assert 'axes = ["run", "hit", "time"]' in campaign_text(tmp_path)
+    assert 'sampling_Hz = "@fs"' in campaign_text(tmp_path)
+    fill(tmp_path, ('force_unit = "?"', 'force_unit = "N"'), ('response_unit = "?"', 'response_unit = "g"'),
+         ('# output = ["12+z"]', 'output = ["1+z", "2+z"]'), ('# input = ["12+z"]', 'input = "45+z"'))  # fmt: skip
+    found = frf(tmp_path, tmp_path.name)
+    assert found.run.tolist() == [0, 1]
+    assert found.frequency[1] == pytest.approx(2560 / 600)
 
 
 def test_a_time_step_and_times_in_the_first_channel(tmp_path):
