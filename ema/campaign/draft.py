@@ -171,19 +171,22 @@ def _of_one_layout(
     """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
     every = [c for contents in configurations.values() for c in contents]
     every = [_with_channels(c, every) for c in every]
-    of_frfs = [c for c in every if not c.is_time] or every
+    of_frfs = [c for c in every if not c.is_time]
+    only_time = not of_frfs or (len(every) > 2 * len(of_frfs) and all(c.by_numbers for c in of_frfs))
+    used = [c for c in every if c.is_time == only_time]
     usual: dict[str, Contents] = {}
     for section in ("table", "variables"):
-        own = {repr(c.keys): c for c in of_frfs if c.section == section}
-        counts = Counter(repr(c.keys) for c in of_frfs if c.section == section)
+        own = {repr(c.keys): c for c in used if c.section == section}
+        counts = Counter(repr(c.keys) for c in used if c.section == section)
         if counts:
             usual[section] = own[counts.most_common(1)[0][0]]
-    only_time = all(c.is_time for c in every)
     kept: dict[str, tuple[Contents, ...]] = {}
     for name, contents in configurations.items():
         for c in (_with_channels(c, every) for c in contents):
             if c.is_time and not only_time:
                 left_out.append(f"{c.file}: holds time histories, and other files FRFs")
+            elif only_time and not c.is_time:
+                left_out.append(f"{c.file}: its columns might be FRFs, and most files hold time histories")
             elif c.section is not None and c.keys != usual[c.section].keys:
                 differing = _differing(c, usual[c.section])
                 left_out.append(f"{c.file}: laid out otherwise than most of the files ({differing})")

@@ -49,6 +49,8 @@ def side_by_side(contents: Sequence[Contents]) -> list[Set]:
     as ``hit1_force.csv`` and ``hit1_acc.csv``.
     """
     forces = {key: c for c in contents if (key := _force_key(c)) is not None}
+    if len(forces) < sum(_force_key(c) is not None for c in contents):
+        return [(own,) for own in contents]
     sets: dict[str, list[Contents]] = {key: [c] for key, c in forces.items()}
     for c in contents:
         if _force_key(c) is None:

@@ -53,6 +53,8 @@ class Contents:
         Of time histories what each channel is called; empty where it has no name.
     n_run : int
         Runs of time histories that it holds.
+    by_numbers : bool
+        Whether nothing but its numbers tells that it holds FRFs.
     guesses : tuple of str
         What was taken for granted, and why.
     """
@@ -66,6 +68,7 @@ class Contents:
     is_time: bool = False
     titles: tuple[str, ...] = ()
     n_run: int = 1
+    by_numbers: bool = False
     guesses: tuple[str, ...] = ()
 
 

@@ -113,7 +113,9 @@ def guess_table(path: Path) -> Contents | None:
     columns = _beside(text, axis)
     if axis is not None and _is_time(text, axis, guesses):
         return _with_times(path, text, axis, keys, guesses)
+    n_told = len(guesses)
     found = _functions(text, columns, guesses)
+    by_numbers = len(guesses) > n_told
     if found is None or (guesses and not has_axis):  # any table of numbers
         return None
     layout, groups, coherence = found
@@ -136,6 +138,7 @@ def guess_table(path: Path) -> Contents | None:
         keys={"layout": layout} | keys,
         unit=unit_in(" ".join(cell for row in text.header for cell in row)),
         dofs=dofs,
+        by_numbers=by_numbers,
         guesses=(*guesses, *named),
     )
 

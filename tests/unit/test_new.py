@@ -441,6 +441,23 @@ def test_time_histories_beside_frfs_are_left_out(tmp_path):
     assert frf(tmp_path, tmp_path.name).output.name(0) == "1+z"
 
 
+def test_columns_that_might_be_frfs_beside_many_time_histories(tmp_path):
+    (tmp_path / "notes.csv").write_text(columns(VALUE[:, 0].real, VALUE[:, 0].imag))
+    for k in range(2):
+        (tmp_path / f"time_{k}.csv").write_text(
+            "time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY)
+        )
+    assert re.search(r"left out: .*notes\.csv: its columns might be FRFs", new(tmp_path))
+    assert 'files = ["time_*.csv"]' in campaign_text(tmp_path)
+
+
+def test_two_forces_of_one_name_are_not_paired(tmp_path):
+    for name in ("force_a", "hammer_a", "acc_a"):
+        (tmp_path / f"{name}.csv").write_text(of_rows(np.arange(600) / 2560, pulse()[0]))
+    new(tmp_path)
+    assert 'files = ["*_a.csv"]' in campaign_text(tmp_path)
+
+
 def test_a_campaign_file_is_not_overwritten(tmp_path):
     (tmp_path / "a.csv").write_text(real_imaginary())
     (tmp_path / "campaign.toml").write_text("mine")
