@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
-from ema.io.contents import Code, Contents
+from ema.io.contents import UNKNOWN, Code, Contents
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.table import read_points
@@ -83,6 +83,7 @@ def draft(folder: Path) -> Draft:
             continue
         files = sorted((f for f in place.iterdir() if f.is_file()), key=natural)
         contents = tuple(c for c in (_contents(file, left_out) for file in files) if c is not None)
+        contents = _beside_forces(contents)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _of_one_layout(configurations, left_out)
@@ -136,6 +137,19 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         left_out.append(str(error))
         return None
     return None if _lists_points(file) else guess_table(file)
+
+
+def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
+    """Return arrays in which nothing tells what they are as responses beside a force that a hammer's pulse tells."""
+    lengths = next((c.lengths for c in contents if c.is_time and len(c.titles) == 1), {})
+    if not lengths:
+        return contents
+    return tuple(
+        guess_variables(c.file, matlab=format_of(c.file) == "mat", beside=lengths)
+        if c.section == "variables" and c.keys.get("frf") == UNKNOWN
+        else c
+        for c in contents
+    )
 
 
 def _universal(file: Path) -> Contents | None:

@@ -53,6 +53,8 @@ class Contents:
         Of time histories what each channel is called; empty where it has no name.
     n_run : int
         Runs of time histories that it holds.
+    lengths : mapping of str to int
+        Of time histories in arrays how long each axis is.
     by_numbers : bool
         Whether nothing but its numbers tells that it holds FRFs.
     guesses : tuple of str
@@ -68,6 +70,7 @@ class Contents:
     is_time: bool = False
     titles: tuple[str, ...] = ()
     n_run: int = 1
+    lengths: Mapping[str, int] = field(default_factory=dict)
     by_numbers: bool = False
     guesses: tuple[str, ...] = ()
 

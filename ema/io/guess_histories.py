@@ -31,9 +31,10 @@ _FEWEST_OF_A_PULSE = 512  # samples of a record of which nothing but a pulse tel
 
 @dataclass(frozen=True, kw_only=True)
 class HistoriesFound:
-    """Keys of ``[measurement.variables]``, names of the channels, runs, and what was taken for granted."""
+    """Keys of ``[measurement.variables]``, lengths of axes, names of channels, runs, what was taken for granted."""
 
     keys: dict[str, Any]
+    lengths: dict[str, int]
     titles: tuple[str, ...]
     n_run: int
     guesses: tuple[str, ...]
@@ -49,11 +50,17 @@ def pulse_share(value: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.where(most[..., 0] > 0, np.mean(size > _OF_A_PULSE * most, axis=-1), 1.0))
 
 
-def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
+def guess_histories(arrays: _Arrays, beside: Mapping[str, int]) -> HistoriesFound | None:
     """Return what arrays seem to hold of time histories; None where nothing in them tells of a time or a hammer.
 
     That something is a time history tells a variable of times, of a sampling rate or of a time step, a first channel
-    that ascends in steps of a time, or a record with the short pulse of a hammer.
+    that ascends in steps of a time, or a record with the short pulse of a hammer; or a file beside it.
+
+    Parameters
+    ----------
+    arrays : mapping of str to array
+    beside : mapping of str to int
+        Lengths of the axes of a force in a file that belongs beside this one; empty where there is none.
     """
     guesses: list[str] = []
     every = tuple(arrays)
@@ -66,23 +73,24 @@ def guess_histories(arrays: _Arrays) -> HistoriesFound | None:
         return None
     n_sample = max(arrays[names[0]].shape)
     own = {name: arrays[name].astype(float) for name in names}
-    axes = _axes(own, n_sample, guesses)
+    axes = _axes_beside(own, beside) if beside else _axes(own, n_sample, guesses)
+    if axes is None:
+        return None
     inside = not keys and _first_is_time(own[names[0]], axes)
     if inside:
         keys = {"time": FIRST_CHANNEL}
         guesses.append("the first channel is taken as the time in s")
-    if not keys:
-        if not any(_has_pulse(value, n_sample) for value in own.values()):
-            return None
-        keys = {"sampling_Hz": UNKNOWN}
+    elif not keys and not beside and not any(_has_pulse(value, n_sample) for value in own.values()):
+        return None
     titles = _titles(own, axes, inside=inside)
+    lengths = dict(zip(axes, (n for n in _largest(own).shape if n > 1), strict=True))
     axes = _starred(names[0], axes, guesses) + axes
-    said = (
-        f"variable{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {'are' if len(names) > 1 else 'is'}"
-    )
+    said = f"variables {', '.join(map(repr, names))} are" if len(names) > 1 else f"variable {names[0]!r} is"
     guesses.insert(0, f"{said} taken as time histories")
     return HistoriesFound(
-        keys={"history": names if len(names) > 1 else names[0], "axes": axes} | keys,
+        keys={"history": names if len(names) > 1 else names[0], "axes": axes}
+        | (keys or {"sampling_Hz": UNKNOWN}),
+        lengths=lengths,
         titles=titles,
         n_run=_runs(names[0], axes, every, own),
         guesses=tuple(guesses),
@@ -179,7 +187,7 @@ def _has_pulse(value: NDArray[np.float64], n_sample: int) -> bool:
 
 def _axes(own: _Arrays, n_sample: int, guesses: list[str]) -> list[str]:
     """Return what the axes are of the array that has most of them."""
-    largest = max(own.values(), key=lambda v: sum(n > 1 for n in v.shape))
+    largest = _largest(own)
     lengths = [n for n in largest.shape if n > 1]
     names = [UNKNOWN] * len(lengths)
     at = lengths.index(n_sample)
@@ -187,7 +195,13 @@ def _axes(own: _Arrays, n_sample: int, guesses: list[str]) -> list[str]:
     rest = [k for k in range(len(lengths)) if k != at]
     smaller = [sorted(n for n in v.shape if n > 1) for v in own.values() if v.ndim]
     channel: int | None = None
-    if len(own) == 1 or any(len(shape) < len(lengths) for shape in smaller):
+    if (
+        len(own) == 1
+        and len(rest) == 1
+        and np.all(pulse_share(np.moveaxis(largest.reshape(lengths), at, -1)) < PULSE)
+    ):
+        channel = None  # blows of a force that has a file of its own
+    elif len(own) == 1 or any(len(shape) < len(lengths) for shape in smaller):
         channel = _channel_axis(largest.reshape(lengths), at, rest, smaller)
     if channel is not None:
         names[channel] = "channel"
@@ -199,6 +213,23 @@ def _axes(own: _Arrays, n_sample: int, guesses: list[str]) -> list[str]:
             f'axes are taken as {", ".join(names)}; an axis of points, not of blows that are averaged, is "run"'
         )
     return names
+
+
+def _largest(own: _Arrays) -> NDArray[Any]:
+    """Return the array with most axes."""
+    return max(own.values(), key=lambda v: sum(n > 1 for n in v.shape))
+
+
+def _axes_beside(own: _Arrays, beside: Mapping[str, int]) -> list[str] | None:
+    """Return what the axes are by those of a force: what is left is that of the channels; None where they differ."""
+    lengths = [n for n in _largest(own).shape if n > 1]
+    axes = ["channel"] * len(lengths)
+    for name, length in beside.items():
+        free = [k for k, n in enumerate(lengths) if n == length and axes[k] == "channel"]
+        if not free:
+            return None
+        axes[free[0]] = name
+    return axes if axes.count("channel") < 2 else None
 
 
 def _channel_axis(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from math import prod
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,13 +33,23 @@ _FEWEST_LINES = 10
 _LISTED = 6  # names of variables in a comment
 
 
-def guess_variables(path: Path, *, matlab: bool) -> Contents:
+def guess_variables(
+    path: Path, *, matlab: bool, beside: Mapping[str, int] = MappingProxyType({})
+) -> Contents:
     """Return what a MATLAB, HDF5 or NumPy file seems to hold, with `UNKNOWN` for what nothing in it looks like.
 
     The FRFs are the complex arrays that are called so, such as ``H1_2``, else the largest that is not called a
     spectrum, or two real ones whose names say so. Their frequencies are an ascending vector as long as one of their
     axes that is not called a circular frequency, or their first column. Coherences have their shape and are called
     so. Where there are no FRFs it may hold time histories, see `guess_histories`.
+
+    Parameters
+    ----------
+    path : Path
+    matlab : bool
+        Whether MATLAB wrote it.
+    beside : mapping of str to int
+        Lengths of the axes of a force in a file that may belong beside this one.
 
     Raises
     ------
@@ -48,16 +60,23 @@ def guess_variables(path: Path, *, matlab: bool) -> Contents:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
     keys, block, guesses = _frfs(arrays)
     if block is None:
-        found = guess_histories(arrays)
+        found = guess_histories(arrays, beside)
         if found is not None:
             return Contents(
                 file=path, section="variables", keys=found.keys, is_time=True, titles=found.titles,
-                n_run=found.n_run, guesses=found.guesses,
+                n_run=found.n_run, lengths=found.lengths, guesses=found.guesses,
             )  # fmt: skip
         return Contents(
             file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
             guesses=tuple(guesses),
         )  # fmt: skip
+    return _of_frfs(path, arrays, keys, block, guesses)
+
+
+def _of_frfs(
+    path: Path, arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guesses: list[str]
+) -> Contents:
+    """Return what a file with FRFs, of the shape of `block`, holds beside them."""
     names = keys.get("frf", [])
     own_column = _is_axis(block)
     frequency = FIRST_COLUMN if own_column else _frequency(arrays, block.shape)

@@ -662,6 +662,25 @@ def test_force_and_responses_in_files_of_their_own(tmp_path, names, files):
     assert len(set(found.run)) == 1
 
 
+@pytest.mark.parametrize("n", [1, 2])
+def test_force_and_responses_in_arrays_of_their_own(tmp_path, n):
+    """Three blows in each file; the force has no axis of channels."""
+    for k in (1, 2):
+        force, response = np.array([pulse(600, 20 + k + hit) for hit in range(3)]).swapaxes(0, 1)
+        np.save(tmp_path / f"force_{k}.npy", force)
+        np.save(
+            tmp_path / f"response_{k}.npy", np.stack([response, -response], axis=1) if n == 2 else response
+        )
+    new(tmp_path)
+    assert 'files = [["force_*.npy", "response_*.npy"]]' in campaign_text(tmp_path)
+    fill(tmp_path, ('sampling_Hz = "?"', "sampling_Hz = 2560"), ('force_unit = "?"', 'force_unit = "N"'),
+         ('response_unit = "?"', 'response_unit = "g"'), ('# input = ["12+z"]', 'input = "45+z"'),
+         ('# output = ["12+z"]', f'output = {["1+z", "2+z"][:n] * 2}'))  # fmt: skip
+    found = frf(tmp_path, tmp_path.name)
+    assert found.value.shape[0] == n
+    assert found.coherence is not None
+
+
 def test_dofs_of_histories_from_titles_and_names(tmp_path):
     time = np.arange(600) / 2560
     for point in (1, 2):
