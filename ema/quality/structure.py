@@ -12,12 +12,14 @@ from ema.types.frf import FRF
 
 MIN_LINES = 64
 """Fewer lines do not tell noise from a function."""
+_PARTS = 8
+"""Parts of the band, of which one with a function in it is enough: above what a hammer excites is noise alone."""
 _APART = (8, 13)
 """Lines, of which noise shares nothing even where a window has smeared it over its neighbours."""
-NOISE = 0.15
-"""Steadiness that noise alone stays below: its phases lie anywhere. The least of 60 measured sets is 0.2."""
-_STEADY = 2 * NOISE
-"""Steadiness that some output must have before another is called one of noise."""
+_NOISE, _MOST = 3.5, 0.45
+"""Steadiness over one over the square root of the lines that noise stays below, even smeared by a window; the most."""
+_STEADY = 0.5
+"""Steadiness that some output must have before another is called one of noise; of measured sets it is 0.58 or more."""
 _ENDS = (5.0, 95.0)
 _FLAT, _NOT_FLAT = 3.0, 15.0
 """Range of levels, dB, of an output without a resonance, and of the usual one beside which it is told."""
@@ -44,18 +46,19 @@ def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
     if frf.frequency.size < MIN_LINES or not channels.size:
         return
     steady, levels = steadiness(frf, channels), span(frf, channels)
-    if np.all(steady < NOISE):
+    noise = min(_NOISE / np.sqrt(_lines(frf) - max(_APART)), _MOST)
+    if np.all(steady < noise):
         message = (
             f"no function has a phase that stays from line to line (steadiness {steady.max():.2f} at most, that of "
-            f"noise is below {NOISE}): is the force plugged in, and does it excite this band? Else give band_Hz"
+            f"noise is below {noise:.2f}): is the force plugged in, and does it excite this band? Else give band_Hz"
         )
         yield Formless(channel=None, is_noise=True, message=message)
         return
     if steady.max() < _STEADY:
         return
-    usual = float(np.median(steady[steady >= NOISE]))
+    usual = float(np.median(steady[steady >= noise]))
     for channel, own, width in zip(channels, steady, levels, strict=True):
-        if own < NOISE:
+        if own < noise:
             message = (
                 f"dead, its phase jumps from line to line as that of noise does (steadiness {own:.2f}, of the others "
                 f"{usual:.2f} in the median): unplugged, broken, or its response is below its noise"
@@ -70,7 +73,7 @@ def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
 
 
 def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return how steady the phase of each output is from line to line, of its functions the steadiest: (n_channel,).
+    """Return how steady the phase of each output is from line to line, in the best part of the band: (n_channel,).
 
     It is the length of the mean of unit vectors that point where the phase has turned between lines some apart: 1 for
     a phase that stays or turns evenly, about one over the square root of the number of lines for noise. Peaks, however
@@ -86,8 +89,17 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     value = frf.value[channels]
     size = np.abs(value)
     unit = np.where(size > 0, value / np.where(size > 0, size, 1.0), 0.0)
-    steady = [np.abs(np.mean(unit[..., n:] * unit[..., :-n].conj(), axis=2)) for n in _APART]
+    steady = [
+        np.abs(np.mean(part[..., n:] * part[..., :-n].conj(), axis=2))
+        for part in np.array_split(unit, frf.frequency.size // _lines(frf), axis=2)
+        for n in _APART
+    ]
     return np.asarray(np.max(steady, axis=(0, 2)))
+
+
+def _lines(frf: FRF) -> int:
+    """Return how many lines a part of the band has."""
+    return max(MIN_LINES, frf.frequency.size // _PARTS)
 
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:

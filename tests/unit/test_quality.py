@@ -302,3 +302,11 @@ def test_a_pair_of_modes_at_one_frequency_turns_no_function():
     """At a double root the forces have another proportion from point to point, without a fault."""
     sound = bar(inputs=(1, 20, 7), modes=np.array([120.0, 120.1, 380.0]))
     assert not any(v.check == "sign" and v.level == "fail" for v in check(sound))
+
+
+def test_a_channel_with_noise_above_what_the_hammer_excites_is_live():
+    measurement = bar()
+    few = replace(measurement, frf=measurement.frf.outputs(np.arange(N) < 3), overload=np.zeros(3))
+    quiet = np.arange(FREQUENCY.size) > 0.4 * FREQUENCY.size
+    drowned = changed(few, 1, lambda v: np.where(quiet, 3 * np.std(v) * noise(v.shape), v))
+    assert not [v for v in check(drowned) if v.check == "dead" and v.level != "pass"]
