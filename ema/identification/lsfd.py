@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from ema.types.frf import DERIVATIVE, Quantity
 
+_BLOCK = 8192  # values that are worked on at once: more, and the system makes room for arrays again and again
+
 
 def mode_basis(
     frequency: NDArray[np.float64], pole: NDArray[np.complex128], quantity: Quantity, power: int = 1
@@ -31,7 +33,7 @@ def mode_basis(
         Upper half-plane poles, rad/s.
     quantity : {"receptance", "mobility", "accelerance"}
         What the functions are.
-    power : int, default 1
+    power : {1, 2}
         Power of ``1 / (s - pole)``; 2 gives the derivatives with respect to the poles.
 
     Returns
@@ -39,14 +41,42 @@ def mode_basis(
     (2 n_frequency, 2 n_mode) float
         Real parts over imaginary parts; for each mode the column of Re A, then that of Im A.
     """
-    s = 2j * np.pi * frequency[:, None]
-    scale = s ** DERIVATIVE[quantity]
-    above = scale / (s - pole) ** power
-    below = scale / (s - pole.conj()) ** power
-    basis = np.empty((frequency.size, 2 * pole.size), dtype=complex)
-    basis[:, 0::2] = above + below
-    basis[:, 1::2] = 1j * (above - below)
-    return _stack(basis)
+    omega, n = 2.0 * np.pi * frequency, frequency.size
+    basis = np.empty((pole.size, 2, 2, n))
+    few = max(1, _BLOCK // n)
+    for k in range(0, pole.size, few):
+        rows, own = basis[k : k + few], pole[k : k + few, None]
+        for row, receptance in enumerate(_columns(omega, own, power)):
+            rows[:, row, 0], rows[:, row, 1] = _derived(omega, receptance, quantity)
+    return basis.reshape(2 * pole.size, 2 * n).T
+
+
+_Parts = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def _columns(omega: NDArray[np.float64], pole: NDArray[np.complex128], power: int) -> tuple[_Parts, _Parts]:
+    """Real and imaginary parts ``(n_mode, n_frequency)`` of what Re A and Im A multiply in a receptance.
+
+    They are 2 (s - decay) / D and -2 own / D with D = (s - pole) (s - conj(pole)), in real arithmetic: complex
+    divisions take several times as long. No nearly equal numbers are subtracted but the frequencies.
+    """
+    decay, own = pole.real, pole.imag
+    re, im = decay**2 - (omega - own) * (omega + own), (-2.0 * decay) * omega
+    double = 2.0 / (re * re + im * im)
+    a, b = (omega * omega + (decay**2 + own**2)) * (-decay * double), (omega * re + decay * im) * double
+    c, d = re * (-own * double), im * (own * double)
+    if power == 1:
+        return (a, b), (c, d)
+    # With p and q = 1 / (s - pole) and its mirror image, p**2 + q**2 and i (p**2 - q**2) from p + q and i (p - q).
+    return (0.5 * (a * a - b * b - c * c + d * d), a * b - c * d), (a * c - b * d, a * d + b * c)
+
+
+def _derived(omega: NDArray[np.float64], receptance: _Parts, quantity: Quantity) -> _Parts:
+    real, imaginary = receptance
+    if quantity == "mobility":
+        return -omega * imaginary, omega * real
+    square = omega * omega
+    return (-square * real, -square * imaginary) if quantity == "accelerance" else receptance
 
 
 def residual_basis(frequency: NDArray[np.float64], quantity: Quantity) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ that of the concentrated likelihood.
 All functions share one basis, hence one QR factor: a step costs a factorisation of ``2 n_frequency`` rows and
 some products, whatever the number of functions. Where lines weigh differently, each function has in addition its
 own small normal equations in the orthonormal basis, which are as well conditioned as the weights are even.
+Bases and functions are held with their lines along rows of memory, on which most of the time is spent.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from ema.identification.lsfd import mode_basis, residual_basis, split_coefficients, stack_functions
+from ema.identification.lsfd import mode_basis, residual_basis, split_coefficients
 from ema.types.frf import Quantity
 
 MAX_STEP = 60
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
 _NONE = np.empty(0, dtype=complex)
+_ROUNDING = 1e-6  # gain of log-likelihood that a step promises
+_NEARLY = 10.0  # of a nearly orthogonal basis: orthonormal to 1e-14 after one round
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,9 +91,9 @@ class _Target:
 
     frequency: NDArray[np.float64]
     quantity: Quantity
-    value: NDArray[np.float64]  # (2 n_frequency, n_function)
+    value: NDArray[np.float64]  # (n_function, 2 n_frequency)
     weight: NDArray[np.float64]  # (n_function, 2 n_frequency), or (1, 1) where all lines weigh the same
-    fixed: NDArray[np.float64]  # columns of held poles and residual terms, (2 n_frequency, 2 n_held + 4)
+    fixed: NDArray[np.float64]  # of held poles and residual terms, (2 n_held + 4, 2 n_frequency)
 
     @classmethod
     def of(
@@ -106,16 +109,16 @@ class _Target:
         return cls(
             frequency=frequency,
             quantity=quantity,
-            value=stack_functions(value),
+            value=np.concatenate([value.real, value.imag], axis=1),
             weight=rows,
             fixed=np.concatenate(
-                [mode_basis(frequency, held, quantity), residual_basis(frequency, quantity)], axis=1
+                [mode_basis(frequency, held, quantity).T, residual_basis(frequency, quantity).T]
             ),
         )
 
     def modes(self, pole: NDArray[np.complex128], power: int = 1) -> NDArray[np.float64]:
-        """Columns of modes or, with a power of 2, of their derivatives; see `mode_basis`."""
-        return mode_basis(self.frequency, pole, self.quantity, power)
+        """Modes or, with a power of 2, their derivatives, ``(2 n_mode, 2 n_frequency)``; see `mode_basis`."""
+        return mode_basis(self.frequency, pole, self.quantity, power).T
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -124,14 +127,24 @@ class _Projection:
 
     pole: NDArray[np.complex128]  # those that move, (n_mode,)
     coefficient: NDArray[np.float64]  # (2 n_mode + 4, n_function)
-    orthogonal: NDArray[np.float64]  # orthonormal basis, (2 n_frequency, 2 n_mode + 4)
-    triangle: NDArray[np.float64]  # R of the basis with its column lengths restored
-    inverse: NDArray[
-        np.float64
-    ]  # of the weighted normal equations in the orthonormal basis, one or (n_function, ...)
-    remainder: NDArray[np.float64]  # (2 n_frequency, n_function)
+    orthogonal: NDArray[np.float64]  # orthonormal basis, (2 n_mode + 4, 2 n_frequency)
+    onto: NDArray[np.float64]  # what makes it of the basis, (2 n_mode + 4, 2 n_mode + 4), lower triangle
+    inverse: NDArray[np.float64]  # of the weighted normal equations in it, one or (n_function, ...)
+    remainder: NDArray[np.float64]  # (n_function, 2 n_frequency)
     variance: NDArray[np.float64]  # (n_function,), complex noise variance
     objective: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Equations:
+    """Normal equations of the poles at a projection."""
+
+    information: NDArray[np.float64]  # Fisher information of Re and Im of the poles, (2 n_mode, 2 n_mode)
+    pull: NDArray[np.float64]  # of each function on them, (n_function, 2 n_mode)
+    maps: NDArray[
+        np.float64
+    ]  # from poles to what multiplies the derivatives, (n_function, 2 n_mode, 2 n_mode)
+    along: NDArray[np.float64]  # derivatives in the basis, (1 or n_function, 2 n_mode + 4, 2 n_mode)
 
 
 def refine(
@@ -142,6 +155,7 @@ def refine(
     weight: NDArray[np.float64] | None = None,
     *,
     held: NDArray[np.complex128] = _NONE,
+    tolerance: float = TOLERANCE,
 ) -> Fit:
     """Refine poles to the maximum of the likelihood and return the fit with its covariance.
 
@@ -160,6 +174,8 @@ def refine(
         different weights can be compared. All lines weigh the same where not given.
     held : (n_held,) complex, optional
         Poles that stay where they are; in the fit they come last.
+    tolerance : float
+        Gain of log-likelihood below which steps end.
     """
     target = _Target.of(frequency, value, quantity, weight, held)
     state, damping = _project(target, pole.astype(complex)), 1e-3
@@ -168,8 +184,10 @@ def refine(
         if likelier is None:
             break
         gain = state.objective - likelier[0].objective
-        state, damping = likelier[0], max(likelier[1] / 10.0, 1e-12)
-        if gain < TOLERANCE:
+        # What had to be raised just now would have to be again.
+        raised = likelier[1] > damping
+        state, damping = likelier[0], likelier[1] if raised else max(likelier[1] / 10.0, 1e-12)
+        if gain < tolerance:
             break
     if held.size:
         return linear_fit(frequency, value, np.concatenate([state.pole, held]), quantity, weight)
@@ -190,11 +208,12 @@ def linear_fit(
 
 def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Projection, float] | None:
     """Return the fit after a step that does not raise the objective, and the damping it took; None where none does."""
-    information, pull, _ = _normal_equations(target, state)
+    equations = _normal_equations(target, state)
+    information, pull = equations.information, equations.pull
     gradient = pull.sum(axis=0)
     scale = np.sqrt(np.diag(information))
     # The variances move with the poles; without this term functions that disagree slow the steps down.
-    curved = information - (2.0 / target.value.shape[0]) * pull.T @ pull
+    curved = information - (2.0 / target.value.shape[1]) * pull.T @ pull
     scaled = (curved if _positive(curved) else information) / np.outer(scale, scale)
     while damping < 1e8:
         step = scipy.linalg.solve(
@@ -203,6 +222,8 @@ def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Pro
         proposed = _project(target, _moved(state.pole, step / scale))
         if proposed.objective <= state.objective:
             return proposed, damping
+        if 0.5 * gradient @ (step / scale) < _ROUNDING:
+            return None  # it is the end point, and the rest is rounding
         damping *= 10.0
     return None
 
@@ -216,29 +237,27 @@ def _moved(pole: NDArray[np.complex128], step: NDArray[np.float64]) -> NDArray[n
 
 def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     """Fit what is linear at fixed poles."""
-    basis = np.concatenate([target.modes(pole), target.fixed], axis=1)
-    length = np.linalg.norm(basis, axis=0)
-    orthogonal, triangle = _tall_qr(basis / length)
+    orthogonal, onto = _orthonormal(np.concatenate([target.modes(pole), target.fixed]))
     value, weight = target.value, target.weight
     if weight.size == 1:
-        inverse = np.eye(length.size)[None]
-        part = orthogonal.T @ value
+        inverse = np.eye(len(orthogonal))[None]
+        part = orthogonal @ value.T
     else:
-        normal = np.stack([(orthogonal.T * row) @ orthogonal for row in weight])
-        inverse = np.linalg.inv(normal)
-        part = np.einsum("okl,lo->ko", inverse, orthogonal.T @ (weight.T * value))
-    remainder = value - orthogonal @ part
-    coefficient = scipy.linalg.solve_triangular(triangle, part, check_finite=False) / length[:, None]
-    n_row, n_function = value.shape
+        normal = np.stack([_gram(orthogonal * root) for root in np.sqrt(weight)])
+        inverse = np.asarray(np.linalg.inv(normal))
+        part = (inverse @ (orthogonal @ (weight * value).T).T[..., None])[..., 0].T
+    remainder = value - part.T @ orthogonal
+    n_function, n_row = value.shape
     # Each function spends its own linear unknowns and its share of the poles.
-    freedom = max(n_row - basis.shape[1] - 2.0 * pole.size / n_function, 1.0)
-    floor = (1e-14 * np.linalg.norm(value, axis=0)) ** 2 + np.finfo(float).tiny
-    square = np.sum(weight.T * remainder**2, axis=0) + floor
+    freedom = max(n_row - len(orthogonal) - 2.0 * pole.size / n_function, 1.0)
+    floor = (1e-14 * np.linalg.norm(value, axis=1)) ** 2 + np.finfo(float).tiny
+    weighted = remainder if weight.size == 1 else weight * remainder
+    square = np.einsum("on,on->o", weighted, remainder) + floor
     return _Projection(
         pole=pole,
-        coefficient=coefficient,
+        coefficient=onto.T @ part,
         orthogonal=orthogonal,
-        triangle=triangle * length,
+        onto=onto,
         inverse=inverse,
         remainder=remainder,
         variance=2.0 * square / freedom,
@@ -246,52 +265,80 @@ def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     )
 
 
-def _tall_qr(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """QR factors of a tall matrix by two rounds of Cholesky, several times faster than Householder's.
+def _orthonormal(basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return orthonormal rows, and the lower triangle that makes them of a basis of a few long rows.
 
-    Two rounds are orthogonal to rounding up to a condition of about 1e7 (Yamamoto, Nakatsukasa, Yanagisawa and
-    Fukaya, ETNA 44, 2015); matrices that come near it are left to Householder.
+    One round of Cholesky makes them orthogonal to rounding where the basis nearly is, two up to a condition of about
+    1e7 (Yamamoto, Nakatsukasa, Yanagisawa and Fukaya, ETNA 44, 2015); bases that come near it are left to Householder.
+    Either is several times faster than that.
     """
+    gram = _gram(basis)
+    length = np.sqrt(np.diag(gram))
     try:
-        first = np.linalg.cholesky(matrix.T @ matrix).T
+        first = np.linalg.cholesky(gram / np.outer(length, length))
     except np.linalg.LinAlgError:
-        return np.linalg.qr(matrix)
+        return _by_householder(basis, length)
     diagonal = np.diag(first)
     if diagonal.min() < 1e-5 * diagonal.max():
-        return np.linalg.qr(matrix)
-    rough = matrix @ scipy.linalg.solve_triangular(first, np.eye(len(first)), check_finite=False)
-    second = np.linalg.cholesky(rough.T @ rough).T
-    orthogonal = rough @ scipy.linalg.solve_triangular(second, np.eye(len(second)), check_finite=False)
-    return orthogonal, second @ first
+        return _by_householder(basis, length)
+    onto = _inverse(first)
+    # The square of its norm over their number bounds the square of the condition.
+    near, onto = np.sum(onto**2) < _NEARLY * len(basis), onto / length
+    orthogonal = onto @ basis
+    if near:
+        return orthogonal, onto
+    second = _inverse(np.asarray(np.linalg.cholesky(_gram(orthogonal))))
+    return second @ orthogonal, second @ onto
 
 
-def _normal_equations(
-    target: _Target, state: _Projection
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Fisher information of Re and Im of the poles, each function's pull on them, and coefficient maps."""
-    derivative = target.modes(state.pole, power=2)
-    tangent = derivative - state.orthogonal @ (state.orthogonal.T @ derivative)
+def _by_householder(
+    basis: NDArray[np.float64], length: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    orthogonal, triangle = np.linalg.qr((basis / length[:, None]).T)
+    return np.ascontiguousarray(orthogonal.T), _inverse(triangle.T) / length
+
+
+def _gram(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(rows @ rows.T)
+
+
+def _inverse(lower: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse of a lower triangle."""
+    found = scipy.linalg.solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
+    return np.asarray(found)
+
+
+def _normal_equations(target: _Target, state: _Projection) -> _Equations:
+    """Return what Gauss-Newton on the poles, and their covariance, need at a projection."""
+    derivative, n_basis = target.modes(state.pole, power=2), len(state.orthogonal)
+    along = state.orthogonal @ derivative.T
+    tangent = derivative - along.T @ state.orthogonal
     if target.weight.size == 1:
-        gram = (tangent.T @ tangent)[None]
+        gram, along = _gram(tangent)[None], along[None]
+        seen = tangent @ state.remainder.T  # (2 n_mode, n_function)
     else:
         # The tangents are orthogonal to the basis; what weighting makes of that is projected out here.
-        cross = np.stack([(state.orthogonal.T * row) @ tangent for row in target.weight])
-        gram = np.stack([(tangent.T * row) @ tangent for row in target.weight])
-        gram -= cross.swapaxes(1, 2) @ state.inverse @ cross
-    seen = tangent.T @ (target.weight.T * state.remainder)  # (2 n_mode, n_function)
-    n_mode = state.pole.size
+        both = np.concatenate([state.orthogonal, tangent])
+        whole = np.stack([_gram(both * root) for root in np.sqrt(target.weight)])
+        cross = whole[:, :n_basis, n_basis:]
+        more = state.inverse @ cross
+        gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ more
+        along = along + more
+        seen = tangent @ (target.weight * state.remainder).T
+    n_mode, n_function = state.pole.size, len(target.value)
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
     # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
-    maps = np.zeros((target.value.shape[1], 2 * n_mode, 2 * n_mode))
+    maps = np.zeros((n_function, 2 * n_mode, 2 * n_mode))
     r = np.arange(n_mode)
     maps[:, 2 * r, 2 * r] = real.T
     maps[:, 2 * r + 1, 2 * r] = imaginary.T
     maps[:, 2 * r, 2 * r + 1] = -imaginary.T
     maps[:, 2 * r + 1, 2 * r + 1] = real.T
     weight = 2.0 / state.variance
-    information = np.einsum("o,oki,okj->ij", weight, maps, gram @ maps, optimize=True)
-    pull = weight[:, None] * np.einsum("oki,ko->oi", maps, seen, optimize=True)
-    return information, pull, maps
+    flat = n_function * 2 * n_mode, 2 * n_mode
+    information = (weight[:, None, None] * maps).reshape(flat).T @ (gram @ maps).reshape(flat)
+    pull = weight[:, None] * (seen.T[:, None, :] @ maps)[:, 0]
+    return _Equations(information=information, pull=pull, maps=maps, along=along)
 
 
 def _positive(matrix: NDArray[np.float64]) -> bool:
@@ -304,17 +351,12 @@ def _positive(matrix: NDArray[np.float64]) -> bool:
 
 def _finish(target: _Target, state: _Projection) -> Fit:
     """Return the fit at the poles of a projection, with its covariance."""
-    information, _, maps = _normal_equations(target, state)
-    n_linear = 2 * state.pole.size
-    triangle = scipy.linalg.solve_triangular(state.triangle, np.eye(len(state.triangle)), check_finite=False)
-    triangle = triangle[:n_linear]
-    derivative = target.modes(state.pole, power=2)
-    onto = state.orthogonal.T @ derivative
-    if target.weight.size > 1:
-        onto = state.inverse @ np.stack([(state.orthogonal.T * row) @ derivative for row in target.weight])
+    equations = _normal_equations(target, state)
+    information = equations.information
+    triangle = state.onto.T[: 2 * state.pole.size]
     residue, lower, upper = split_coefficients(state.coefficient)
-    n_frequency, remainder = target.frequency.size, state.remainder.T
-    residual = remainder[:, :n_frequency] + 1j * remainder[:, n_frequency:]
+    n_frequency = target.frequency.size
+    residual = state.remainder[:, :n_frequency] + 1j * state.remainder[:, n_frequency:]
     scale = np.sqrt(np.diag(information))
     normalised = scipy.linalg.pinvh(information / np.outer(scale, scale)) if scale.size else information
     return Fit(
@@ -327,6 +369,6 @@ def _finish(target: _Target, state: _Projection) -> Fit:
         weight=np.broadcast_to(target.weight[:, :n_frequency], residual.shape),
         residual=residual,
         linear_covariance=0.5 * triangle @ state.inverse @ triangle.T,
-        sensitivity=-(triangle @ onto) @ maps,
+        sensitivity=-(triangle @ equations.along) @ equations.maps,
         objective=state.objective,
     )

@@ -31,6 +31,7 @@ CLOSE = 3.0
 NEEDED, MANY = 0.5, 10.0
 """Rise of the logarithm of the likelihood that a pole brings to runs with poles of their own, over what these bring by
 themselves and over the number of its unknowns, from which it is no image of another one."""
+_KNOWN = 0.1  # of the logarithm of the likelihood of a run, of which `MANY` times the unknowns are asked for
 _ASIDE = 0.03  # of the band, from its ends: where a flank's pole is first sought; refinement moves it
 
 
@@ -197,6 +198,7 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
     numbers = np.unique(data.run)
     if numbers.size < 3:
         return None
+    runs = [data.value[data.run == n] for n in numbers]
     close = np.abs(fit.pole[:, None] - fit.pole) < CLOSE * -(fit.pole.real[:, None] + fit.pole.real)
     np.fill_diagonal(close, False)
     distance = np.abs(fit.pole[:, None] - tried)
@@ -205,26 +207,31 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
     added[row] = distance[row, column] > -fit.pole.real[row]
     suspects = np.any(close & (added[:, None] | added), axis=1)
 
-    def run_by_run(pole: NDArray[np.complex128]) -> float:
-        return sum(
-            refine(data.frequency, data.value[data.run == n], pole, data.quantity).objective for n in numbers
-        )
-
+    each: list[Fit] = []
     for i in np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0)):
         if not suspects[i]:
             continue
+        each = each or [_roughly(data, own, fit.pole) for own in runs]
         rest = np.delete(fit.pole, i)
-        alone = run_by_run(rest)
+        # Poles far from the one that is missing are those of the run with it.
+        far = np.delete(~close[i], i)
+        starts = [np.where(far, np.delete(own.pole, i), rest) for own in each]
+        alone = sum(_roughly(data, *own).objective for own in zip(runs, starts, strict=True))
         # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
         if alone + 2 * rest.size * (numbers.size - 1) >= fit.objective + 2:
             continue
         # Poles of its own let a run meet whatever else the fit lacks. A mode is one that runs with poles of their own
         # need, too; an image is one mode more than each of them has.
-        needed = alone - run_by_run(fit.pole)
+        needed = alone - sum(own.objective for own in each)
         unknowns = 2 * (numbers.size + data.value.shape[0])
         if needed < max(NEEDED * (fit.objective - alone), MANY * unknowns):
             return int(i)
     return None
+
+
+def _roughly(data: Functions, value: NDArray[np.complex128], pole: NDArray[np.complex128]) -> Fit:
+    """Refine poles on the functions of a run until its likelihood is known as well as it is asked for."""
+    return refine(data.frequency, value, pole, data.quantity, tolerance=_KNOWN)
 
 
 def _run_by_run(data: Functions, fit: Fit) -> Fit:
