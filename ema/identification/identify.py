@@ -7,6 +7,7 @@ modes (`residual_search`), shapes (`shapes`). All of it is done in the quantity 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -38,6 +39,7 @@ from ema.types.geometry import Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel, UnexplainedPeak
 from ema.types.threads import single_threaded
 
+_LOG = logging.getLogger(__name__)
 MIN_LINES = 6
 """Fewest lines that a band may hold."""
 
@@ -138,6 +140,7 @@ def try_identify(
 
 
 def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | None) -> Identification:
+    _LOG.info("%s", name)
     options = campaign.identification
     measurement = read_measurement(campaign, name)
     verdicts = check(measurement, options.band)

@@ -9,6 +9,7 @@ others, too, which are then judged in their turn.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -38,6 +39,7 @@ from ema.identification.unexplained import (
     unexplained_peaks,
 )
 
+_LOG = logging.getLogger(__name__)
 MOST_LEFT = 0.5
 """Share of what was unexplained of a peak that may be left when its mode is taken in."""
 FALSE_ALARM = 1e-3
@@ -343,6 +345,7 @@ def take_in_peaks(
             if peak.line in refused or tries.get(peak.line, 0) >= _TRIES or holds_pole(data, fit, peak):
                 continue
             tries[peak.line] = tries.get(peak.line, 0) + 1
+            _LOG.debug("try the peak at %.5g Hz", peak.frequency)
             start = starting_poles(data, peak, candidates)
             found = try_peak(data, fit, peak, start, band)
             if isinstance(found, Refusal):

@@ -10,6 +10,7 @@ that explains its functions best: a sensor at a node does not move a mode.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from ema.identification.selection import select_modes
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
 
+_LOG = logging.getLogger(__name__)
 REACH = 0.06
 """Largest share by which a mode of one run may be off the median of the others."""
 APART, SLIGHTLY = 1.0, 0.3
@@ -92,7 +94,10 @@ def follow_runs(
         None where that is not likelier than the fit by common poles, each pole of a run counted (Akaike).
     """
     numbers = np.unique(data.run)
-    alone = [_alone(frf, data, int(number), order, band) for number in numbers]
+    alone = []
+    for k, number in enumerate(numbers, start=1):
+        _LOG.info("run %d of %d by itself, for runs differ", k, numbers.size)
+        alone.append(_alone(frf, data, int(number), order, band))
     track = linked(alone)
     if track.shape[1] == 0:
         return None
@@ -100,7 +105,8 @@ def follow_runs(
     beyond = together.pole[~inside(together.pole, band)]
     track = np.hstack([_filled(data, numbers, track), np.tile(beyond, (numbers.size, 1))])
     # Modes that no run shows alone are found in the first round and followed in the second.
-    for _ in range(2):
+    for time in ("once", "twice"):
+        _LOG.info("all runs moved to common poles, %s", time)
         runs = run_poles(data, data.linear_fit(_centre(track)), track)
         value = _moved(data, runs, _mean(runs))
         moved = replace(frf, value=value.reshape(frf.value.shape))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -24,6 +25,7 @@ from ema.identification.significance import (
 from ema.identification.stabilization import MAX_DAMPING
 from ema.identification.unexplained import unexplained_peaks
 
+_LOG = logging.getLogger(__name__)
 MAX_MOVE = 5.0
 """Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
 CLOSE = 3.0
@@ -64,6 +66,7 @@ def select_modes(
     threshold = significance_threshold(*data.value.shape)
     searching = True
     while searching:
+        _LOG.debug("look for further modes beside %d poles", fit.pole.size)
         searching = False
         for more in _proposals(data, fit, candidates, band):
             trial = np.append(fit.pole, more)
@@ -198,6 +201,7 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
     numbers = np.unique(data.run)
     if numbers.size < 3:
         return None
+    _LOG.debug("ask whether two of %d poles are one mode in %d runs", fit.pole.size, numbers.size)
     runs = [data.value[data.run == n] for n in numbers]
     close = np.abs(fit.pole[:, None] - fit.pole) < CLOSE * -(fit.pole.real[:, None] + fit.pole.real)
     np.fill_diagonal(close, False)

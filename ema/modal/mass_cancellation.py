@@ -11,6 +11,7 @@ scaling (Parloo, Verboven, Guillaume and Van Overmeire, Mech. Syst. Signal Proce
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ema.modal.beyond_band import moved_by_beyond, yielding_beyond
 
+_LOG = logging.getLogger(__name__)
 _MAX_STEP = 100
 _CONVERGED = 1e-11  # of the unknowns, relative
 _LEAST_GAIN = (
@@ -161,6 +163,7 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
         Mass of one sensor in the unit of the shapes; NaN for a mode where the shifts from run to run are to tell it,
         None where they tell one mass for all modes.
     """
+    _LOG.info("take the mass of the sensors out of %d runs", len(modes.frequency))
     problem = _Problem.of(modes, load)
     wide = replace(problem, rough=np.hypot(problem.rough, _WIDE))
     ends = [_fitted(problem, _fitted(wide, start)[0]) for start in problem.starts()]

@@ -23,11 +23,11 @@ from uuid import uuid4
 
 import cloudpickle
 from rich.console import Console
-from rich.progress import track
 
 from ema.types.threads import one_blas_thread, single_threaded
 from model.reduction.threads import n_processor
 from updating.errors import WorkerError
+from updating.workers.progress import hear, send, shown
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -67,6 +67,8 @@ def in_parallel(
 ) -> Iterator[R]:
     """Do a task with every item on `workers`, hand on the results in order, and show how many are done.
 
+    What identification says of each is shown beside it, but from a cluster.
+
     Parameters
     ----------
     task : callable
@@ -85,8 +87,10 @@ def in_parallel(
     WorkerError
         See `workers`.
     """
-    with workers(len(items), cluster) as executor:
-        yield from track(executor.map(task, items), text, len(items), console=console, transient=True)
+    with workers(len(items), cluster) as executor, shown(text, len(items), console) as bar:
+        for result in executor.map(task, items):
+            bar.advance(bar.task_ids[0])
+            yield result
 
 
 def distribute(
@@ -174,8 +178,8 @@ class _ThisProcess(Executor):
 class _Processes(ProcessPoolExecutor):
     """Processes of this machine, with a folder in which arrays are left for them: a pipe is slow for large ones."""
 
-    def __init__(self, n_process: int, context: BaseContext, ended: Connection) -> None:
-        super().__init__(n_process, context, initializer=_begin, initargs=(ended,))
+    def __init__(self, n_process: int, context: BaseContext, ended: Connection, tell: Connection) -> None:
+        super().__init__(n_process, context, initializer=_begin, initargs=(ended, tell))
         self.folder = TemporaryDirectory(prefix="lamella-", ignore_cleanup_errors=True)
 
     def leave(self, task: Callable[..., Any]) -> _Sent:
@@ -200,7 +204,9 @@ class _Processes(ProcessPoolExecutor):
 def _pool(n_process: int) -> Iterator[Executor]:
     context = _context()
     ended, end = context.Pipe(duplex=False)
-    executor = _Processes(n_process, context, ended)
+    told, tell = context.Pipe(duplex=False)
+    executor = _Processes(n_process, context, ended, tell)
+    Thread(target=hear, args=(told,), daemon=True).start()
     starting = Thread(target=executor.submit, args=(os.getpid,))
     starting.start()  # of all processes, now, beside what is done before they are needed: they import long
     try:
@@ -220,6 +226,7 @@ def _pool(n_process: int) -> Iterator[Executor]:
         executor.shutdown(cancel_futures=True)
         executor.folder.cleanup()
         ended.close()
+        tell.close()
 
 
 def _context() -> BaseContext:
@@ -234,8 +241,9 @@ def _context() -> BaseContext:
     return context
 
 
-def _begin(ended: Connection) -> None:
+def _begin(ended: Connection, tell: Connection) -> None:
     """Set up a worker process, which ends with the other end of a pipe: when that is closed or its owner killed."""
+    send(tell)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the owner's
     one_blas_thread()
     Thread(target=_end_with, args=(ended,), daemon=True).start()
