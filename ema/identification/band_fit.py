@@ -10,7 +10,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from ema.identification.common_peaks import is_common
-from ema.identification.functions import Functions, inside
+from ema.identification.functions import Functions, resonant
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.part_bands import PartBand, part_bands
@@ -92,7 +92,7 @@ def _fit_at_once(
     found = BandFit(value=frf.value, fit=fit, runs=runs, left=left)
     followed = (
         follow_runs(frf, data, order, band, fit)
-        if inside(fit.pole, band).any() and runs_apart(fit, runs, left, band)
+        if resonant(fit.pole, band).any() and runs_apart(fit, runs, left, band)
         else None
     )
     if followed is not None:
@@ -154,7 +154,7 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
         np.flatnonzero(_between(own.fit.pole, a, b)) for own, a, b in zip(found, lower, upper, strict=True)
     ]
     pole = np.concatenate([own.fit.pole[r] for own, r in zip(found, kept, strict=True)])
-    rank = np.lexsort((np.abs(pole), ~inside(pole, (ends[0], ends[-1]))))
+    rank = np.lexsort((np.abs(pole), ~resonant(pole, (ends[0], ends[-1]))))
     pairs = (2 * rank[:, None] + np.arange(2)).reshape(-1)
     value = _cores(parts, [own.value for own in found])
     weight = _cores(parts, [own.fit.weight / own.fit.noise[:, None] ** 2 for own in found])

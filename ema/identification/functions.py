@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.identification.maximum_likelihood import Fit, linear_fit
+from ema.identification.stabilization import MAX_DAMPING
 from ema.types.frf import Quantity
 
 
@@ -47,3 +48,11 @@ def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[n
     """Tell which poles the band (Hz) holds with at least one half bandwidth on each side."""
     hertz, half_bandwidth = np.abs(pole) / (2.0 * np.pi), -pole.real / (2.0 * np.pi)
     return (hertz - half_bandwidth >= band[0]) & (hertz + half_bandwidth <= band[1])
+
+
+def resonant(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell which poles are results: inside the band (Hz), and damped no more than a resonance can be.
+
+    A pole that refinement damps further stands for the background of the modes, as those beyond the band do.
+    """
+    return inside(pole, band) & (-pole.real <= MAX_DAMPING * np.abs(pole))

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
 from ema.identification.band_fit import fit_band
-from ema.identification.functions import inside
+from ema.identification.doubtful_modes import check_modes
+from ema.identification.functions import inside, resonant
 from ema.identification.maximum_likelihood import Fit
 from ema.identification.references import check_references
 from ema.identification.repeated_roots import with_repeated_roots
@@ -161,7 +162,11 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
     kept = replace(kept, notes=(*kept.notes, *notes))
     identified = kept.frf.by_reciprocity()
     explained = explained_power(identified, modal_model)
-    further = (*check_explained(explained, modal_model), *check_references(identified, modal_model))
+    further = (
+        *check_explained(explained, modal_model),
+        *check_modes(identified, modal_model),
+        *check_references(identified, modal_model),
+    )
     verdicts += at_points(further, identified.output)
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)
 
@@ -248,7 +253,7 @@ def _require_modes(
     name: str,
 ) -> None:
     """Refuse a band without any mode."""
-    if inside(fit.pole, band).any():
+    if resonant(fit.pole, band).any():
         return
     if _modes_of_conjugates(white, order, band):
         message = (
@@ -271,7 +276,7 @@ def _modes_of_conjugates(white: FRF, order: int, band: tuple[float, float]) -> b
     Noise may leave them no stable pole, too: what their peaks hold is asked for, as of the functions themselves.
     """
     turned = replace(white, value=white.value.conj())
-    return bool(inside(fit_band(turned, order, None, band).fit.pole, band).any())
+    return bool(resonant(fit_band(turned, order, None, band).fit.pole, band).any())
 
 
 def _require_inside(pole: NDArray[np.complex128], band: tuple[float, float], name: str) -> None:
@@ -373,7 +378,7 @@ def _model(
 ) -> ModalModel:
     """Collect the results of a fit of `frf`; noise and errors are those of the measured quantity."""
     n_output, n_input, _ = frf.value.shape
-    n_mode = int(np.count_nonzero(inside(fit.pole, band)))  # those outside come last
+    n_mode = int(np.count_nonzero(resonant(fit.pole, band)))  # the others come last
     inflation = np.repeat(np.sqrt(runs.enlargement), 2)
     variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
     growth = runs.growth(*frequency_damping_std(fit.pole, variance_of_poles))

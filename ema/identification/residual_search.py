@@ -53,6 +53,9 @@ MANY_FUNCTIONS = 3
 """Functions from which on shapes and phases tell a mode from a second pole in the resonance of another one."""
 ROUGH_FUNCTIONS, ROUGH_REALNESS, ROUGH_COLLINEARITY = 8, 0.8, 0.5
 """Functions from which on phases as rough as these are no chance where a peak is seen; random ones reach 0.5, 0.1."""
+RESOLVED_LINES = 4.0
+"""Lines in a half bandwidth from which on a peak that is a pole's in as many functions, to `LEAST_SHARE` of its power,
+is a resonance whichever way its residues are turned: by cross-talk, filters or a force that is not where it is said."""
 LISTED = 0.3
 """Share that is left of a peak with a mode, or of one that is hidden between others, from which on it is told."""
 LEAKAGE = 2.5
@@ -226,6 +229,8 @@ def _objections(
         yield Refusal(reason="no pole of the fit comes to rest there")
     modal = verdicts.collinearity[-1] >= MIN_COLLINEARITY and verdicts.realness[-1] >= MIN_REALNESS
     rough = verdicts.collinearity[-1] >= ROUGH_COLLINEARITY and verdicts.realness[-1] >= ROUGH_REALNESS
+    if -new.real > RESOLVED_LINES * spacing and _share_left(data, around, extended, peak) < LEAST_SHARE:
+        rough = rough or verdicts.collinearity[-1] >= ROUGH_COLLINEARITY
     if n_function >= MANY_FUNCTIONS and not (modal or (rough and _stands_alone(extended, peak))):
         yield Refusal(reason=_of_phases(extended.residue[:, -1], new, verdicts.collinearity[-1]))
     if not inside(extended.pole, band)[-1]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ema.identification.functions import Functions, inside
+from ema.identification.functions import Functions, resonant
 from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.residual_search import Left
 from ema.identification.run_poles import FALSE_ALARM, RunPoles, response, run_poles
@@ -64,7 +64,7 @@ def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) 
 
     Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
     """
-    differs = (runs.probability < FALSE_ALARM).any(axis=0) & inside(fit.pole, band)
+    differs = (runs.probability < FALSE_ALARM).any(axis=0) & resonant(fit.pole, band)
     known = np.isfinite(runs.frequency_std) & differs
     off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
     return bool(np.any(off > (SLIGHTLY if left else APART)))
@@ -102,7 +102,7 @@ def follow_runs(
     if track.shape[1] == 0:
         return None
     # What lies beyond the band would be sought in its last modes, differently in each run.
-    beyond = together.pole[~inside(together.pole, band)]
+    beyond = together.pole[~resonant(together.pole, band)]
     track = np.hstack([_filled(data, numbers, track), np.tile(beyond, (numbers.size, 1))])
     # Modes that no run shows alone are found in the first round and followed in the second.
     for time in ("once", "twice"):
@@ -138,7 +138,7 @@ def _alone(
     """Return the poles of the band that a run shows by itself."""
     own = frf.outputs(frf.run == number)
     fit, _, _ = select_modes(data.of_run(number), stabilization(own, order=order).chosen, band)
-    return fit.pole[inside(fit.pole, band)]
+    return fit.pole[resonant(fit.pole, band)]
 
 
 def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ema.identification.functions import Functions, inside
+from ema.identification.functions import Functions, inside, resonant
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.residual_search import Left, take_in_peaks
 from ema.identification.run_evidence import RunEvidence, run_evidence
@@ -93,7 +93,7 @@ def _run_by_run_borne_out(
     """
     fit, runs = _finished(data, fit, band)
     while True:
-        doubtful = np.flatnonzero((runs.probability < FALSE_ALARM).any(axis=0) & inside(fit.pole, band))
+        doubtful = np.flatnonzero((runs.probability < FALSE_ALARM).any(axis=0) & resonant(fit.pole, band))
         found = {int(r): run_evidence(data, fit, int(r), candidates) for r in doubtful}
         extended = _with_modes_beside(data, fit, found.values(), band)
         if extended is None:
@@ -141,7 +141,7 @@ def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit
         # What leaves its resonance was held there by lines that now count for little.
         if np.all(np.abs(weighted.pole - fit.pole) < -fit.pole.real):
             fit = weighted
-    rank = np.lexsort((np.abs(fit.pole), ~inside(fit.pole, band)))
+    rank = np.lexsort((np.abs(fit.pole), ~resonant(fit.pole, band)))
     fit = linear_fit(data.frequency, data.value, fit.pole[rank], data.quantity, fit.weight)
     return fit, run_poles(data, fit)
 

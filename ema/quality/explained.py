@@ -17,6 +17,8 @@ from ema.types.modal_model import ModalModel, synthesize_runs
 
 WARN, FAIL = 0.9, 0.7
 """Shares of the power explained below which a set is warned of, and below which its identification has failed."""
+BESIDE = 2.0
+"""Half bandwidths of a mode within which a further peak is of its resonance, or of what stands for two."""
 _LISTED = 6
 _MOST_TOLD = 12  # peaks that are told one by one
 
@@ -126,8 +128,14 @@ def _peaks(channel: tuple[str, ...], modal_model: ModalModel) -> Iterator[Verdic
     told, further = modal_model.unexplained[:_MOST_TOLD], modal_model.unexplained[_MOST_TOLD:]
     for peak in told:
         names = _listed([channel[c] for c in peak.channel])
+        beside = _beside(peak.frequency, modal_model)
+        where = (
+            "that no mode was found for"
+            if beside is None
+            else f"in the resonance of the mode at {beside:.5g} Hz"
+        )
         text = (
-            f"the functions show a peak at {peak.frequency:.5g} Hz that no mode was found for, "
+            f"the functions show a peak at {peak.frequency:.5g} Hz {where}, "
             f"{100 * peak.share:.0f} % of its power unexplained{f' (in {names})' if names else ''}: {peak.reason}"
         )
         band = (peak.frequency, peak.frequency)
@@ -139,6 +147,15 @@ def _peaks(channel: tuple[str, ...], modal_model: ModalModel) -> Iterator[Verdic
             "for; so many are those of noise or of a rattle: give a 'band' that ends before it"
         )
         yield Verdict(check="peak", level="warn", channel=(), band=band, message=text)
+
+
+def _beside(frequency: float, modal_model: ModalModel) -> float | None:
+    """Return the frequency of the mode in whose resonance, of all runs or of some, a frequency lies; None of none."""
+    pole = np.concatenate([modal_model.pole[None], modal_model.run_pole])
+    half = -pole.real.min(axis=0) / (2.0 * np.pi)
+    lowest, highest = (own(np.abs(pole), axis=0) / (2.0 * np.pi) for own in (np.min, np.max))
+    off = np.maximum(lowest - frequency, frequency - highest) / half
+    return float(modal_model.frequency[np.argmin(off)]) if off.min(initial=np.inf) < BESIDE else None
 
 
 def _listed(names: list[str]) -> str:

@@ -64,7 +64,8 @@ class ModalModel(Shown):
     lower, upper : (n_output, n_input) complex
         Residual terms of the modes below (1/kg) and above (m/N) the band.
     outside_pole : (n_outside,) complex
-        Poles, rad/s, of modes just outside the band whose flanks the residual terms do not meet; often none.
+        Poles, rad/s, of modes just outside the band whose flanks the residual terms do not meet, and any that are
+        damped too much for a resonance and stand for the background; often none.
         They belong to the sum above and are no result: the band does not determine them.
     outside_residue : (n_output, n_input, n_outside) complex
         Their residues, m/(N s).
