@@ -80,7 +80,7 @@ def test_prior_of_a_size_is_a_density_and_nine_of_ten_lie_within_a_factor_of_fiv
 
 @pytest.mark.parametrize(
     ("frequency", "shape", "plausible"),
-    [(0.003, 1e-4, True), (0.019, 1e-3, True), (0.1, 0.05, True), (0.1, 0.004, False), (0.04, 0.004, False)],
+    [(0.003, 1e-4, True), (0.019, 1e-3, True), (0.1, 0.1, True), (0.1, 0.03, False), (0.04, 0.004, False)],
 )
 def test_frequencies_are_not_far_off_where_shapes_are_nearly_right(frequency, shape, plausible):
     found = log_together(np.array([[frequency, 0.1, shape]]))

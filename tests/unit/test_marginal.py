@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from updating.diagnosis.discrepancy import MEDIAN, Sizes, log_density
+from updating.diagnosis.discrepancy import MEDIAN, Sizes, log_density, log_together
 from updating.diagnosis.explanation import RANGE_PRECISION, TRUST, weights
 from updating.diagnosis.marginal import Linearized, marginal
 
@@ -127,6 +127,10 @@ def test_sizes_far_beyond_the_usual_are_integrated_over_as_well(near):
         constant = constant + y @ y / over + y.size * np.log(over / NOISE**2)
     log = -0.5 * (constant - slope**2 / precision + np.log(precision))
     log += log_density("frequency", np.exp(logs[0]))[:, None] + log_density("shape", np.exp(logs[1]))
+    size = np.exp(
+        np.stack(np.meshgrid(logs[0], np.full(1, np.log(MEDIAN["damping"])), logs[1], indexing="ij"), axis=-1)
+    )
+    log += log_together(size)[:, 0]
     expected = logsumexp(log) + sum(np.log(own[1] - own[0]) for own in logs)
     assert found.log_evidence == pytest.approx(expected, abs=0.02)
     assert found.mean.frequency == pytest.approx(0.25, rel=0.5)
@@ -195,7 +199,7 @@ def test_what_is_due_to_noise_alone_is_told_from_what_discrepancies_leave():
 
 
 def test_a_fit_is_weighed_by_no_size_that_is_implausible_beside_shapes():
-    far, near = Sizes(frequency=0.1, shape=0.004), Sizes(frequency=0.1, shape=0.05)
-    assert weights(far, ()).frequency == pytest.approx(0.012)
+    far, near = Sizes(frequency=0.1, shape=0.03), Sizes(frequency=0.04, shape=0.05)
+    assert weights(far, ()).frequency == pytest.approx(0.03)
     assert weights(far, ("frequency",)) == far
     assert weights(near, ()) == near

@@ -2,13 +2,20 @@
 
 import io
 import logging
+import time
 from functools import partial
 
-import pytest
 from rich.console import Console
 
 import updating.workers.workers as workers
+from updating.workers.progress import shown
 from updating.workers.workers import in_parallel
+
+_LONGEST = 20.0  # s, after which a message that is still not shown is lost
+
+
+def terminal():
+    return Console(file=io.StringIO(), force_terminal=True, width=120)
 
 
 def at_work(step):
@@ -16,21 +23,31 @@ def at_work(step):
     logging.getLogger("ema.identification").debug("look at \x1b[31m it")
 
 
-@pytest.mark.parametrize("n_process", [1, 2])
-def test_what_tasks_say_is_shown(n_process, monkeypatch):
-    monkeypatch.setattr(workers, "n_processor", lambda: n_process)
-    page = io.StringIO()
-    console = Console(file=page, force_terminal=True, width=120)
-    say = at_work if n_process == 1 else partial(logging.getLogger("ema.part").info, "run %d of 30")
-    list(in_parallel(say, [3, 3, 3], "identify", console))
-    assert "identify: run 3 of 30" in page.getvalue()
-    assert "3/3" in page.getvalue()
-    assert "\x1b[31m it" not in page.getvalue()
+def test_what_tasks_say_is_shown(monkeypatch):
+    monkeypatch.setattr(workers, "n_processor", lambda: 1)
+    console = terminal()
+    list(in_parallel(at_work, [3, 3, 3], "identify", console))
+    page = console.file.getvalue()
+    assert "identify: run 3 of 30" in page
+    assert "3/3" in page
+    assert "\x1b[31m it" not in page
+    assert not logging.getLogger("ema").handlers
+
+
+def test_what_tasks_in_other_processes_say_is_shown_while_they_last(monkeypatch):
+    monkeypatch.setattr(workers, "n_processor", lambda: 2)
+    console, end = terminal(), time.monotonic() + _LONGEST
+    say = partial(logging.getLogger("ema.part").info, "run %d of 30")
+    with workers.workers(3) as executor, shown("identify", 3, console):
+        list(executor.map(say, [3, 3, 3]))
+        while "identify: run 3 of 30" not in console.file.getvalue() and time.monotonic() < end:
+            time.sleep(0.05)
+    assert "identify: run 3 of 30" in console.file.getvalue()
     assert not logging.getLogger("ema").handlers
 
 
 def test_nothing_is_shown_where_there_is_no_terminal(monkeypatch):
     monkeypatch.setattr(workers, "n_processor", lambda: 1)
-    page = io.StringIO()
-    list(in_parallel(at_work, [1], "identify", Console(file=page)))
-    assert page.getvalue().strip() == ""
+    console = Console(file=io.StringIO())
+    list(in_parallel(at_work, [1], "identify", console))
+    assert console.file.getvalue().strip() == ""

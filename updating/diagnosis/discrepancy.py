@@ -38,10 +38,9 @@ CORRELATION = 0.9
 """Of the discrepancy of one mode between two configurations."""
 RANGE = (1.0 / 60.0, 20.0)
 """Smallest and largest size that is supposed, over the median."""
-OVER_SHAPE = 3.0
-"""Size of a discrepancy of frequencies over that of shapes from which on the two are implausible together."""
 _FAR, _BEYOND = 0.02, 0.2
-"""Size of one of frequencies below which that is not so, and the standard deviation of its logarithm beyond."""
+"""Size of a discrepancy of frequencies from which on it is implausible to be larger than that of shapes, and the
+standard deviation of its logarithm beyond."""
 CLOSEST = 2000.0
 """k_rs of modes so close that any mixture of them is possible."""
 _USUAL = 5.0  # k_rs of modes 10 % apart: the length of a shape's discrepancy is stated without closer pairs
@@ -74,11 +73,11 @@ def log_together(size: Vector) -> Vector:
 
     What bends no shape moves all frequencies alike, and that is what contact stiffness, steel and dimensions do. Errors
     of stiffness or mass that move each frequency otherwise bend shapes by more than that, see above. So frequencies are
-    not off by per cents where shapes are nearly right, and a fit that is weighed so would leave them to small errors of
+    not off by per cents, and by more than shapes are, and a fit that is weighed so would leave them to small errors of
     shapes.
     """
     frequency, shape = size[..., KINDS.index("frequency")], size[..., KINDS.index("shape")]
-    beyond = np.minimum(np.log(frequency / _FAR), np.log(frequency / (OVER_SHAPE * shape)))
+    beyond = np.minimum(np.log(frequency / _FAR), np.log(frequency / shape))
     return np.asarray(-0.5 * (np.maximum(beyond, 0.0) / _BEYOND) ** 2)
 
 

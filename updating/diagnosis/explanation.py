@@ -14,7 +14,7 @@ from model import Parameter, SolveError
 from updating.diagnosis.calibration import WIDER
 from updating.diagnosis.candidates import G_F_RANGE
 from updating.diagnosis.coordinates import bounds_of, scaled
-from updating.diagnosis.discrepancy import KINDS, OVER_SHAPE, Kind, Sizes
+from updating.diagnosis.discrepancy import KINDS, Kind, Sizes
 from updating.diagnosis.evidence import Evidence
 from updating.diagnosis.marginal import Linearized, Marginal, marginal
 from updating.diagnosis.residual import Residual, residual, reweighed
@@ -172,7 +172,7 @@ def weights(sizes: Sizes, stated: Sequence[Kind]) -> Sizes:
     """
     if "frequency" in stated:
         return sizes
-    return replace(sizes, frequency=min(sizes.frequency, max(_WEIGHED, OVER_SHAPE * sizes.shape)))
+    return replace(sizes, frequency=min(sizes.frequency, max(_WEIGHED, sizes.shape)))
 
 
 def _explanation(
