@@ -105,15 +105,20 @@ class Reduced:
         Logarithms of the precision of the own coordinates over their priors', and of the variances of the data.
     back : (n_own, m) float
         Own coordinates that fit best, as the negative of `back` times (means, latents, effects, 1).
-    covariance : (n_own, n_own) float
-        Of the own coordinates where all else is known.
+    root : (n_own, n_own) float
+        Lower Cholesky factor of the precision of the own coordinates.
     """
 
     gram: Vector
     held: Vector
     log_det: float
     back: Vector
-    covariance: Vector
+    root: Vector
+
+    @property
+    def covariance(self) -> Vector:
+        """Covariance of the own coordinates where all else is known, (n_own, n_own)."""
+        return np.asarray(la.cho_solve((self.root, True), np.eye(len(self.root))))
 
 
 def reduced(block: Block, weighed: Strengths, grams: Sequence[tuple[Vector, float]]) -> Reduced:
@@ -131,25 +136,36 @@ def reduced(block: Block, weighed: Strengths, grams: Sequence[tuple[Vector, floa
     n_own, n_mean = block.own.shape[1], len(weighed.mean)
     precision = np.array(weighed.own) ** -2.0
     data = np.sum([gram for gram, _ in grams], axis=0)
-    m = n_mean + len(data) - n_own
-    full = np.zeros((n_own + m, n_own + m))
-    at = np.r_[np.arange(n_own), n_own + n_mean + np.arange(len(data) - n_own)]
-    full[np.ix_(at, at)] = data
-    prior = np.zeros((n_own, n_own + m))  # own - mean + away, each over its standard deviation
-    row = np.arange(n_own)
-    prior[row, row], prior[row, n_own + block.mean], prior[:, -1] = 1.0, -1.0, block.away
-    full += prior.T @ (precision[:, None] * prior)
-    root = la.cho_factor(full[:n_own, :n_own], lower=True)
-    back = la.cho_solve(root, full[:n_own, n_own:])
+    first = n_own + n_mean  # of the latents
+    full = np.zeros((n_mean + len(data), n_mean + len(data)))
+    full[:n_own, :n_own], full[:n_own, first:] = data[:n_own, :n_own], data[:n_own, n_own:]
+    full[first:, :n_own], full[first:, first:] = data[n_own:, :n_own], data[n_own:, n_own:]
+    _add_prior(full, block, precision)
+    root = la.cholesky(full[:n_own, :n_own], lower=True, check_finite=False)
+    back = la.cho_solve((root, True), full[:n_own, n_own:], check_finite=False)
     return Reduced(
         gram=full[n_own:, n_own:] - full[:n_own, n_own:].T @ back,
         held=full[n_own:, n_own:],
         log_det=float(
-            2.0 * np.sum(np.log(np.diag(root[0]))) - np.sum(np.log(precision)) + sum(log for _, log in grams)
+            2.0 * np.sum(np.log(np.diag(root))) - np.sum(np.log(precision)) + sum(log for _, log in grams)
         ),
         back=back,
-        covariance=la.cho_solve(root, np.eye(n_own)),
+        root=root,
     )
+
+
+def _add_prior(full: Vector, block: Block, precision: Vector) -> None:
+    """Add to a Gram matrix that of own - mean + away, each over its standard deviation."""
+    own = np.arange(len(precision))
+    mean, away = len(precision) + block.mean, precision * block.away
+    full[own, own] += precision
+    full[mean, mean] += precision  # each own coordinate has another mean
+    full[own, mean] -= precision
+    full[mean, own] -= precision
+    for row, sign in ((own, 1.0), (mean, -1.0)):
+        full[row, -1] += sign * away
+        full[-1, row] += sign * away
+    full[-1, -1] += away @ block.away
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
