@@ -1,6 +1,7 @@
 """Diagnoses of virtual tests whose hidden effect is known to the test alone."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,12 @@ def catalogue():
 @pytest.fixture(scope="module")
 def candidates(catalogue):
     return candidates_of(SPECIFICATION, catalogue)
+
+
+@cache
+def bare(seed):
+    """What a test of a stack without hidden effects measured."""
+    return simulated(blind_test(SPECIFICATION, seed, (), {}))
 
 
 def diagnosed(candidates, effects, values, seed):
@@ -103,7 +110,7 @@ def test_a_mass_that_no_effect_of_the_catalogue_is_gets_no_name_and_shows_where_
 
 def test_a_rough_model_about_a_fit_tells_of_changes_as_the_full_one_does(candidates):
     """About the fit it is the full one; what an effect changes of frequencies it has to a thousandth."""
-    evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 12, (), {}))[:2]).alone
+    evidence = assemble_evidence(candidates, bare(12)[:2]).alone
     (parameter,) = evidence.parameters(["contact_direction"])
     about, there = evidence.start, np.array([-0.5])
     rough = rough_about(evidence, about)
@@ -183,7 +190,7 @@ def compared(evidence, nuisance):
 
 def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
     """Effects are chosen by what they change beside what others left, each solved on its own."""
-    evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 12, (), {}))[:2])
+    evidence = assemble_evidence(candidates, bare(12)[:2])
     turned = replace(
         evidence,
         observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in evidence.observed),
@@ -197,7 +204,7 @@ def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
 @pytest.mark.parametrize("name", ["G_f", "density", "gain[sensor 2]"])
 def test_what_is_left_has_right_derivatives(candidates, name):
     """Shapes at unit length too: a denser stack moves less in each mode, which is no other shape."""
-    evidence = assemble_evidence(candidates, simulated(blind_test(SPECIFICATION, 17, (), {}))[:2])
+    evidence = assemble_evidence(candidates, bare(12)[:2])
     i, step = evidence.nuisances.index(name), 1e-3 * np.eye(len(evidence.nuisances))
     ahead, behind = (as_they_are(evidence, evidence.start + s * step[i]).rotated for s in (1.0, -1.0))
     found = as_they_are(evidence, evidence.start)
@@ -208,7 +215,7 @@ def test_what_is_left_has_right_derivatives(candidates, name):
 
 
 def test_a_shape_that_is_stated_uncertain_counts_less(candidates):
-    name, pressure, modes = simulated(blind_test(SPECIFICATION, 12, (), {}))[0]
+    name, pressure, modes = bare(12)[0]
     length = np.linalg.norm(modes.shape, axis=0)
 
     def misfit(share):
@@ -229,7 +236,7 @@ def test_a_shape_that_is_stated_uncertain_counts_less(candidates):
 
 def test_sensors_scatter_as_much_as_their_shapes_show(candidates):
     """What every sensor reads too high or too low is neither a mode of the stack nor its rigid-body motion."""
-    name, pressure, modes = simulated(blind_test(SPECIFICATION, 14, (), {}))[0]
+    name, pressure, modes = bare(14)[0]
     gain = np.random.default_rng(0).standard_normal((len(modes.shape), 1))
 
     def shown(share, **stated):
