@@ -25,6 +25,9 @@ MOST_JUDGED = 24
 """Explanations that are judged by what they predict, the most probable first."""
 SEPARATE = 3.0
 """Difference of such logarithms below which two explanations are an ambiguity."""
+OVERRULED = 20.0
+"""Difference of such logarithms from which an explanation overrules others that have none of its effects, though it
+predicts no better what is left out: two places of an inertia cannot stand for four, and what came next was named."""
 STEP = 3.0
 """Rise of the logarithm of the posterior odds that a further effect must bring."""
 P_ADEQUATE = 0.05

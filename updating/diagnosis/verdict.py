@@ -9,7 +9,16 @@ import numpy as np
 
 from updating.diagnosis.adequacy import too_large
 from updating.diagnosis.answer import Verdict
-from updating.diagnosis.calibration import HALVES, HELPS, MOST_JUDGED, NEGLIGIBLE, SEPARATE, SHOWS, STRAINED
+from updating.diagnosis.calibration import (
+    HALVES,
+    HELPS,
+    MOST_JUDGED,
+    NEGLIGIBLE,
+    OVERRULED,
+    SEPARATE,
+    SHOWS,
+    STRAINED,
+)
 from updating.diagnosis.discrepancy import KINDS, MEDIAN, Kind
 from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.held_out import left_out
@@ -66,7 +75,9 @@ def decide(found: Search) -> Decision:
 def _shown(found: Search) -> list[Explanation]:
     """Return the most probable explanation that shows and helps, and others that do and are nearly as probable.
 
-    It is the part of each that would be named, beyond the error of its form, that must help.
+    It is the part of each that would be named, beyond the error of its form, that must help. Where something that has
+    none of its effects is far more probable and only predicts no better, what comes next is named in its place, and
+    nothing shows.
     """
     ordered = sorted(found.fitted, key=found.odds, reverse=True)
     shows = [own for own in ordered[:MOST_JUDGED] if found.odds(own) >= SHOWS]
@@ -75,7 +86,10 @@ def _shown(found: Search) -> list[Explanation]:
         return _helps(found, _beyond_its_form(found, _steps(found, own)))
 
     first = next((own for own in shows if helps(own)), None)
-    if first is None:
+    if first is None or any(
+        found.odds(own) - found.odds(first) > OVERRULED and not set(own.effects) & set(first.effects)
+        for own in shows
+    ):
         return []
     near = (own for own in shows if 0.0 < found.odds(first) - found.odds(own) < SEPARATE)
     return [first, *(own for own in near if helps(own))]
@@ -116,11 +130,12 @@ def _each_helps(found: Search, own: Explanation) -> bool:
     """Tell whether each of several effects helps beside the others, in frequencies or damping ratios.
 
     What more than halves that which is left does so as well: few modes that each tell one parameter predict no other.
+    To take back what another of them has spoilt is no help.
     """
     physical = set(own.effects) - set(found.evidence.hypotheses)
     if len(physical) < 2:
         return True
-    after = left_out(found.evidence, own)
+    none, after = (left_out(found.evidence, x) for x in (_supposing_alone(found, own), own))
     for effect in physical:
         others = set(own.effects) - {effect}
         without = next((x for x in found.fitted if set(x.effects) == others), None)
@@ -128,7 +143,9 @@ def _each_helps(found: Search, own: Explanation) -> bool:
             continue
         before = left_out(found.evidence, without)
         kinds: tuple[Kind, ...] = ("frequency", "damping")
-        predicted = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
+        predicted = np.array(
+            [getattr(after, kind) / min(getattr(before, kind), getattr(none, kind)) for kind in kinds]
+        )
         better = np.nanmin(predicted, initial=np.inf) < HELPS or _halves(without, own)
         if not (better and _matters(found, without, own)):
             return False
