@@ -11,6 +11,7 @@ from updating.diagnosis.calibration import (
     HALVES,
     HELPS,
     MODEL_FORM,
+    OVERRULED,
     P_ADEQUATE,
     SEPARATE,
     SHOWS,
@@ -135,6 +136,30 @@ def test_each_of_several_effects_helps_beside_the_others(beside, left, helps):
     other = explanation("b", 10.0, misfit=9000.0, left_out=(1.5, 1.5, 1.0), left=15.0)
     decision = decide(found(alone, other, both))
     assert names(decision.left)[0] == ("ab" if helps else "a")
+
+
+def test_to_take_back_what_another_has_spoilt_is_no_help():
+    """Each lowers the error of modes left out beside the others, and all together predict as badly as none."""
+    far = {"left_out": (1.7, 0.9, 1.0), "left": 0.85 * TOO_MUCH, "strain": 12.0}
+    one = explanation("c", 20.0, misfit=4000.0, **far)
+    two = [explanation(pair, 30.0, misfit=3000.0, **far) for pair in ("ab", "ac", "bc")]
+    useless = explanation(
+        "abc", 60.0, misfit=100.0, left_out=(1.02, 0.85, 1.0), strain=12.0, left=0.45 * TOO_MUCH
+    )
+    decision = decide(found(one, *two, useless, base=INADEQUATE))
+    assert (decision.verdict, decision.left) == ("unlike anything", ())
+
+
+@pytest.mark.parametrize(
+    ("effects", "above", "named"),
+    [("b", OVERRULED + 0.1, []), ("b", OVERRULED - 0.1, ["a"]), ("ab", OVERRULED + 0.1, ["a"])],
+)
+def test_what_is_far_more_probable_overrules_what_has_none_of_its_effects(effects, above, named):
+    """It predicts no better what is left out, so it is not named itself."""
+    helpful = explanation("a", 30.0, left=ENOUGH)
+    probable = explanation(effects, 30.0 + above, left_out=(1.0, 1.0, 1.0), strain=12.0, left=ENOUGH)
+    decision = decide(found(helpful, probable, base=INADEQUATE))
+    assert names(decision.left) == named
 
 
 def test_what_is_as_probable_and_does_not_help_is_not_listed():
