@@ -162,6 +162,15 @@ def test_what_is_far_more_probable_overrules_what_has_none_of_its_effects(effect
     assert names(decision.left) == named
 
 
+def test_what_is_far_more_probable_overrules_the_part_that_would_be_named():
+    """`b` beside `a` may be no more than the error of its form; so `a` would be named alone, for all their odds."""
+    alone = explanation("a", 500.0, misfit=1000.0, left=ENOUGH)
+    both = explanation("ab", 530.0, misfit=300.0)
+    probable = explanation("c", 500.0 + OVERRULED + 0.1, left_out=(1.0, 1.0, 1.0), strain=12.0, left=ENOUGH)
+    assert names(decide(found(alone, both, base=INADEQUATE)).left) == ["a"]
+    assert names(decide(found(alone, both, probable, base=INADEQUATE)).left) == []
+
+
 def test_what_is_as_probable_and_does_not_help_is_not_listed():
     useless = explanation("b", 10.0, left_out=(1.0, 1.0, 1.0), strain=12.0, left=ENOUGH)
     decision = decide(found(explanation("a", 9.0), useless, base=INADEQUATE))

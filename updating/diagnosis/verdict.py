@@ -76,23 +76,28 @@ def _shown(found: Search) -> list[Explanation]:
     """Return the most probable explanation that shows and helps, and others that do and are nearly as probable.
 
     It is the part of each that would be named, beyond the error of its form, that must help. Where something that has
-    none of its effects is far more probable and only predicts no better, what comes next is named in its place, and
-    nothing shows.
+    none of its effects is far more probable and only predicts no better, it would stand in that one's place: nothing
+    shows.
     """
     ordered = sorted(found.fitted, key=found.odds, reverse=True)
     shows = [own for own in ordered[:MOST_JUDGED] if found.odds(own) >= SHOWS]
 
-    def helps(own: Explanation) -> bool:
-        return _helps(found, _beyond_its_form(found, _steps(found, own)))
+    def named(own: Explanation) -> Explanation:
+        return _beyond_its_form(found, _steps(found, own))
 
-    first = next((own for own in shows if helps(own)), None)
-    if first is None or any(
-        found.odds(own) - found.odds(first) > OVERRULED and not set(own.effects) & set(first.effects)
-        for own in shows
-    ):
+    first = next((own for own in shows if _helps(found, named(own))), None)
+    if first is None or _overruled(found, named(first)):
         return []
     near = (own for own in shows if 0.0 < found.odds(first) - found.odds(own) < SEPARATE)
-    return [first, *(own for own in near if helps(own))]
+    return [first, *(own for own in near if _helps(found, named(own)))]
+
+
+def _overruled(found: Search, own: Explanation) -> bool:
+    """Tell whether something that has none of the effects of an explanation is far more probable."""
+    return any(
+        found.odds(x) - found.odds(own) > OVERRULED and not set(x.effects) & set(own.effects)
+        for x in found.fitted
+    )
 
 
 def _helps(found: Search, own: Explanation) -> bool:
