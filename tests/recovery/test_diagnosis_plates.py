@@ -93,8 +93,12 @@ def test_a_plate_that_lacks_nothing_is_said_to_lack_nothing(supports, edge):
 
 @pytest.mark.parametrize(
     "edge",
-    [Edge(translation=1e8, rotation=2e4), Edge(translation=1e5, rotation=300.0)],
-    ids=["a soft edge", "an edge that is nearly free"],
+    [
+        pytest.param(Edge(translation=1e8, rotation=2e4), id="a soft edge"),
+        pytest.param(
+            Edge(translation=1e5, rotation=300.0), id="an edge that is nearly free", marks=pytest.mark.slow
+        ),
+    ],
 )
 def test_an_edge_that_gives_way_is_named_with_its_stiffness(edge):
     found = diagnosed(CLAMPED, edge)

@@ -72,7 +72,7 @@ def test_runs_that_scatter_a_little_are_no_second_mode(seed):
     np.testing.assert_allclose(model.frequency, TRUE, rtol=2e-4)
 
 
-@pytest.mark.parametrize("mass", [0.005, 0.05])
+@pytest.mark.parametrize("mass", [0.005, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_a_stated_mass_is_taken_out(mass):
     frf = measured(np.random.default_rng(1), mass=mass)
     model, changes = identified(frf, mass)
@@ -87,6 +87,7 @@ def test_a_stated_mass_is_taken_out(mass):
         assert changes.cause == "sensor mass"
 
 
+@pytest.mark.slow
 def test_a_mass_that_is_not_stated_is_told_by_the_runs():
     model, changes = identified(measured(np.random.default_rng(2), mass=0.05))
     assert changes.cause == "sensor mass"
