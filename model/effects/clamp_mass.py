@@ -41,6 +41,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 EFFECT = Effect(
     name="clamp_mass",
     label="clamp mass",
+    overstated="clamps that are lighter than stated",
     family="inertia",
     summary="More mass under each clamp",
     description=__doc__,

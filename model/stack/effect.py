@@ -116,6 +116,9 @@ class Effect:
         From the equations of motion of all laminas without effects (a `model.Assembly`, which has the stack and the
         plan) to the `model.Term` objects that the effect adds. It raises EffectError when the stack lacks what it
         needs.
+    overstated : str
+        What a person calls it where its first parameter is below the neutral value, if that is no physical effect but
+        says that the stack file states too much; empty otherwise.
     grounded : bool
         Whether it ties the stack to the ground, so that rigid-body motion meets a force.
     frequency_dependent : bool
@@ -133,6 +136,7 @@ class Effect:
     description: str
     parameters: tuple[Parameter, ...]
     terms: Callable[[Any], tuple[Any, ...]]  # a stack holds effects, and the equations come from a stack
+    overstated: str = ""
     grounded: bool = False
     frequency_dependent: bool = False
     over_strain: Callable[[Mapping[str, float], Any], tuple[Any, Any]] | None = None

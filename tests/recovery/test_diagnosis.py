@@ -83,6 +83,16 @@ def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue,
     assert best.frequency_error < 0.3 * found.ranked(()).frequency_error
 
 
+def test_clamps_that_a_file_has_too_heavy_are_no_physical_effect(candidates, catalogue):
+    found = diagnosed(candidates, (catalogue["clamp_mass"],), {"clamp_added_mass": -0.3}, 16)
+    assert found.set[0] == ("clamp_mass",)
+    assert "clamp_mass" in found.measurement
+    assert found.labels["clamp_mass"] == catalogue["clamp_mass"].overstated
+    assert found.sentences[0].startswith(
+        "Not the model but the measurement: clamps that are lighter than stated"
+    )
+
+
 def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confidence(candidates, catalogue):
     offered = replace(
         candidates, effects={k: v for k, v in candidates.effects.items() if k != "contact_direction"}

@@ -43,19 +43,21 @@ def test_a_clamp_takes_its_mass_with_it(distribution):
     assert sla.norm(found - expected) < 0.1 * sla.norm(base - expected)
 
 
-def test_clamps_that_are_millimetres_off_change_frequencies_as_the_model_with_clamps_there_does():
-    """To second order: at the crest of a mode the first order says that nothing changes."""
+def test_clamps_that_are_off_change_frequencies_as_the_model_with_clamps_there_does():
+    """At the crest of a mode the first order says that nothing changes; by the second, 20 mm are 1 to 2 % off."""
     clamps = tuple(
         Clamp(mass=2.8, x=x, y=0.0, footprint=(0.04, 0.06)) for x in (-0.109, -0.0254, 0.0254, 0.109)
     )
-    stack, off = dataclasses.replace(STACK, n_lamina=12, mesh=Mesh(n_x=18, n_y=2), clamps=clamps), 5e-3
-    moved = tuple(dataclasses.replace(clamp, x=clamp.x + off) for clamp in clamps)
-    base, there = (frequencies(reduce(own)) for own in (stack, dataclasses.replace(stack, clamps=moved)))
+    stack = dataclasses.replace(STACK, n_lamina=12, mesh=Mesh(n_x=18, n_y=2), clamps=clamps)
     places = clamp_places(stack)
     system = reduce(stack.with_effects(*places), n_snapshot=4)
-    found = frequencies(system, {place.name: off for place in places if place.name.endswith("x")})
-    assert np.max(np.abs(there / base - 1.0)) > 2e-3
-    np.testing.assert_allclose(found / frequencies(system), there / base, rtol=2e-4)
+    base, start = frequencies(reduce(stack)), frequencies(system)
+    for off, least, tolerance in ((5e-3, 2e-3, 2e-4), (2e-2, 3e-2, 3e-3)):
+        moved = tuple(dataclasses.replace(clamp, x=clamp.x + off) for clamp in clamps)
+        there = frequencies(reduce(dataclasses.replace(stack, clamps=moved)))
+        found = frequencies(system, {place.name: off for place in places if place.name.endswith("x")})
+        assert np.max(np.abs(there / base - 1.0)) > least
+        np.testing.assert_allclose(found / start, there / base, rtol=tolerance)
 
 
 @pytest.mark.parametrize("distribution", ["height", "faces"])

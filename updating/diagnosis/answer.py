@@ -148,7 +148,7 @@ class Diagnosis(Shown):
     labels : mapping of str to str
         What a person calls each effect and hypothesis.
     measurement : tuple of str
-        Those of them that are about the measurement.
+        Those of them that are about the measurement, or about what files state of it.
     explained : float
         Share of the misfit that the first of the set explains.
     steps : tuple of Ranked

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import numpy as np
 import scipy.sparse as sp
 
 from model import Assembly, Clamp, Effect, Kron, Monomial, Parameter, Stack, Term
@@ -11,16 +12,20 @@ from model.effects.parts import mean_over
 from model.elements.clamping import height_shares
 from model.elements.mesh import FIELDS, Field
 
-_STEP = 5e-3  # m, of the parabola along each axis
 _FARTHEST = 0.02  # m
+_AT = np.array([-0.016, -0.005, 0.005, 0.016])  # m, where means are taken for the polynomials
+_DEGREE = (
+    3,
+    2,
+)  # of those along x and y: a parabola is right to 2 % of frequencies at 20 mm, a cubic to 0.1 %
 
 
 def clamp_places(stack: Stack) -> tuple[Effect, ...]:
     """Return for each clamp of a stack what it does to the equations of motion that it sits farther along x or y.
 
     Its mass is taken from where the file has it and put where it is. What it moves with is the mean displacement under
-    it, of second order in the distance (m): at the crest of a mode, the first order alone says that nothing changes,
-    and then the square of the slope counts that comes from where the mode has a node.
+    it, of third order in the distance (m) along x: at the crest of a mode, the first order alone says that nothing
+    changes, and then the square of the slope counts that comes from where the mode has a node.
     """
     return tuple(
         _placed(i, clamp, axis) for i, clamp in enumerate(stack.clamps) if clamp.mass > 0.0 for axis in (0, 1)
@@ -34,26 +39,26 @@ def _name(i: int, axis: int) -> str:
 def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, int], sp.csr_matrix]:
     """Return the rows whose sum, each times powers of the distances along x and y, takes the mean under a clamp.
 
-    Along each axis it is a parabola through the places a step before and after, less far where the stack ends.
+    Along each axis it is the polynomial through the mean here that comes nearest to those at some other places, the
+    nearer the better.
     """
 
     def mean_at(x: float, y: float) -> sp.csr_matrix:
         return mean_over(assembly, field, (x, y), clamp.footprint)
 
-    here = mean_at(clamp.x, clamp.y)
-    rows = {(0, 0): here}
-    for along, place, size in (
-        ((1, 0), clamp.x, assembly.stack.length),
-        ((0, 1), clamp.y, assembly.stack.width),
+    rows = {(0, 0): mean_at(clamp.x, clamp.y)}
+    for along, place, size, degree in (
+        ((1, 0), clamp.x, assembly.stack.length, _DEGREE[0]),
+        ((0, 1), clamp.y, assembly.stack.width, _DEGREE[1]),
     ):
-        back, on = (max(0.0, min(_STEP, size / 2.0 + side * place)) for side in (1, -1))
-        before = mean_at(clamp.x - back * along[0], clamp.y - back * along[1]) - here
-        after = mean_at(clamp.x + on * along[0], clamp.y + on * along[1]) - here
-        if min(back, on) == 0.0:  # at an edge there is one side alone
-            rows[along] = (after - before) / (back + on)
-            continue
-        rows[along] = (back / on * after - on / back * before) / (back + on)
-        rows[2 * along[0], 2 * along[1]] = (after / on + before / back) / (back + on)
+        within = np.clip(_AT, -size / 2.0 - place, size / 2.0 - place)
+        off = np.unique(within[within != 0.0])
+        changes = [mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in off.tolist()]
+        powers, weight = np.arange(1, min(degree, off.size) + 1), off**-4
+        shares = np.linalg.pinv(weight[:, None] * off[:, None] ** powers) * weight
+        for power, share in zip(powers.tolist(), shares.tolist(), strict=True):
+            parts = (part * change for part, change in zip(share, changes, strict=True))
+            rows[power * along[0], power * along[1]] = sum(parts, start=0.0 * rows[0, 0])
     return rows
 
 
