@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from model import catalogue
 from updating.correlation.rig_check import ForcePlace, RigCheck
-from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained
+from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained, overstated_in
 from updating.diagnosis.contact_amplitude import ContactAmplitude
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
@@ -138,6 +139,16 @@ def test_a_fault_of_the_measurement_is_no_physical_effect():
         "falls from 20 % to 1.0 %."
     )
     assert next_command(found, "a.toml", "out") is None
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "stated"), [(-0.4, -0.2, True), (-0.4, 0.1, False), (0.2, 0.4, False)]
+)
+def test_clamps_that_a_file_has_too_heavy_are_no_missing_mass(lower, upper, stated):
+    value = parameter("clamp_added_mass", (lower + upper) / 2.0, lower=lower, upper=upper)
+    effect = catalogue()["clamp_mass"]
+    found = overstated_in(ranked("clamp_mass", parameters=[value]), {"clamp_mass": effect})
+    assert found == ({"clamp_mass": effect.overstated} if stated else {})
 
 
 def test_one_of_several():

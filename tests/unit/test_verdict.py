@@ -21,6 +21,7 @@ from updating.diagnosis.calibration import (
 from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
 from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.held_out import LeftOut
+from updating.diagnosis.hypotheses import STATED_PLACE
 from updating.diagnosis.search import Search, is_form, log_odds
 from updating.diagnosis.verdict import decide
 
@@ -334,6 +335,13 @@ def test_what_relieves_the_difference_between_torques_is_no_error_of_form():
     assert not is_form(BASE, strong, explanation("ab", 530.0, misfit=990.0, strain=0.5))
     decision = decide(found(strong, explanation("ab", 530.0, misfit=990.0, strain=0.5)))
     assert names(decision.left) == ["ab"]
+
+
+def test_what_relieves_the_steel_beside_misplaced_clamps_may_be_an_error_of_their_form():
+    placed = explanation([STATED_PLACE], 350.0, misfit=1000.0, strain=45.0)
+    beside = explanation([STATED_PLACE, "a"], 365.0, misfit=990.0, strain=30.0)
+    assert is_form(BASE, placed, beside)
+    assert not is_form(BASE, placed, explanation([STATED_PLACE, "a"], 365.0, misfit=100.0, strain=30.0))
 
 
 def test_of_two_that_cannot_be_told_apart_the_one_with_fewer_effects_comes_first():

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ema.types.shown import Shown
+from model import Effect
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.contact_amplitude import ContactAmplitude
 from updating.diagnosis.discrepancy import Sizes
@@ -92,6 +93,18 @@ def telling(base: Ranked, own: Ranked) -> Telling:
         return "frequency"
     gains = own.damping_error * base.frequency_error < own.frequency_error * base.damping_error
     return "damping" if gains and own.damping_error < base.damping_error else "frequency"
+
+
+def overstated_in(own: Ranked, effects: Mapping[str, Effect]) -> dict[str, str]:
+    """Return what an explanation has of effects that say no more than that a file states too much, and their labels."""
+    upper = {p.name: p.upper for p in own.parameter}
+    return {
+        name: effects[name].overstated
+        for name in own.effects
+        if name in effects
+        and effects[name].overstated
+        and upper[effects[name].parameters[0].name] < effects[name].parameters[0].neutral
+    }
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.diagnosis.adequacy import too_large
-from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained
+from updating.diagnosis.answer import Diagnosis, ModeError, Strained, overstated_in
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.calibration import STRAINED, VISIBLE
 from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
@@ -118,7 +118,7 @@ def conclude(
     shown = {*excluded, *(name for x in left for name in x.effects)}  # perhaps only beside what was found
     evidence = found.evidence
     strained = _strained(evidence.supposing(first.effects), first)
-    overstated = _overstated(evidence, of[first.effects])
+    overstated = overstated_in(of[first.effects], evidence.effects)
     answer = Diagnosis(
         verdict=decision.verdict,
         set=tuple(x.effects for x in left),
@@ -166,17 +166,6 @@ def _strained(evidence: Evidence, own: Explanation) -> tuple[Strained, ...]:
         for i, name in enumerate(evidence.nuisances)
         if far[i] and not name.startswith("gain")
     )
-
-
-def _overstated(evidence: Evidence, own: Ranked) -> dict[str, str]:
-    """Return what an explanation has of effects that say no more than that a file states too much, and their label."""
-    upper = {p.name: p.upper for p in own.parameter}
-    effects = [evidence.effects[name] for name in own.effects if name in evidence.effects]
-    return {
-        effect.name: effect.overstated
-        for effect in effects
-        if effect.overstated and upper[effect.parameters[0].name] < effect.parameters[0].neutral
-    }
 
 
 def _n_used(evidence: Evidence) -> dict[str, tuple[int, int]]:
