@@ -164,7 +164,7 @@ class Campaign:
         In the order of the file.
     identification : IdentificationOptions
         Band and order.
-    format : {"uff", "csv", "mat", "hdf5", "numpy"} or None
+    format : {"uff", "csv", "mat", "hdf5", "numpy", "tdms"} or None
         Format of the FRF files; None decides by the suffix.
     unit : Unit or None
         Unit of the FRFs, which overrides what the files say.
@@ -234,11 +234,11 @@ def read_campaign(path: str | Path) -> Campaign:
         lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
         without_coordinates = [99]             # measured points that are not in the list; others are refused
         [measurement]
-        format = "uff"                         # or "csv", "mat", "hdf5", "numpy"; left out, the suffix decides
+        format = "uff"                         # or "csv", "mat", "hdf5", "numpy", "tdms"; left out, the suffix decides
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
         layout = "real-imaginary"
-        [measurement.variables]                # MATLAB, HDF5, NumPy files, see `ema.io.variables.VariableLayout`
+        [measurement.variables]                # MATLAB, HDF5, NumPy, TDMS files, see `ema.io.variables.VariableLayout`
         frf = "H"
         [measurement.time]                     # only where files are time histories of one force and its responses,
         window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
@@ -340,10 +340,10 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
     if "csv" in formats and (given.table is None or not stated):
         message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
         raise CampaignError(message)
-    if formats & {"mat", "hdf5", "numpy"} and (given.variables is None or not stated):
+    if formats & {"mat", "hdf5", "numpy", "tdms"} and (given.variables is None or not stated):
         message = (
-            f"{path}: measurement: MATLAB, HDF5 and NumPy files need 'unit' and [measurement.variables] with what "
-            "their variables hold; those of time histories [measurement.time] in place of 'unit'"
+            f"{path}: measurement: MATLAB, HDF5, NumPy and TDMS files need 'unit' and [measurement.variables] with "
+            "what their variables hold; those of time histories [measurement.time] in place of 'unit'"
         )
         raise CampaignError(message)
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from ema.types.errors import CampaignError
 
-Format = Literal["uff", "csv", "mat", "hdf5", "numpy"]
+Format = Literal["uff", "csv", "mat", "hdf5", "numpy", "tdms"]
 Names = tuple[str, ...] | tuple[tuple[str, ...], ...]
 """Names of files, or lists of names of which each gives files that belong side by side."""
 SUFFIXES: dict[str, Format] = {
@@ -17,12 +17,12 @@ SUFFIXES: dict[str, Format] = {
     ".mat": "mat",
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), "hdf5"),
     **dict.fromkeys((".npy", ".npz"), "numpy"),
+    ".tdms": "tdms",
 }  # fmt: skip
 """Formats by suffix; whatever has another one is text."""
 _SHOWN = 60  # characters of a name that is none
 
 NOT_READ = {
-    ".tdms": "a LabVIEW file: write what the Python package npTDMS reads of it as CSV or MATLAB file",
     ".frf": "a format of one program: export its FRFs as a universal file (58)",
     ".lms": "a format of one program: export its FRFs as a universal file (58)",
     ".pkl": "a Python object: write its arrays with numpy.savez",

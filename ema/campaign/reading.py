@@ -17,7 +17,7 @@ from ema.io.variables import read_variables
 from ema.types.errors import CampaignError, MeasurementError
 
 _Channels = tuple[MeasuredFunction, ...]
-_ARRAYS = ("mat", "hdf5", "numpy")
+_ARRAYS = ("mat", "hdf5", "numpy", "tdms")
 _SAME_START = 0.5  # of a step, by which channels of one record may begin apart
 
 

@@ -1,4 +1,4 @@
-"""Named arrays of numbers in MATLAB, HDF5 and NumPy files: the one door to h5py and to SciPy's MATLAB reader."""
+"""Named arrays of numbers in MATLAB, HDF5, NumPy and TDMS files: the one door to h5py and SciPy's MATLAB reader."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.mat_elements import check_elements
+from ema.io.tdms import MAGIC, channels_in
 from ema.types.errors import MeasurementError
 
 LARGEST = 100_000_000
@@ -51,8 +52,8 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     Parameters
     ----------
     path : Path
-        MATLAB file of any version (7.3 is HDF5), HDF5 file, or file of `numpy.save` or `numpy.savez`. The array of
-        `numpy.save` has no name and is called ``array``.
+        MATLAB file of any version (7.3 is HDF5), HDF5 file, file of `numpy.save` or `numpy.savez`, or TDMS file. The
+        array of `numpy.save` has no name and is called ``array``.
     matlab : bool
         Whether MATLAB wrote it: then fields of structures are named ``data.H``, of lists of them ``data(2).H``,
         elements of cells ``a{2}``, and axes come in its order, which in HDF5 it reverses. Else groups are named
@@ -73,8 +74,8 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
         raise MeasurementError(message) from error
     is_hdf5 = h5py.is_hdf5(path)
-    is_numpy = begin == _NPY or begin[:4] == _ZIP
-    if not is_hdf5 and not matlab and not is_numpy:
+    is_numpy, is_tdms = begin == _NPY or begin[:4] == _ZIP, begin[:4] == MAGIC
+    if not (is_hdf5 or matlab or is_numpy or is_tdms):
         message = f"{path}: is not an HDF5 file"
         raise MeasurementError(message)
     try:
@@ -83,6 +84,9 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
                 yield _in_hdf5(file, matlab=matlab)
         elif is_numpy:
             yield _in_numpy(path, single=begin == _NPY)
+        elif is_tdms:
+            with channels_in(path) as found:
+                yield {name: ArrayInFile(shape=shape, read=read) for name, (shape, read) in found.items()}
         else:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of a name that is there twice: the last one is taken
@@ -90,7 +94,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     except MeasurementError:
         raise
     except Exception as error:  # of a damaged file both libraries raise whatever they stumble over
-        kind = "NumPy" if is_numpy else "MATLAB" if matlab else "HDF5"
+        kind = "NumPy" if is_numpy else "TDMS" if is_tdms else "MATLAB" if matlab else "HDF5"
         message = f"{path}: cannot be read as a {kind} file, it is damaged or of another kind: {error}"
         raise MeasurementError(message) from error
 

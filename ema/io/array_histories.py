@@ -1,4 +1,4 @@
-"""Time histories in the named arrays of MATLAB, HDF5 and NumPy files, as a campaign file describes them."""
+"""Time histories in the named arrays of MATLAB, HDF5, NumPy and TDMS files, as a campaign file describes them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
     Parameters
     ----------
     path : Path
-        MATLAB, HDF5 or NumPy file.
+        MATLAB, HDF5, NumPy or TDMS file.
     layout : VariableLayout
         Which variables hold them, and what their axes are; one of time histories.
     matlab : bool

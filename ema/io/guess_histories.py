@@ -1,4 +1,4 @@
-"""Which variables of a MATLAB, HDF5 or NumPy file seem to hold time histories."""
+"""Which variables of a MATLAB, HDF5, NumPy or TDMS file seem to hold time histories."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ _TIME = re.compile(r"^t$|time|zeit|^cas|^čas", re.IGNORECASE)
 RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abtast|vzor", re.IGNORECASE)
 _STEP = re.compile(r"^d_?t$|^delta_?t$|^t_?s$|interval|increment|^dx$", re.IGNORECASE)
 _NO_HISTORY = re.compile(r"psd|csd|spec|auto|cross|corr|fft|coh|freq|mag|phase|window", re.IGNORECASE)
-_NUMBERED = re.compile(r"\(\d+\)|\{\d+\}|\d+(?=[^./@]*[./@])")
+_NUMBERED = re.compile(
+    r"(\(\d+\)|\{\d+\}|(?<!\d)(?<!Dev)(?<!DAQ)(?<!Mod)(?<!Slot)\d+(?=[^./@]*[./@]))"
+)  # no numbers of devices, as in LabVIEW's cDAQ1Mod2/ai0
 _OF_POINTS = r"point|node|dof|pos|punkt|knoten|to[cč]k|^p[^a-z]*$|^pt"
 _FEWEST_SAMPLES = 64
 _LONGEST_SAMPLE = 2e-3  # s, of a first channel that is taken for the time without being called so
@@ -101,11 +103,22 @@ def _as_one(arrays: _Arrays) -> _Arrays:
     """Return the first of arrays that differ in the number of a structure, cell or group alone, by a name with *."""
     alike: dict[str, list[str]] = {}
     for name in arrays:
-        alike.setdefault(_NUMBERED.sub(lambda found: re.sub(r"\d+", "*", found[0]), name), []).append(name)
-    several = {name: found for name, found in alike.items() if len(found) > 1 and name.count("*") < 3}
+        alike.setdefault(_NUMBERED.sub(_star, name), []).append(name)
+    several = {_common(found): found for found in alike.values() if len(found) > 1}
+    several = {name: found for name, found in several.items() if name.count("*") < 3}
     of_several = {found[0]: name for name, found in several.items()}
     left_out = {other for found in several.values() for other in found[1:]}
     return {of_several.get(name, name): value for name, value in arrays.items() if name not in left_out}
+
+
+def _star(found: re.Match[str]) -> str:
+    return re.sub(r"\d+", "*", found[0])
+
+
+def _common(names: list[str]) -> str:
+    """Return names that differ in their numbers as one, with * for each number that differs."""
+    parts = zip(*(_NUMBERED.split(name) for name in names), strict=True)
+    return "".join(own[0] if len(set(own)) == 1 else re.sub(r"\d+", "*", own[0]) for own in parts)
 
 
 def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Which variables of a MATLAB, HDF5 or NumPy file seem to hold FRFs, else time histories."""
+"""Which variables of a MATLAB, HDF5, NumPy or TDMS file seem to hold FRFs, else time histories."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LISTED = 6  # names of variables in a comment
 def guess_variables(
     path: Path, *, matlab: bool, beside: Mapping[str, int] = MappingProxyType({})
 ) -> Contents:
-    """Return what a MATLAB, HDF5 or NumPy file seems to hold, with `UNKNOWN` for what nothing in it looks like.
+    """Return what a MATLAB, HDF5, NumPy or TDMS file seems to hold, with `UNKNOWN` for what nothing in it looks like.
 
     The FRFs are the complex arrays that are called so, such as ``H1_2``, else the largest that is not called a
     spectrum, or two real ones whose names say so. Their frequencies are an ascending vector as long as one of their

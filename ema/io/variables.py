@@ -1,4 +1,4 @@
-"""FRFs in the named arrays of MATLAB, HDF5 and NumPy files, as a campaign file describes them. To SI here.
+"""FRFs in the named arrays of MATLAB, HDF5, NumPy and TDMS files, as a campaign file describes them. To SI here.
 
 What these files hold of time histories is described here, too, and read in `ema.io.array_histories`.
 """
@@ -41,7 +41,7 @@ _Named = tuple[str, NDArray[Any]]  # a variable and its values (n_frequency, n_o
 
 
 class VariableLayout(BaseModel):
-    """Which variables of a MATLAB, HDF5 or NumPy file hold what; keys of ``[measurement.variables]``.
+    """Which variables of a MATLAB, HDF5, NumPy or TDMS file hold what; keys of ``[measurement.variables]``.
 
     Fields of a MATLAB structure are named ``data.H``, data sets in an HDF5 group ``data/H``.
 

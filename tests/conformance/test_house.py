@@ -17,7 +17,12 @@ FOLDERS = {
 }  # fmt: skip
 """Folders of each package by the way of the data: each imports only from itself and from those before it."""
 FLOORS = 7
-SOLE_IMPORTERS = {"pyuff": {"ema/io/uff.py"}, "h5py": {"ema/io/array_files.py"}, "sdypy": set()}
+SOLE_IMPORTERS = {
+    "pyuff": {"ema/io/uff.py"},
+    "h5py": {"ema/io/array_files.py"},
+    "nptdms": {"ema/io/tdms.py"},
+    "sdypy": set(),
+}
 DRAWING = {"matplotlib", "pyvista", "vtk", "tkinter", "plotly", "trame", "aiohttp"}
 MOST_LINES = {"function": 60, "class": 200, "module": 500}
 MOST_PARAMETERS = 8

@@ -15,6 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 import model
@@ -237,6 +238,18 @@ def test_files_of_histories(tmp_path, survives, damage, kind, count):
         partial(read_histories, layout=layout, matlab=matlab), partial(guess_variables, matlab=matlab)
     )
     survives(read, file, EmaError, damage(file, 2 * count))
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_files_of_labview(tmp_path, survives, damage, count):
+    file = tmp_path / "a.tdms"
+    step = {"wf_increment": 1.0 / 2560, "unit_string": "N"}
+    with TdmsWriter(file) as writer:
+        for k in range(2):  # one segment follows the other
+            writer.write_segment([ChannelObject(f"hit {k}", "F", np.sin(np.arange(40.0)), step)])
+    layout = VariableLayout(history=("hit */F",), axes=("hit", "time"), sampling_Hz=2560.0)
+    read = both(partial(read_histories, layout=layout, matlab=False), partial(guess_variables, matlab=False))
+    survives(read, file, EmaError, damage(file, 3 * count))
 
 
 @pytest.mark.parametrize("count", COUNTS)

@@ -1,8 +1,9 @@
-"""Time histories in the arrays of MATLAB, HDF5 and NumPy files, and in files side by side: as those of text files."""
+"""Time histories in arrays of MATLAB, HDF5, NumPy and TDMS files, and in files side by side: as those of text files."""
 
 import h5py
 import numpy as np
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from ema.campaign.campaign import read_campaign
@@ -100,6 +101,35 @@ def test_histories_of_arrays_give_the_functions_of_those_of_text(tmp_path, of_te
     np.testing.assert_allclose(found.frequency, of_text.frequency)
     np.testing.assert_allclose(found.coherence, of_text.coherence, rtol=1e-9)
     assert found.quantity == of_text.quantity
+
+
+def tdms(file, hits):
+    """Write a group for each hit and a channel for each sensor, as LabVIEW does, with the step of time and the unit."""
+    with TdmsWriter(file) as writer:
+        writer.write_segment(
+            [
+                ChannelObject(f"hit {k}", name, value, {"wf_increment": 1.0 / RATE, "unit_string": unit})
+                for k, hit in enumerate(hits)
+                for name, unit, value in zip(("Force", "ai1", "ai2"), ("N", "g", "g"), hit, strict=True)
+            ]
+        )
+
+
+def test_histories_of_labview_give_the_functions_of_those_of_text(tmp_path, of_text):
+    tdms(tmp_path / "a.tdms", blows())
+    keys = 'history = ["hit */Force", "hit */ai1", "hit */ai2"]\naxes = ["hit", "time"]\nsampling_Hz = 2560'
+    found = frf(tmp_path, variables(keys), RUN.format('"a.tdms"'))
+    np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
+    np.testing.assert_allclose(found.coherence, of_text.coherence, rtol=1e-9)
+
+
+def test_a_channel_of_labview_that_is_not_there_is_named_among_those_that_are(tmp_path):
+    tdms(tmp_path / "a.tdms", blows()[:1])
+    layout = VariableLayout(history=("hit 0/Farce",), axes=("time",), sampling_Hz=RATE)
+    with pytest.raises(
+        MeasurementError, match=r"'hit 0/Farce' \(history\): no numbers .* hit 0/Force \(600\)"
+    ):
+        read_histories(tmp_path / "a.tdms", layout, matlab=False)
 
 
 def structures(file, hits):

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 from typer.testing import CliRunner
 
@@ -839,9 +840,27 @@ def test_a_unit_in_a_header(text, unit):
 
 
 def test_files_that_are_not_read_are_named_with_a_way_out(tmp_path):
-    (tmp_path / "hammer.tdms").write_bytes(b"TDSm")
-    with pytest.raises(CampaignError, match=r"hammer\.tdms: is a LabVIEW file: .* npTDMS .* CSV"):
+    (tmp_path / "hammer.xlsx").write_bytes(b"PK")
+    with pytest.raises(CampaignError, match=r"hammer\.xlsx: is a workbook: save its sheet as CSV"):
         draft(tmp_path)
+
+
+def test_a_file_of_labview_is_looked_into(tmp_path):
+    force, response = pulse()
+    with TdmsWriter(tmp_path / "1z.tdms") as writer:
+        writer.write_segment(
+            [
+                ChannelObject(f"hit {k}", name, value, {"wf_increment": 1.0 / 2560})
+                for k in range(3)
+                for name, value in (("cDAQ1/ai0", force), ("cDAQ1/ai1", response))
+            ]
+        )
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    assert 'history = ["hit */cDAQ1/ai0", "hit */cDAQ1/ai1"]' in text
+    assert 'axes = ["hit", "time"]' in text
+    assert "sampling_Hz = 2560" in text
+    assert "force = 1" in text
 
 
 def test_a_numpy_file_with_frfs_is_looked_into(tmp_path):
