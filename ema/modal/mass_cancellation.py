@@ -15,11 +15,10 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.modal.beyond_band import moved_by_beyond, yielding_beyond
+from ema.modal.loaded_modes import loaded, yielding
 
 _LOG = logging.getLogger(__name__)
 _MAX_STEP = 100
@@ -35,8 +34,6 @@ _MOST_SCALED = 5.0
 _DIFFERENCE = 1e-6  # of an unknown, for derivatives
 _MOST_AT_FORCE = 10.0
 """Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
-_MOST_YIELDING = 0.5
-"""Share of the motion of a sensor's mass that may be the yielding of its point."""
 _FEW_SENSORS = 4
 """Sensors of a run up to which it counts that a force at one lets the point of another yield."""
 _UNEVEN = 0.5
@@ -123,30 +120,6 @@ class BareModes:
     load_std: NDArray[np.float64]
     off: NDArray[np.float64]
     off_as_measured: NDArray[np.float64]
-
-
-def loaded(
-    square: NDArray[np.float64], shape: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the modes of a structure with masses on it.
-
-    Parameters
-    ----------
-    square : (n_mode,) float
-        Squared angular frequencies without the masses.
-    shape : (n_load, n_mode) float
-        Mass-normalised shapes at the masses, times the square root of each mass.
-
-    Returns
-    -------
-    square : (n_mode,) float
-        Squared angular frequencies with the masses, in the order of the modes without.
-    turn : (n_mode, n_mode) float
-        Modes with the masses, in columns, as combinations of those without, mass-normalised and of like sign.
-    """
-    value, turn = scipy.linalg.eigh(np.diag(square), np.eye(square.size) + shape.T @ shape)
-    _, own = linear_sum_assignment(-np.abs(turn))
-    return value[own], turn[:, own] * np.sign(np.diag(turn[:, own]))
 
 
 def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> BareModes:
@@ -271,17 +244,20 @@ class _Problem:
         return np.asarray(n_mode * np.cumsum([0, *(1 + n for n in count)]), dtype=np.int64)
 
     def parts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return squared frequencies, loads, shape at the force, flexibilities and shapes of a vector."""
+        """Return squared frequencies, loads, shape at the force, flexibilities and shapes of vectors (..., n_unknown).
+
+        What is returned has the leading axes of the vectors.
+        """
         n_mode = self.rough.shape[1]
         n_drive = 0 if self.modes.drive_run is None else n_mode
         ends = np.cumsum([n_mode, self.sought.shape[1], n_drive, len(self.pair)])
-        square, load, drive, beyond, shape = np.split(x, ends)
+        square, load, drive, beyond, shape = np.split(x, ends, axis=-1)
         return [
             np.exp(square),
-            self.given + self.sought @ load,
+            self.given + load @ self.sought.T,
             drive,
             beyond,
-            shape.reshape(self.modes.shape.shape),
+            shape.reshape(*x.shape[:-1], *self.modes.shape.shape),
         ]
 
     def starts(self) -> list[NDArray[np.float64]]:
@@ -327,9 +303,8 @@ class _Problem:
 
     def misfit(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what a structure misses of the runs, and of what flexibilities are thought to be, over its size."""
-        square, load, drive, beyond, shape = self.parts(x)
-        runs = [self._run(k, square, load, drive, beyond, shape) for k in range(len(self.rough))]
-        return np.concatenate([*runs, self._prior(x)])
+        runs = [self._run(k, x[None])[0] for k in range(len(self.rough))]
+        return np.concatenate([*runs, self._prior(x[None])[0]])
 
     def rough_shapes(self, own: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the standard deviations of the shapes of a run, (n_own, n_mode)."""
@@ -340,80 +315,54 @@ class _Problem:
         return each
 
     def _prior(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what flexibilities of vectors, (n, n_unknown), are off from what they are thought to be."""
         beyond, own = self.parts(x)[3], self.pair[:, 1] == self.pair[:, 2]
-        mean = beyond[own].mean()
-        return np.concatenate([[mean], (beyond - np.where(own, mean, 0.0)) / _UNEVEN])
+        mean = beyond[:, own].mean(axis=1, keepdims=True)
+        return np.concatenate([mean, (beyond - np.where(own, mean, 0.0)) / _UNEVEN], axis=1)
 
-    def _run(
-        self,
-        k: int,
-        square: NDArray[np.float64],
-        load: NDArray[np.float64],
-        drive: NDArray[np.float64],
-        beyond: NDArray[np.float64],
-        shape: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """Return what is missed of the frequencies, the modal constants and the driving point of one run."""
+    def _run(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what vectors, (n, n_unknown), miss of the frequencies, modal constants and driving point of a run."""
         modes, own = self.modes, self.modes.run == k
+        square, load, drive, beyond, shape = self.parts(x)
+        shape = shape[:, own]
         known = load > 0.0
         unit = np.sqrt(np.where(known, load, 1.0))
         # times the mass, without a driving point: a load is the mass over the square at the force
         force = np.where(known, modes.drive / unit**2, 0.0) if modes.drive_run is None else drive
         reference = force if modes.drive_run is None else modes.drive
-        root, moves = _moves(self.pair, k, load * square * self.unit, beyond)
-        predicted, turn = loaded(square, np.einsum("rab,br->ar", root, shape[own]) * np.sqrt(load))
+        root, moves = yielding(self.pair[self.pair[:, 0] == k, 1:], load * square * self.unit,
+                               beyond[:, self.pair[:, 0] == k])  # fmt: skip
+        predicted, turn = loaded(square, np.einsum("nrab,nbr->nar", root, shape) * np.sqrt(load)[:, None])
         # load times squared shape counts, whatever the unit of a mode
-        here, there = (shape[own] * unit) @ turn / unit, (force * unit) @ turn / unit
-        moved = np.einsum("rab,br->ar", moves, here)
-        here = moved / np.sqrt(1.0 + load * np.sum(moved * (moved - here), axis=0))
+        here = (shape * unit[:, None]) @ turn / unit[:, None]
+        there = np.einsum("nr,nrs->ns", force * unit, turn) / unit
+        moved = np.einsum("nrab,nbr->nar", moves, here)
+        here = moved / np.sqrt(1.0 + load * np.sum(moved * (moved - here), axis=1))[:, None]
         if modes.rest is not None:
-            there = there + predicted * load * np.sum(here * modes.rest[own], axis=0)
+            there = there + predicted * load * np.sum(here * modes.rest[own], axis=1)
         ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
-        each = self.rough_shapes(own)
+        ratio = np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE)[:, None]
         off = [
             (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
-            ((here * np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE) - modes.shape[own]) / each).reshape(-1),
+            ((here * ratio - modes.shape[own]) / self.rough_shapes(own)).reshape(len(x), -1),
         ]
         if modes.drive_run == k:
             off.append((there - modes.drive) / np.hypot(self.rough_shape, _or_zero(modes.drive_std)))
-        return np.concatenate(off)
+        return np.concatenate(off, axis=1)
 
     def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives of the misfit; a shape or flexibility of one run concerns that run alone."""
         n_mode, rows = self.rough.shape[1], self.rows
         common = x.size - self.modes.shape.size - len(self.pair)
-        run = np.concatenate([self.pair[:, 0], np.repeat(self.modes.run, n_mode)])
+        run = np.concatenate([np.full(common, -1), self.pair[:, 0], np.repeat(self.modes.run, n_mode)])
+        moved = x + np.diag(_DIFFERENCE * self.size)
         matrix = np.zeros((misfit.size, x.size))
-        for j in range(x.size):
-            moved = x.copy()
-            moved[j] += _DIFFERENCE * self.size[j]
-            if j < common:
-                matrix[:, j] = self.misfit(moved) - misfit
-                continue
-            k = int(run[j - common])
-            square, load, drive, beyond, shape = self.parts(moved)
+        for k in range(len(self.rough)):
+            concerned = np.flatnonzero((run == -1) | (run == k))
             block = slice(rows[k], rows[k + 1])
-            matrix[block, j] = self._run(k, square, load, drive, beyond, shape) - misfit[block]
-            matrix[rows[-1] :, j] = self._prior(moved) - misfit[rows[-1] :]
+            matrix[block, concerned] = (self._run(k, moved[concerned]) - misfit[block]).T
+        matrix[rows[-1] :] = (self._prior(moved) - misfit[rows[-1] :]).T
         return np.asarray(matrix / (_DIFFERENCE * self.size))
-
-
-def _moves(
-    pair: NDArray[np.int64], k: int, size: NDArray[np.float64], beyond: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return by what sensors of a run move more than the modes of the band, (n_mode, n_own, n_own), and its root.
-
-    With flexibilities R between them the masses m move by the inverse of I - omega**2 m R, and modes feel m times
-    that (as of one point, m / (1 - omega**2 m R)).
-    """
-    own = pair[:, 0] == k
-    a, b = pair[own, 1], pair[own, 2]
-    matrix = np.zeros((a.max() + 1, a.max() + 1))
-    matrix[a, b] = matrix[b, a] = beyond[own]
-    value, vector = np.linalg.eigh(matrix)
-    moves = 1.0 / (1.0 - np.clip(size[:, None] * value, -_MOST_YIELDING, _MOST_YIELDING))
-    root, whole = (np.einsum("ai,ri,bi->rab", vector, factor, vector) for factor in (np.sqrt(moves), moves))
-    return root, whole
 
 
 def _or_zero(std: NDArray[np.float64] | None) -> NDArray[np.float64] | float:
