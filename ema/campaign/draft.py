@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
-from ema.io.contents import UNKNOWN, Code, Contents
+from ema.io.contents import UNKNOWN, Code, Contents, point_in
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.table import read_points
@@ -132,11 +132,22 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         if kind == "uff":
             return _universal(file)
         if kind != "csv":
-            return guess_variables(file, matlab=kind == "mat")
+            return _at_point(guess_variables(file, matlab=kind == "mat"))
     except MeasurementError as error:
         left_out.append(str(error))
         return None
-    return None if _lists_points(file) else guess_table(file)
+    return None if _lists_points(file) else _at_point(guess_table(file))
+
+
+def _at_point(contents: Contents | None) -> Contents | None:
+    """Return a file of one FRF whose DOF nothing tells with the point of its name, as of a response along +z."""
+    if contents is None or contents.is_time or contents.dofs != ((None, None),):
+        return contents
+    point = point_in(contents.file.stem)
+    if point is None:
+        return contents
+    guess = "points are taken from the file names; that they are of the response and along +z is a guess"
+    return replace(contents, dofs=(((point, 3), None),), guesses=(*contents.guesses, guess))
 
 
 def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:

@@ -22,11 +22,9 @@ FORCE = re.compile(
 )
 """What a channel or a file of a force may be called, in English, German or Slovene, or its unit."""
 _DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
-_POINT = re.compile(
-    r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})[ :]*([+-]?[xyz][+-]?)"
-    r"(?![A-Za-z0-9])",
-    re.IGNORECASE,
-)
+_CALLED = r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})"
+_POINT = re.compile(_CALLED + r"[ :]*([+-]?[xyz][+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
+_POINT_ALONE = re.compile(_CALLED + r"(?![A-Za-z0-9])", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +110,12 @@ def unit_in(text: str) -> str | None:
         except MeasurementError:
             continue
     return None
+
+
+def point_in(text: str) -> int | None:
+    """Return the one point that a file name holds without a direction, such as ``point_3``; None otherwise."""
+    found = [int(node) for node in _POINT_ALONE.findall(text.replace("_", " "))]
+    return found[0] if len(found) == 1 and found[0] > 0 else None
 
 
 def with_names(

@@ -863,6 +863,16 @@ def test_a_file_of_labview_is_looked_into(tmp_path):
     assert "force = 1" in text
 
 
+@pytest.mark.parametrize(("name", "outputs"), [("point_{}", '["1+z", "2+z", "3+z"]'), ("frf_{}", '["?"]')])
+def test_a_point_without_a_direction_in_a_file_name_is_a_guess_that_is_told(tmp_path, name, outputs):
+    for node in (1, 2, 3):
+        np.savez(tmp_path / f"{name.format(node)}.npz", frf=VALUE[:, 0], freq=FREQUENCY)
+    new(tmp_path)
+    text = campaign_text(tmp_path)
+    assert f"output = {outputs}" in text
+    assert ("# guessed: points are taken from the file names" in text) == (outputs != '["?"]')
+
+
 def test_a_numpy_file_with_frfs_is_looked_into(tmp_path):
     np.savez(tmp_path / "frf.npz", frf=VALUE, freq=FREQUENCY)
     new(tmp_path)
