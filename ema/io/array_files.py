@@ -23,6 +23,7 @@ LARGEST = 100_000_000
 """Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""
 _LISTED = 20  # names of a file that a message lists
 _NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"  # first bytes of files of numpy.save, and of numpy.savez
+_UNITS = ("unit", "units", "Unit", "Units")  # attributes of HDF5
 _COMPLEX_FIELDS = ("real", "imag")  # of complex numbers as MATLAB stores them in HDF5
 
 
@@ -36,10 +37,13 @@ class ArrayInFile:
         As MATLAB shows it, or as an HDF5 file states it.
     read : callable
         Reads it, while the file is open.
+    unit : str
+        As the file states it; empty where it does not.
     """
 
     shape: tuple[int, ...]
     read: Callable[[], NDArray[Any]]
+    unit: str = ""
 
     def __str__(self) -> str:
         return " x ".join(map(str, self.shape)) or "one number"
@@ -86,7 +90,9 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
             yield _in_numpy(path, single=begin == _NPY)
         elif is_tdms:
             with channels_in(path) as found:
-                yield {name: ArrayInFile(shape=shape, read=read) for name, (shape, read) in found.items()}
+                yield {
+                    name: ArrayInFile(shape=own[0], read=own[1], unit=own[2]) for name, own in found.items()
+                }
         else:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of a name that is there twice: the last one is taken
@@ -192,7 +198,8 @@ def _dataset(item: Any, *, matlab: bool) -> ArrayInFile:
         value = value["real"] + 1j * value["imag"] if item.dtype.names == _COMPLEX_FIELDS else value
         return np.asarray(value.T if matlab else value)
 
-    return ArrayInFile(shape=tuple(shape), read=read)
+    unit = next((item.attrs[key] for key in _UNITS if key in item.attrs), "")
+    return ArrayInFile(shape=tuple(shape), read=read, unit=unit if isinstance(unit, str) else "")
 
 
 def _element(name: str, number: int, *, is_cell: bool) -> str:

@@ -80,19 +80,20 @@ def _alike(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -
     """Return the variables that a name with ``*`` stands for, in natural order; without one the name itself."""
     if "*" not in name:
         return [name]
-    found = sorted((n for n in arrays if _pattern(name).fullmatch(n)), key=_natural)
+    found = sorted((n for n in arrays if pattern_of(name).fullmatch(n)), key=_natural)
     if not found:
         array(path, arrays, key, name)  # says which there are
     return found
 
 
-def _pattern(name: str) -> re.Pattern[str]:
+def pattern_of(name: str) -> re.Pattern[str]:
+    """Return the pattern of the variables that a name, perhaps with ``*``, stands for, in groups what stands there."""
     return re.compile(re.escape(name).replace(r"\*", "([^./]*)"))
 
 
 def _starred(name: str, variable: str) -> tuple[str, ...]:
     """Return what stands in a variable where a name has ``*``."""
-    found = _pattern(name).fullmatch(variable)
+    found = pattern_of(name).fullmatch(variable)
     assert found is not None
     return found.groups()
 

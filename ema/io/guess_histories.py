@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.io.array_histories import pattern_of
 from ema.io.contents import FORCE, UNKNOWN
 from ema.io.variables import FIRST_CHANNEL
 
@@ -140,8 +141,7 @@ def _runs(name: str, axes: list[str], every: tuple[str, ...], own: _Arrays) -> i
         return 1
     place, count = axes.index("run"), name.count("*")
     if place < count:
-        pattern = re.compile(re.escape(name).replace(r"\*", "([^./]*)"))
-        return len({found[place + 1] for other in every if (found := pattern.fullmatch(other))})
+        return len({found[place + 1] for other in every if (found := pattern_of(name).fullmatch(other))})
     shape = [n for n in max(own.values(), key=lambda v: v.ndim).shape if n > 1]
     return shape[place - count]
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in
+from ema.io.array_histories import pattern_of
 from ema.io.contents import UNKNOWN, Code, Contents, with_names
-from ema.io.guess_histories import RATE, guess_histories
+from ema.io.guess_histories import RATE, HistoriesFound, guess_histories
 from ema.io.variables import FIRST_COLUMN
 
 _Arrays = dict[str, NDArray[Any]]
@@ -58,12 +59,13 @@ def guess_variables(
     """
     with arrays_in(path, matlab=matlab) as held:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
+        units = {name: found.unit for name, found in held.items() if found.unit}
     keys, block, guesses = _frfs(arrays)
     if block is None:
         found = guess_histories(arrays, beside)
         if found is not None:
             return Contents(
-                file=path, section="variables", keys=found.keys, is_time=True, titles=found.titles,
+                file=path, section="variables", keys=found.keys, is_time=True, titles=_with_units(found, units),
                 n_run=found.n_run, lengths=found.lengths, guesses=found.guesses,
             )  # fmt: skip
         return Contents(
@@ -71,6 +73,18 @@ def guess_variables(
             guesses=tuple(guesses),
         )  # fmt: skip
     return _of_frfs(path, arrays, keys, block, guesses)
+
+
+def _with_units(found: HistoriesFound, units: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the titles of channels, of which each is a variable whose unit the file states, with that unit."""
+    history = found.keys["history"]
+    names = [history] if isinstance(history, str) else history
+    if len(names) != len(found.titles):
+        return found.titles
+    own = [next((unit for v, unit in units.items() if pattern_of(name).fullmatch(v)), "") for name in names]
+    return tuple(
+        f"{title} [{unit}]" if unit else title for title, unit in zip(found.titles, own, strict=True)
+    )
 
 
 def _of_frfs(

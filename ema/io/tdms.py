@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 MAGIC = b"TDSm"
 """First bytes of such a file."""
 
-Channel = tuple[tuple[int, ...], Any]
-"""Shape of an array, and what reads it while the file is open."""
+Channel = tuple[tuple[int, ...], Any, str]
+"""Shape of an array, what reads it while the file is open, and its unit, empty where the file states none."""
 
 
 @contextmanager
@@ -34,10 +34,11 @@ def channels_in(path: Path) -> Iterator[dict[str, Channel]]:
             for channel in group.channels():
                 name = f"{group.name}/{channel.name}"
                 if channel.dtype.kind in "fiubc" and len(channel):
-                    found[name] = (len(channel),), partial(_values, channel)
+                    unit = channel.properties.get("unit_string", "")
+                    found[name] = (len(channel),), partial(_values, channel), str(unit)
                 for key, value in channel.properties.items():
                     if isinstance(value, Real):
-                        found[f"{name}@{key}"] = (), partial(np.asarray, value)
+                        found[f"{name}@{key}"] = (), partial(np.asarray, value), ""
         yield found
 
 

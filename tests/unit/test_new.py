@@ -850,9 +850,9 @@ def test_a_file_of_labview_is_looked_into(tmp_path):
     with TdmsWriter(tmp_path / "1z.tdms") as writer:
         writer.write_segment(
             [
-                ChannelObject(f"hit {k}", name, value, {"wf_increment": 1.0 / 2560})
+                ChannelObject(f"hit {k}", name, value, {"wf_increment": 1.0 / 2560, "unit_string": unit})
                 for k in range(3)
-                for name, value in (("cDAQ1/ai0", force), ("cDAQ1/ai1", response))
+                for name, value, unit in (("cDAQ1/ai0", force, "N"), ("cDAQ1/ai1", response, "g"))
             ]
         )
     new(tmp_path)
@@ -861,6 +861,8 @@ def test_a_file_of_labview_is_looked_into(tmp_path):
     assert 'axes = ["hit", "time"]' in text
     assert "sampling_Hz = 2560" in text
     assert "force = 1" in text
+    assert 'force_unit = "N"' in text
+    assert 'response_unit = "g"' in text
 
 
 @pytest.mark.parametrize(("name", "outputs"), [("point_{}", '["1+z", "2+z", "3+z"]'), ("frf_{}", '["?"]')])
