@@ -42,6 +42,7 @@ EFFECT = Effect(
     name="clamp_mass",
     label="clamp mass",
     overstated="clamps that are lighter than stated",
+    stated="the mass of the clamps",
     family="inertia",
     summary="More mass under each clamp",
     description=__doc__,

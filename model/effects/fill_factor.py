@@ -28,6 +28,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 EFFECT = Effect(
     name="fill_factor",
     label="fill factor of the stack",
+    stated="the density of the steel",
     family="steel",
     summary="The stack holds more or less steel",
     description=__doc__,

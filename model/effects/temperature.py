@@ -30,6 +30,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 EFFECT = Effect(
     name="temperature",
     label="temperature of the steel",
+    stated="Young's modulus",
     family="steel",
     summary="Warm steel is softer",
     description=__doc__,

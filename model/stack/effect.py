@@ -119,6 +119,8 @@ class Effect:
     overstated : str
         What a person calls it where its first parameter is below the neutral value, if that is no physical effect but
         says that the stack file states too much; empty otherwise.
+    stated : str
+        What in a stack file, stated wrongly, does the same in every vibration test; empty where nothing does.
     grounded : bool
         Whether it ties the stack to the ground, so that rigid-body motion meets a force.
     frequency_dependent : bool
@@ -137,6 +139,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     terms: Callable[[Any], tuple[Any, ...]]  # a stack holds effects, and the equations come from a stack
     overstated: str = ""
+    stated: str = ""
     grounded: bool = False
     frequency_dependent: bool = False
     over_strain: Callable[[Mapping[str, float], Any], tuple[Any, Any]] | None = None

@@ -65,9 +65,10 @@ class Case:
     kind, seed
         How it was spoiled, and of which campaign.
     outcome : Outcome
-        A finding names that something is wrong; nothing is named and nothing is missing; an error ends the answer, or
-        what is missing is unlike anything; or a physical effect is named with confidence, whether or not points that
-        the diagnosis put right are told beside it.
+        A finding names that something is wrong, or an effect is named with the warning that a wrong statement in the
+        stack file does the same; nothing is named and nothing is missing; an error ends the answer, or what is missing
+        is unlike anything; or a physical effect is named with confidence, whether or not points that the diagnosis put
+        right are told beside it.
     said : str
         The first finding, the error, or the effects.
     """
@@ -168,7 +169,7 @@ def _identified(measured: Measurement, found: tuple[Verdict, ...]) -> ModalModel
 
 def _of_diagnosis(found: Diagnosis) -> tuple[Outcome, str]:
     effects = set(found.set[0] if found.set else ())
-    if effects - set(found.measurement):
+    if effects - set(found.measurement) - set(found.confounded):
         return "wrong", found.sentences[0]
     if found.mixed_up or effects:
         return "named", found.sentences[0]

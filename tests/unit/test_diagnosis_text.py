@@ -74,6 +74,7 @@ def diagnosis(verdict, *left, steps=(), **given):
         "set": tuple(own.effects for own in left),
         "labels": LABELS,
         "measurement": ("stated_pressure",),
+        "confounded": {},
         "explained": 0.78,
         "steps": steps or (BASE, *left[:1]),
         "discrepancy": Sizes(frequency=0.004, damping=0.1, shape=0.015),
@@ -149,6 +150,21 @@ def test_clamps_that_a_file_has_too_heavy_are_no_missing_mass(lower, upper, stat
     effect = catalogue()["clamp_mass"]
     found = overstated_in(ranked("clamp_mass", parameters=[value]), {"clamp_mass": effect})
     assert found == ({"clamp_mass": effect.overstated} if stated else {})
+
+
+def test_clamps_whose_mass_ends_at_its_bound_are_stated_too_heavy():
+    value = parameter("clamp_added_mass", -0.5, lower=-0.5, upper=0.02, at_bound=True)
+    effects = {"clamp_mass": catalogue()["clamp_mass"]}
+    assert set(overstated_in(ranked("clamp_mass", parameters=[value]), effects)) == {"clamp_mass"}
+
+
+def test_what_a_wrong_statement_does_as_well_is_said():
+    own = ranked("clamp_mass", parameters=[parameter("clamp_added_mass", 0.4)])
+    found = diagnosis("identified", own, confounded={"clamp_mass": "the mass of the clamps"})
+    assert (
+        "Whether it is clamp mass or the mass of the clamps that the stack file states wrongly, no vibration test can "
+        "tell: check the file first."
+    ) in sentences(found)
 
 
 def test_one_of_several():

@@ -97,14 +97,13 @@ def telling(base: Ranked, own: Ranked) -> Telling:
 
 def overstated_in(own: Ranked, effects: Mapping[str, Effect]) -> dict[str, str]:
     """Return what an explanation has of effects that say no more than that a file states too much, and their labels."""
-    upper = {p.name: p.upper for p in own.parameter}
-    return {
-        name: effects[name].overstated
-        for name in own.effects
-        if name in effects
-        and effects[name].overstated
-        and upper[effects[name].parameters[0].name] < effects[name].parameters[0].neutral
-    }
+    value = {p.name: p for p in own.parameter}
+    found = {}
+    for effect in (effects[name] for name in own.effects if name in effects and effects[name].overstated):
+        neutral, estimate = effect.parameters[0].neutral, value[effect.parameters[0].name]
+        if estimate.upper < neutral or (estimate.at_bound and estimate.value < neutral):
+            found[effect.name] = effect.overstated
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,6 +161,9 @@ class Diagnosis(Shown):
         What a person calls each effect and hypothesis.
     measurement : tuple of str
         Those of them that are about the measurement, or about what files state of it.
+    confounded : mapping of str to str
+        Effects of the first of the set that no vibration test tells from a wrong statement in the stack file, and of
+        what.
     explained : float
         Share of the misfit that the first of the set explains.
     steps : tuple of Ranked
@@ -213,6 +215,7 @@ class Diagnosis(Shown):
     set: tuple[tuple[str, ...], ...]
     labels: Mapping[str, str]
     measurement: tuple[str, ...]
+    confounded: Mapping[str, str]
     explained: float
     steps: tuple[Ranked, ...]
     discrepancy: Sizes

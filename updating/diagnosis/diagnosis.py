@@ -124,6 +124,11 @@ def conclude(
         set=tuple(x.effects for x in left),
         labels={**_labels(found), **overstated},
         measurement=(*evidence.hypotheses, *overstated),
+        confounded={
+            name: evidence.effects[name].stated
+            for name in first.effects
+            if name not in (*evidence.hypotheses, *overstated) and evidence.effects[name].stated
+        },
         explained=of[first.effects].explained,
         steps=tuple(of[x.effects] for x in decision.steps),
         discrepancy=first.mean if evidence.touching else replace(first.mean, damping=np.nan),

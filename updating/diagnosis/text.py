@@ -47,6 +47,11 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         text.append(f"With {which} the model is right to {_sizes(found)}, beyond the noise.")
     if found.verdict in ("partly explained", "unlike anything"):
         text += _remains(found)
+    text += [
+        f"Whether it is {found.labels[name]} or {stated} that the stack file states wrongly, no vibration test can "
+        "tell: check the file first."
+        for name, stated in found.confounded.items()
+    ]
     text += _over_amplitude(found)
     text += _further(found)
     if found.point_change is not None:
