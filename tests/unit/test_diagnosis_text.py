@@ -7,7 +7,7 @@ import pytest
 
 from model import catalogue
 from updating.correlation.rig_check import ForcePlace, RigCheck
-from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained, overstated_in
+from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained, confounded_in, overstated_in
 from updating.diagnosis.contact_amplitude import ContactAmplitude
 from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.experiment import NextTest
@@ -159,6 +159,9 @@ def test_clamps_whose_mass_ends_at_its_bound_are_stated_too_heavy():
 
 
 def test_what_a_wrong_statement_does_as_well_is_said():
+    assert confounded_in(["clamp_mass", "air_damping"], catalogue()) == {
+        "clamp_mass": "the mass of the clamps"
+    }
     own = ranked("clamp_mass", parameters=[parameter("clamp_added_mass", 0.4)])
     found = diagnosis("identified", own, confounded={"clamp_mass": "the mass of the clamps"})
     assert (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import builtins
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -104,6 +104,11 @@ def overstated_in(own: Ranked, effects: Mapping[str, Effect]) -> dict[str, str]:
         if estimate.upper < neutral or (estimate.at_bound and estimate.value < neutral):
             found[effect.name] = effect.overstated
     return found
+
+
+def confounded_in(names: Collection[str], effects: Mapping[str, Effect]) -> dict[str, str]:
+    """Return what a stack file may state wrongly that does the same as one of some effects, by the effect."""
+    return {name: own.stated for name, own in effects.items() if name in names and own.stated}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.diagnosis.adequacy import too_large
-from updating.diagnosis.answer import Diagnosis, ModeError, Strained, overstated_in
+from updating.diagnosis.answer import Diagnosis, ModeError, Strained, confounded_in, overstated_in
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.calibration import STRAINED, VISIBLE
 from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
@@ -124,11 +124,7 @@ def conclude(
         set=tuple(x.effects for x in left),
         labels={**_labels(found), **overstated},
         measurement=(*evidence.hypotheses, *overstated),
-        confounded={
-            name: evidence.effects[name].stated
-            for name in first.effects
-            if name not in (*evidence.hypotheses, *overstated) and evidence.effects[name].stated
-        },
+        confounded=confounded_in(set(first.effects) - set(overstated), evidence.effects),
         explained=of[first.effects].explained,
         steps=tuple(of[x.effects] for x in decision.steps),
         discrepancy=first.mean if evidence.touching else replace(first.mean, damping=np.nan),
