@@ -254,7 +254,7 @@ def test_a_campaign_of_arrays(folder):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('unit = "m/s2/N"', "", "MATLAB, HDF5 and NumPy files need 'unit' and .measurement.variables."),
+        ('unit = "m/s2/N"', "", "MATLAB, HDF5, NumPy and TDMS files need 'unit' and .measurement.variables."),
         (
             '[measurement.variables]\nfrf = "H"\nfrequency = "f"',
             "",
