@@ -1,8 +1,10 @@
 """Runs of the main job, shared by the tests of its results."""
 
+import shutil
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from rich.console import Console
 
 from updating.commands.fit import fit_campaign
@@ -12,11 +14,19 @@ DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory):
-    """The folder of `lamella fit data/demo_stack/campaign.toml` and what it returned."""
+def demo(tmp_path_factory, worker_id):
+    """The folder of `lamella fit data/demo_stack/campaign.toml` and what it returned; one worker does it for all."""
+
+    def fitted(folder):
+        return tuple(fit_campaign(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True)))
+
     folder = tmp_path_factory.mktemp("demo")
-    results = tuple(fit_campaign(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True)))
-    return folder, results
+    if worker_id != "master":
+        shared = tmp_path_factory.getbasetemp().parent / "demo"
+        with FileLock(f"{shared}.lock"):
+            fitted(shared)
+        shutil.copytree(shared, folder, dirs_exist_ok=True)
+    return folder, fitted(folder)
 
 
 @pytest.fixture(scope="session")

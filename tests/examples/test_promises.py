@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from tests.examples import test_every_key, test_fault_points
-from tests.recovery import corruptions, corruptions_study, test_damaged_files
+from tests.recovery import corruptions, corruptions_study, damaged_readers
 from tests.unit import test_bad_input
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def test_counts_are_those_of_the_tests():
     counted = {
         "wrong inputs that a command names": len(test_bad_input.TABLE),
         "keys of files, each used by a command": len(keys),
-        "readers whose inputs are mutated": len(test_damaged_files.READERS),
+        "readers whose inputs are mutated": len(damaged_readers.READERS),
         "kinds of corrupted measurements": len(corruptions.CORRUPTIONS) - 1,
         f"writes of {len(test_fault_points.N_WRITE)} commands, each with {len(test_fault_points.FAULTS)} faults": sum(
             test_fault_points.N_WRITE.values()

@@ -1,6 +1,7 @@
 """The report as its reader meets it: in a browser, offline, and as files."""
 
 import csv
+import html.parser
 import json
 import os
 import re
@@ -26,6 +27,7 @@ from updating.report.page import titles, write_report
 from updating.report.part import packed
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
+from updating.results.text import Z95, uncertain
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium, Chrome or Edge on PATH")
@@ -321,6 +323,31 @@ def test_a_page_that_nobody_touches_rests_and_goes_on_when_it_is_touched():
             shown.set_content(f"<script>{script.replace('20_000', str(rest))}</script>")
             assert fewest <= shown.evaluate(count, stir) <= most
         browser.close()
+
+
+class Links(html.parser.HTMLParser):
+    """Everything that a page would load."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attrs):
+        wanted = {"src", "href", "data", "srcset"}
+        self.found += [value for name, value in attrs if name in wanted]
+
+
+def test_the_page_holds_everything_that_it_shows(demo, page):
+    text = page.read_text(encoding="utf-8")
+    links = Links()
+    links.feed(text)
+    assert len(links.found) > 10
+    assert all(link.startswith(("data:image/", "#")) for link in links.found)
+    assert "@import" not in text
+    for found, fitted in demo[1]:
+        measured = found.modal_model
+        assert uncertain(measured.frequency[0], Z95 * measured.frequency_std[0]) in text
+        assert f"{fitted.modes.frequency[fitted.pairing.model[0]]:.2f}" in text
 
 
 def test_the_titles_that_can_be_chosen_are_those_of_the_page(demo, page):

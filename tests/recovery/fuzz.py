@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import resource
-import shutil
 import signal
 import sys
 import time
@@ -23,7 +22,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from tests.conftest import TooSlowError, damaged
-from tests.recovery.test_damaged_files import DATA, READERS
+from tests.recovery.damaged_readers import READERS, write_files
 
 SECONDS = 5.0
 MEGABYTES = 1000
@@ -58,7 +57,7 @@ def fuzz(folder: Path, corpus: Path, seconds: float, seed: int) -> tuple[int, di
     Parameters
     ----------
     folder : Path
-        A copy of the shipped data, which the readers read.
+        What `write_files` writes, which the readers read.
     corpus : Path
         Folder of what was found; one folder for each reader.
     seconds : float
@@ -110,9 +109,7 @@ def main() -> int:
     resource.setrlimit(resource.RLIMIT_AS, (1024 * int(status) + MEGABYTES * 2**20, hard))
     with TemporaryDirectory() as folder:
         copy = Path(folder)
-        for name in ("demo_stack", "hidden_effect/b", "pirnat2013", "stator", "contact"):
-            few = shutil.ignore_patterns("run_[12]*", "run_0[4-9]*") if name == "demo_stack" else None
-            shutil.copytree(DATA / name, copy / name, ignore=few)
+        write_files(copy)
         seed = time.time_ns() if asked.seed is None else asked.seed
         count, found = fuzz(copy, asked.corpus, 60.0 * asked.minutes, seed)
     print(f"{count} inputs of {len(READERS)} readers, {len(found)} faults, seed {seed}")

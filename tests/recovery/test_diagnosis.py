@@ -47,6 +47,12 @@ def bare(seed):
     return simulated(blind_test(SPECIFICATION, seed, (), {}))
 
 
+@pytest.fixture(scope="module")
+def lean(candidates):
+    """The evidence of a test of a stack without hidden effects."""
+    return assemble_evidence(candidates, bare(12)[:2])
+
+
 def diagnosed(candidates, effects, values, seed):
     test = blind_test(SPECIFICATION, seed, effects, values)
     return conclude(assemble_evidence(candidates, simulated(test)[:2]))
@@ -119,9 +125,9 @@ def test_a_mass_that_no_effect_of_the_catalogue_is_gets_no_name_and_shows_where_
     assert np.linalg.norm(points[point.node] - shaker) < 0.03
 
 
-def test_a_rough_model_about_a_fit_tells_of_changes_as_the_full_one_does(candidates):
+def test_a_rough_model_about_a_fit_tells_of_changes_as_the_full_one_does(lean):
     """About the fit it is the full one; what an effect changes of frequencies it has to a thousandth."""
-    evidence = assemble_evidence(candidates, bare(12)[:2]).alone
+    evidence = lean.alone
     (parameter,) = evidence.parameters(["contact_direction"])
     about, there = evidence.start, np.array([-0.5])
     rough = rough_about(evidence, about)
@@ -199,28 +205,26 @@ def compared(evidence, nuisance):
     return found.log_frequency, np.stack([found.rotated[row] for row in evidence.rows.shape.values()])
 
 
-def test_the_sign_of_a_solver_does_not_change_what_is_left(candidates):
+def test_the_sign_of_a_solver_does_not_change_what_is_left(lean):
     """Effects are chosen by what they change beside what others left, each solved on its own."""
-    evidence = assemble_evidence(candidates, bare(12)[:2])
     turned = replace(
-        evidence,
-        observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in evidence.observed),
-        place_slope=tuple(-slope for slope in evidence.place_slope),
+        lean,
+        observed=tuple(replace(o, reduced_rows=-o.reduced_rows) for o in lean.observed),
+        place_slope=tuple(-slope for slope in lean.place_slope),
     )
-    one, other = residual(evidence, evidence.start), residual(turned, evidence.start)
+    one, other = residual(lean, lean.start), residual(turned, lean.start)
     np.testing.assert_array_equal(other.value, one.value)
     np.testing.assert_array_equal(other.jacobian, one.jacobian)
 
 
 @pytest.mark.parametrize("name", ["G_f", "density", "gain[sensor 2]"])
-def test_what_is_left_has_right_derivatives(candidates, name):
+def test_what_is_left_has_right_derivatives(lean, name):
     """Shapes at unit length too: a denser stack moves less in each mode, which is no other shape."""
-    evidence = assemble_evidence(candidates, bare(12)[:2])
-    i, step = evidence.nuisances.index(name), 1e-3 * np.eye(len(evidence.nuisances))
-    ahead, behind = (as_they_are(evidence, evidence.start + s * step[i]).rotated for s in (1.0, -1.0))
-    found = as_they_are(evidence, evidence.start)
+    i, step = lean.nuisances.index(name), 1e-3 * np.eye(len(lean.nuisances))
+    ahead, behind = (as_they_are(lean, lean.start + s * step[i]).rotated for s in (1.0, -1.0))
+    found = as_they_are(lean, lean.start)
     for kind in ("frequency", "damping", "shape"):
-        of = evidence.rows.kind == kind
+        of = lean.rows.kind == kind
         slope, column = ((ahead - behind) / 2e-3)[of], found.rotated_jacobian[of, i]
         np.testing.assert_allclose(slope, column, atol=5e-3 * np.abs(found.rotated_jacobian[:, i]).max())
 

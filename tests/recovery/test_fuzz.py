@@ -6,7 +6,7 @@ import pytest
 
 from ema.types.errors import MeasurementError
 from tests.recovery import fuzz
-from tests.recovery.test_damaged_files import DATA, READERS
+from tests.recovery.damaged_readers import DATA, READERS
 
 
 @pytest.fixture
