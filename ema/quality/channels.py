@@ -118,6 +118,15 @@ def _label(frf: FRF, channel: int) -> str:
     return f"{frf.output.name(channel)} (run {frf.run[channel] + 1}, {frf.source[channel]})"
 
 
+def _names(frf: FRF, channels: tuple[int, ...]) -> str:
+    """Name some channels; all of some runs by these, as a force that was turned turns them."""
+    runs = np.unique(frf.run[list(channels)])
+    if len(channels) > 1 and np.isin(frf.run, runs).sum() == len(channels):
+        numbers = ", ".join(str(k + 1) for k in runs)
+        return f"all functions of run{'s' * (runs.size > 1)} {numbers}"
+    return " and ".join(_label(frf, c) for c in channels)
+
+
 def _verdict(
     frf: FRF,
     check: str,
@@ -375,7 +384,8 @@ def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Ver
             text = f"{direction.size} channels in one direction are too few to check sign, scale and exchange"
             yield Verdict(check="sign", level="warn", channel=(), band=None, message=text)
             continue
-        for fault in contradictions(frf, measurement.geometry, direction, _BELIEVED):
+        faults = contradictions(frf, measurement.geometry, direction, _BELIEVED)
+        for fault in faults:
             if fault.kind == "unexplained":
                 text = (
                     "the shapes are rougher than neighbouring points allow, and no single fault explains it: "
@@ -383,12 +393,14 @@ def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Ver
                 )
                 yield Verdict(check="neighbours", level="warn", channel=(), band=None, message=text)
                 continue
-            names = " and ".join(_label(frf, c) for c in fault.channel)
+            names = _names(frf, fault.channel)
             off = max(fault.factor, 1 / fault.factor) if fault.factor > 0 else np.inf
             if fault.kind == "scale" and off < _SCALE_WARN:
                 continue
             what = {
-                "sign": "is turned: its neighbours have the other sign",
+                "sign": "is turned: its neighbours have the other sign"
+                if len(fault.channel) == 1
+                else "are turned: their neighbours have the other sign",
                 "scale": f"is out of scale: it fits its neighbours if multiplied by {fault.factor:.3g}",
                 "swapped": "are exchanged: each fits the place of the other",
             }[fault.kind]
@@ -399,7 +411,8 @@ def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Ver
                 band=None,
                 message=f"{names} {what}; confirm, then correct it in the campaign file",
             )
-        blind = undetectable_signs(frf, measurement.geometry, direction, _BELIEVED)
+        told = [c for fault in faults if fault.kind == "sign" for c in fault.channel]
+        blind = undetectable_signs(frf, measurement.geometry, np.setdiff1d(direction, told), _BELIEVED)
         if blind.size:
             names = ", ".join(frf.output.name(int(c)) for c in blind[:6]) + (
                 ", ..." if blind.size > 6 else ""

@@ -23,6 +23,8 @@ MIN_CHANNELS = 8
 _LENGTHS = np.geomspace(0.15, 2.0, 7)
 _NOISES = np.geomspace(1e-6, 3e-1, 12)
 _TREND = 10.0
+_SIGN_NOISES = (1e-4, 1e-2, 1e-1)
+"""Noises beside which signs are sought: several channels that are turned make the likeliest noise of all too large."""
 _AGREEMENT = 0.9
 """Channels with one injected fault agreed with their neighbours to 0.998 once it was undone; where resonances
 shift from run to run, which makes shapes that nobody has, the likeliest fault left less than 0.8."""
@@ -37,7 +39,8 @@ class Contradiction:
     kind : {"sign", "scale", "swapped", "unexplained"}
         What is wrong; "unexplained" where undoing it helps, but leaves the channel unlike its neighbours.
     channel : tuple of int
-        Positions of the outputs; two for "swapped", all channels of a run for a run out of scale.
+        Positions of the outputs; two for "swapped", all channels of a run for a run out of scale, and for "sign" all
+        that are turned together, such as those of the runs in which the force was.
     factor : float
         What the channels have to be multiplied by; 1 for "swapped".
     gain : float
@@ -114,22 +117,65 @@ def _clearest(frf: FRF, geometry: Geometry, channels: NDArray[np.int64]) -> Cont
     field = shape_space(frf.value[channels, 0])
     covariances = list(_covariances(frf, geometry, channels))
     null = _best(covariances, field)
-    run = frf.run[channels]
+    run, gram = frf.run[channels], field @ field.T
+    together = _turned_together(covariances, gram, run)
     best: Contradiction | None = None
-    for kind, members, factor in _hypotheses(null, field @ field.T, field.shape[1], run):
+    for kind, members, factor in _hypotheses(null, gram, field.shape[1], run) + together:
         corrected = _undone(field, kind, members, factor)
         jacobian = field.shape[1] * len(members) * np.log(abs(factor))
         fit = _best(covariances, corrected)
         gain = fit.value + jacobian - null.value
         if best is None or gain > best.gain:
+            agreement = _agreement(fit, corrected, members)
+            if (kind, members, factor) in together and agreement < _AGREEMENT:
+                continue  # so many signs make any shapes somewhat smoother
             best = Contradiction(
                 kind=kind,
                 channel=tuple(int(channels[m]) for m in members),
                 factor=factor,
                 gain=float(gain),
-                agreement=_agreement(fit, corrected, members),
+                agreement=agreement,
             )
     return best
+
+
+def _turned_together(
+    covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    gram: NDArray[np.float64],
+    run: NDArray[np.int64],
+) -> list[tuple[FaultKind, tuple[int, ...], float]]:
+    """Return channels, several and at most half, with whose signs turned the shapes are smoothest.
+
+    For each covariance the signs ``s`` are those of the least ``s' (inverse * gram) s`` that turning one channel or one
+    run more does not lessen, from the signs as they are and from those of its lowest eigenvector.
+    """
+    runs = (run == np.unique(run)[:, None]).astype(float)
+    found = {}
+    for values, vectors in covariances:
+        for noise in _SIGN_NOISES:
+            coupling = ((vectors / (np.maximum(values, 0.0) + noise)) @ vectors.T) * gram
+            lowest = np.linalg.eigh(coupling)[1][:, 0]
+            for start in (np.ones(run.size), np.where(lowest < 0.0, -1.0, 1.0)):
+                sign = _descended(coupling, start, runs)
+                turned = tuple(np.flatnonzero(sign * np.sign(sign.sum() or sign[0]) < 0.0).tolist())
+                if len(turned) > 1:
+                    found[turned] = ("sign", turned, -1.0)
+    return list(found.values())
+
+
+def _descended(
+    coupling: NDArray[np.float64], sign: NDArray[np.float64], runs: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return signs, (n,), from which no channel's and no run's turning lessens the quadratic form of `coupling`."""
+    moves = np.vstack([np.eye(sign.size), runs])
+    while True:
+        weighed = coupling * np.outer(sign, sign)
+        inside = np.sum((moves @ weighed) * moves, axis=1)
+        change = inside - moves @ weighed.sum(axis=1)  # a quarter of it
+        best = int(np.argmin(change))
+        if change[best] > -1e-9 * np.trace(weighed):
+            return sign
+        sign = np.where(moves[best] > 0.0, -sign, sign)
 
 
 def _agreement(fit: _Fit, field: NDArray[np.float64], members: tuple[int, ...]) -> float:

@@ -18,7 +18,7 @@ from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 
 NX, NY = 11, 4
-FAULTS = ("swapped", "sign", "scale", "dead", "clipped")
+FAULTS = ("swapped", "sign", "sign of runs", "scale", "dead", "clipped")  # the first word is the check that tells
 
 
 def beam_shape(order, s):
@@ -100,6 +100,11 @@ def inject(measurement, fault, rng):
         channels = tuple(sorted((first, second)))
     elif fault == "sign":
         value[first] *= -1
+    elif fault == "sign of runs":  # the force was turned in some
+        run = measurement.frf.run
+        turned = np.isin(run, rng.choice(run.max() + 1, rng.integers(2, 9), replace=False))
+        value[turned] *= -1
+        channels = tuple(np.flatnonzero(turned).tolist())
     elif fault == "scale":
         value[first] *= np.exp(rng.choice([-1, 1]) * rng.uniform(np.log(1.5), np.log(10)))
     elif fault == "dead":  # the noise of an open input, 0.1 to 10 % of the signal
@@ -140,11 +145,19 @@ def named(verdicts):
 def test_a_fault_is_named_with_its_channel(fault):
     rng = np.random.default_rng(7)
     measurement, channels = inject(plate(rng), fault, rng)
-    assert named(check(measurement)) == [(fault, channels)]
+    assert named(check(measurement)) == [(fault.split()[0], channels)]
 
 
 def test_a_sound_set_raises_no_alarm():
     assert named(check(plate(np.random.default_rng(8)))) == []
+
+
+def test_runs_whose_force_was_turned_are_told_as_these():
+    rng = np.random.default_rng(7)
+    measurement, channels = inject(plate(rng), "sign of runs", rng)
+    numbers = ", ".join(str(k + 1) for k in np.unique(measurement.frf.run[list(channels)]))
+    (message,) = [v.message for v in check(measurement) if v.check == "sign" and v.level == "fail"]
+    assert message.startswith(f"all functions of runs {numbers} are turned")
 
 
 def test_two_faults_are_both_named():
@@ -184,7 +197,7 @@ def test_study_of_injected_faults(capsys):
             rng = np.random.default_rng([1, seed])
             measurement, channels = inject(plate(rng), fault, rng)
             found = named(check(measurement))
-            right += (fault, channels) in found
+            right += (fault.split()[0], channels) in found
             others += any(c not in channels for _, group in found for c in group)
         lines.append((fault, right / n_set, others / n_set))
     alarms = sum(bool(named(check(plate(np.random.default_rng([2, seed]))))) for seed in range(n_set)) / n_set
@@ -194,7 +207,7 @@ def test_study_of_injected_faults(capsys):
         print(f"\ninjected faults, {n_set} sets of 44 channels each")
         for fault, right, others in lines:
             print(
-                f"  {fault:8s} named with the right channel {100 * right:5.1f} %, another accused {100 * others:4.1f} %"
+                f"  {fault:12s} named with the right channel {100 * right:5.1f} %, another accused {100 * others:4.1f} %"
             )
         print(f"  false alarms in sound sets {100 * alarms:.1f} %")
         print(f"  false alarms where runs are shifted by up to 0.3 % {100 * on_shift:.1f} %")
