@@ -150,7 +150,7 @@ def _turned_together(
     run more does not lessen, from the signs as they are and from those of its lowest eigenvector.
     """
     runs = (run == np.unique(run)[:, None]).astype(float)
-    found = {}
+    found: dict[tuple[int, ...], tuple[FaultKind, tuple[int, ...], float]] = {}
     for values, vectors in covariances:
         for noise in _SIGN_NOISES:
             coupling = ((vectors / (np.maximum(values, 0.0) + noise)) @ vectors.T) * gram

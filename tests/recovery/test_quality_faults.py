@@ -18,7 +18,14 @@ from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 
 NX, NY = 11, 4
-FAULTS = ("swapped", "sign", "sign of runs", "scale", "dead", "clipped")  # the first word is the check that tells
+FAULTS = (
+    "swapped",
+    "sign",
+    "sign of runs",
+    "scale",
+    "dead",
+    "clipped",
+)  # the first word is the check that tells
 
 
 def beam_shape(order, s):
@@ -207,7 +214,7 @@ def test_study_of_injected_faults(capsys):
         print(f"\ninjected faults, {n_set} sets of 44 channels each")
         for fault, right, others in lines:
             print(
-                f"  {fault:12s} named with the right channel {100 * right:5.1f} %, another accused {100 * others:4.1f} %"
+                f"  {fault:12s} named with the right channel {100 * right:5.1f} %, others accused {100 * others:4.1f} %"
             )
         print(f"  false alarms in sound sets {100 * alarms:.1f} %")
         print(f"  false alarms where runs are shifted by up to 0.3 % {100 * on_shift:.1f} %")

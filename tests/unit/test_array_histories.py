@@ -132,6 +132,19 @@ def test_a_channel_of_labview_that_is_not_there_is_named_among_those_that_are(tm
         read_histories(tmp_path / "a.tdms", layout, matlab=False)
 
 
+def test_a_file_of_labview_that_is_cut_off_is_refused_in_one_line(tmp_path, capfd):
+    """The library reads what is there and prints the rest to the terminal."""
+    tdms(tmp_path / "a.tdms", blows())
+    whole = (tmp_path / "a.tdms").read_bytes()
+    (tmp_path / "a.tdms").write_bytes(whole[:-3000])
+    layout = VariableLayout(history=("hit */Force",), axes=("hit", "time"), sampling_Hz=RATE)
+    with pytest.raises(
+        MeasurementError, match=r"a\.tdms: cannot be read as a TDMS file.* less data than expected"
+    ):
+        read_histories(tmp_path / "a.tdms", layout, matlab=False)
+    assert capfd.readouterr() == ("", "")
+
+
 def structures(file, hits):
     """Write a list of structures, and cells, as MATLAB 7.3 does: references to what lies apart."""
     with h5py.File(file, "w") as written:
