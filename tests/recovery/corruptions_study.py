@@ -47,10 +47,9 @@ from updating.fitting.target import stack_in_state
 
 Outcome = Literal["named", "harmless", "refused", "wrong"]
 OUTCOMES: tuple[Outcome, ...] = ("named", "harmless", "refused", "wrong")
-FIRST_SEED = 700_200
-RECORDED = 3
+FIRST_SEED, SEEDS = 700_200, 5
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "corruptions.jsonl"
-"""Of so many first seeds; the page of promises counts it."""
+"""Of these seeds; the page of promises counts it."""
 BAND, STEP = (100.0, 1150.0), 1.0
 _NO_FINDING = ("resolution",)
 """Checks that say nothing of a corruption: the step of the study's functions is coarse."""

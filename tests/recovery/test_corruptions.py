@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.recovery.corruptions import CORRUPTIONS
-from tests.recovery.corruptions_study import FIRST_SEED, Case, recorded, study, table
+from tests.recovery.corruptions_study import FIRST_SEED, SEEDS, Case, recorded, study, table
 
-SEEDS = 5
 MOST_WRONG = 0.03
 
 
