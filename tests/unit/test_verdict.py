@@ -16,6 +16,7 @@ from updating.diagnosis.calibration import (
     SEPARATE,
     SHOWS,
     STRAINED,
+    SURE,
     VISIBLE,
 )
 from updating.diagnosis.discrepancy import MEDIAN, SPREAD, Sizes
@@ -214,6 +215,23 @@ def test_unlike_anything_where_what_shows_predicts_no_mode_that_it_has_not_seen(
     decision = decide(found(own, base=INADEQUATE))
     assert decision.verdict == ("identified" if helps else "unlike anything")
     assert names(decision.left) == (["a"] if helps else [])
+
+
+@pytest.mark.parametrize(
+    ("odds", "given", "named"),
+    [
+        (SURE - 0.1, {"left_out": (HALVES + 0.01, 1.0, 1.0)}, []),
+        (SURE + 0.1, {"left_out": (HALVES + 0.01, 1.0, 1.0)}, ["a"]),
+        (SURE - 0.1, {"left_out": (1.0, HALVES - 0.01, 1.0)}, ["a"]),  # of damping alone
+        (SURE - 0.1, {"left_out": (1.0, 1.0, HALVES - 0.01)}, []),  # shapes alone are not so sure
+        (SURE - 0.1, {"left_out": (np.nan, np.nan, np.nan)}, ["a"]),
+        (SURE - 0.1, {"left_out": (1.0, 1.0, 1.0), "strain": 12.0 - STRAINED**2 - 0.1}, ["a"]),
+        (SURE - 0.1, {"left_out": (1.0, 1.0, 1.0), "left": (HALVES - 0.01) * TOO_MUCH}, ["a"]),
+    ],
+)
+def test_an_effect_that_halves_nothing_must_be_surer(odds, given, named):
+    own = explanation("a", odds, **({"strain": 12.0, "left": ENOUGH} | given))
+    assert names(decide(found(own, base=INADEQUATE)).left) == named
 
 
 def test_unlike_anything_where_a_change_at_one_point_explains_more_than_the_best_effect():

@@ -18,6 +18,7 @@ from updating.diagnosis.calibration import (
     SEPARATE,
     SHOWS,
     STRAINED,
+    SURE,
 )
 from updating.diagnosis.discrepancy import KINDS, MEDIAN, Kind
 from updating.diagnosis.explanation import Explanation
@@ -114,6 +115,7 @@ def _helps(found: Search, own: Explanation) -> bool:
     hardly are.
 
     What more than halves that which is left helps as well: few modes that each tell one parameter predict no other.
+    Effects that halve nothing and relieve nothing must be the surer.
     """
     base = _supposing_alone(found, own)
     if not (_matters(found, base, own) or _relieves(found, base, own)):
@@ -127,8 +129,12 @@ def _helps(found: Search, own: Explanation) -> bool:
     else:
         kinds = KINDS
     ratio = np.array([getattr(after, kind) / getattr(before, kind) for kind in kinds])
-    better = bool(np.isnan(ratio).all() or np.nanmin(ratio) < HELPS or _halves(base, own))
-    return (better or _relieves(found, base, own)) and _each_helps(found, own)
+    relieves = _relieves(found, base, own)
+    unknown, halved = bool(np.isnan(ratio).all()), _halves(base, own)
+    better = unknown or np.nanmin(ratio) < HELPS or halved
+    if physical and found.odds(own) - found.odds(base) < SURE:
+        better = unknown or np.nanmin(ratio[:2], initial=np.inf) <= HALVES or halved
+    return (better or relieves) and _each_helps(found, own)
 
 
 def _each_helps(found: Search, own: Explanation) -> bool:
