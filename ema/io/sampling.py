@@ -70,8 +70,11 @@ def _line(time: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
 
 def is_uneven(time: NDArray[np.float64]) -> bool:
     """Whether samples, (n_sample,), lie farther from even steps than the last digit of printed times lets them."""
-    step = np.diff(time)
-    return step.size == 0 or bool(np.abs(step - step.mean()).max() > _JITTER * step.mean())
+    with np.errstate(over="ignore", invalid="ignore"):  # times that are none
+        step = np.diff(time)
+    if step.size == 0 or not np.isfinite(step).all():
+        return True
+    return bool(np.abs(step - step.mean()).max() > _JITTER * step.mean())
 
 
 def _of_mixed_digits(time: NDArray[np.float64]) -> float | None:

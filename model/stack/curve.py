@@ -20,6 +20,7 @@ from model.stack.files import plain_text
 
 _COLUMNS = ("strain", "pressure_kPa")
 _MOST_SHOWN = 100  # characters of a row in a message
+_LEAST_RISE = 1e-12  # from point to point, of the largest value: less is rounding, and divided by
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,13 +66,13 @@ class CompressionCurve:
                     f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
                 )
                 raise StackError(message)
-            falls = np.flatnonzero(~(np.diff(getattr(self, name)) > 0.0))
+            values = getattr(self, name)
+            falls = np.flatnonzero(~(np.diff(values) > _LEAST_RISE * np.abs(values).max()))
             if falls.size:
                 row = int(falls[0]) + 1
-                values = getattr(self, name)
                 message = (
-                    f"compression curve: {name} must rise from point to point, but point {row + 1} has "
-                    f"{values[row]:g} after {values[row - 1]:g}"
+                    f"compression curve: {name} must rise from point to point, by {_LEAST_RISE:g} of the largest or "
+                    f"more, but point {row + 1} has {values[row]:g} after {values[row - 1]:g}"
                 )
                 raise StackError(message)
 

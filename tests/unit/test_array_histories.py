@@ -9,7 +9,7 @@ from scipy.io import savemat
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io.array_histories import read_histories
-from ema.io.sampling import rate_of_rounded
+from ema.io.sampling import is_uneven, rate_of_rounded
 from ema.io.table import TableLayout, read_table
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError, MeasurementError
@@ -369,3 +369,9 @@ def test_a_table_of_rounded_times(tmp_path):
     np.testing.assert_allclose(channels[0].abscissa, TIME)
     with pytest.raises(ValueError, match="sampling_Hz is of time histories"):
         TableLayout(layout="complex", sampling_Hz=2560)
+
+
+@pytest.mark.parametrize("time", [[0.0, np.inf, np.inf], [-1.7e308, 1.7e308, 1.75e308], [0.0]])
+def test_times_that_are_none_are_uneven(time):
+    assert is_uneven(np.array(time))
+    assert not is_uneven(np.arange(3.0))

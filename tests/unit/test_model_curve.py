@@ -46,6 +46,7 @@ def test_beyond_its_end_the_curve_is_straight_but_gives_no_strain():
         ([1e-4, 1e-3, 2e-3], [0.0, 1e5, 2e5], r"must be \(0, 0\)"),
         ([0.0, 1e-3, 2e-3], [0.0, 2e5, 1e5], "pressure must rise .* point 3 has 100000 after 200000"),
         ([0.0, 1e-3, 1e-3], [0.0, 1e5, 2e5], "strain must rise"),
+        ([0.0, 1e-3, 2e-3], [0.0, 1e-320, 2e5], "pressure must rise .* by 1e-12 of the largest"),
         ([0.0, 1e-3, np.inf], [0.0, 1e5, 2e5], "strain must be finite, but that of point 3"),
         ([0.0, 1e-3, 2e-3], [0.0, 1e5, np.inf], "pressure must be finite, but that of point 3"),
     ],

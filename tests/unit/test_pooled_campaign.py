@@ -149,6 +149,8 @@ def test_a_wrong_key_is_named(folder, old, new, said):
         ("modes.csv", "0.002", "1.2", "damping must be a ratio above 0 and below 1, not percent"),
         ("shapes.csv", "mode_2_imag", "x2", "shapes.csv: no column 'mode_2_imag'"),
         ("shapes.csv", "\n2,", "\n7,", "points [7] are not in the list of points"),
+        ("shapes.csv", "\n2,", "\n1e300,", "shapes.csv: row 3: node is '1e300', expected a whole number"),
+        ("shapes.csv", "\n2,", "\n1.5,", "shapes.csv: row 3: node is '1.5', expected a whole number"),
         ("classes.csv", "shape_class", "class", "classes.csv: no column 'shape_class'"),
         ("classes.csv", "1,300", "1,300\nbending 1,310", "'bending 1' stands in more than one row"),
     ],

@@ -27,6 +27,7 @@ _UNKNOWN = 1e3
 _DAMPING = 1e-2
 """Damping ratio that stands where none was measured."""
 _DIRECTION = ("x", "y", "z")
+_LARGEST_NUMBER = 1e10  # of a point or sensor, as in universal files
 
 
 def read_modes(path: Path, of: Mapping[str, str]) -> dict[str, list[str]]:
@@ -91,19 +92,19 @@ def modal_model(
     shape = shape / np.abs(shape).max(axis=0)
     relative = _numbers(modes, table, "shape_std") if "shape_std" in table else np.full(n, SHAPE_STD)
     rms = np.sqrt(np.mean(np.abs(shape) ** 2, axis=0))
-    node = _numbers(shapes, rows, "node").astype(np.int64)
+    node = _whole_numbers(shapes, rows, "node")
     absent = sorted(set(node.tolist()) - set(geometry.node.tolist()))
     if absent:
         message = f"{shapes}: points {absent} are not in the list of points of the campaign file"
         raise FitError(message)
-    sensor = _numbers(shapes, rows, "sensor") if "sensor" in rows else np.zeros(node.size)
+    sensor = _whole_numbers(shapes, rows, "sensor") if "sensor" in rows else np.zeros(node.size, np.int64)
     return assembled(
         name,
         _poles(modes, table),
         (shape, np.broadcast_to(relative * rms, shape.shape)),
         geometry=geometry,
         dofs=Dofs(node=node, direction=np.column_stack([_numbers(shapes, rows, a) for a in _DIRECTION])),
-        sensor=sensor.astype(np.int64),
+        sensor=sensor,
         force=force,
     )
 
@@ -271,3 +272,15 @@ def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
             message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number"
             raise FitError(message)
     return found
+
+
+def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDArray[np.int64]:
+    found = _numbers(path, columns, name)
+    odd = np.flatnonzero((found != np.round(found)) | (np.abs(found) > _LARGEST_NUMBER))
+    if odd.size:
+        i = int(odd[0])
+        message = (
+            f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10"
+        )
+        raise FitError(message)
+    return found.astype(np.int64)
