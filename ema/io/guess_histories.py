@@ -46,9 +46,10 @@ class HistoriesFound:
 def pulse_share(value: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the share of each record, (..., n_sample), in which it is above a tenth of its largest value: (...).
 
-    The force of a hammer is a short pulse, a response rings on. 1 of a constant record.
+    The force of a hammer is a short pulse, a response rings on. 1 of a constant record, and of one that is not finite.
     """
-    size = np.abs(value - np.median(value, axis=-1, keepdims=True))
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.abs(value - np.median(value, axis=-1, keepdims=True))
     most = size.max(axis=-1, keepdims=True)
     return np.asarray(np.where(most[..., 0] > 0, np.mean(size > _OF_A_PULSE * most, axis=-1), 1.0))
 

@@ -360,18 +360,18 @@ def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
     for where, content in parsed:
         if content["type"] == 2420:
             keys = ("CS_sys_labels", "CS_types", "CS_sys_labels")
-            matrices = [np.asarray(matrix, float) for matrix in content["CS_matrices"]]
+            matrices = [_floats(matrix) for matrix in content["CS_matrices"]]
             frames = [(matrix[:3], matrix[3]) for matrix in matrices]
         elif content["type"] == 18:
             keys = ("cs_num", "cs_type", "ref_cs_num")
-            points = [np.asarray(content[key], float) for key in ("ref_o", "x_point", "xz_point")]
+            points = [_floats(content[key]) for key in ("ref_o", "x_point", "xz_point")]
             if not all(np.all(np.abs(p) < 1e30) for p in points):
                 message = f"{where}: the points of the coordinate systems are not finite"
                 raise MeasurementError(message)
             frames = [(_axes(o, x, xz), o) for o, x, xz in zip(*points, strict=False)]
         else:
             continue
-        numbers = [np.asarray(content[key], float) for key in keys]
+        numbers = [_floats(content[key]) for key in keys]
         if {len(n) for n in numbers} != {len(frames)} or not np.all(np.abs(numbers) < _LARGEST):
             message = f"{where}: the records of the coordinate systems are incomplete or not finite"
             raise MeasurementError(message)
@@ -386,6 +386,14 @@ def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
                 axes, start = axes @ base.axes, origin @ base.axes + base.origin
             systems[int(label)] = _System(axes=axes, origin=start)
     return systems
+
+
+def _floats(value: Any) -> NDArray[np.float64]:
+    """Return numbers as floats, an integer that is too large for one as an infinite one."""
+    try:
+        return np.asarray(value, float)
+    except OverflowError:
+        return np.full(np.shape(value), np.inf)
 
 
 def _axes(

@@ -82,7 +82,7 @@ def test_an_effect_changes_modes_as_much_on_a_finer_mesh(name):
         # where clamps began and ended within elements it was off by 0.4 %
         pytest.param("clamp_pitch_inertia", {"clamp_pitch": 0.0007}, 1.2e-3, marks=pytest.mark.slow),
         # where it held all of a rectangle that ended within elements it was off by 0.5 %
-        ("weld_seam", {"bead_shear": 7.5e5}, 1e-3),
+        pytest.param("weld_seam", {"bead_shear": 7.5e5}, 1e-3, marks=pytest.mark.slow),
     ],
 )
 def test_a_strong_effect_moves_modes_as_much_on_a_finer_mesh(name, values, off):

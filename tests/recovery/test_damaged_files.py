@@ -47,7 +47,6 @@ EXTREMES = [b"0", b"-1", b"1000000", b"2147483648", b"1e300", b"1e-300", b"nan",
     "reader",
     [
         "campaign",
-        "campaign of specimens",
         "stack",
         "stack with a curve and an outline",
         "update file",

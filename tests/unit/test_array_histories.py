@@ -9,6 +9,7 @@ from scipy.io import savemat
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io.array_histories import read_histories
+from ema.io.guess_histories import pulse_share
 from ema.io.sampling import is_uneven, rate_of_rounded
 from ema.io.table import TableLayout, read_table
 from ema.io.variables import VariableLayout
@@ -375,3 +376,7 @@ def test_a_table_of_rounded_times(tmp_path):
 def test_times_that_are_none_are_uneven(time):
     assert is_uneven(np.array(time))
     assert not is_uneven(np.arange(3.0))
+
+
+def test_a_record_that_is_not_finite_has_no_pulse():
+    assert pulse_share(np.array([[0.0, np.inf, 0.0], [-np.inf, np.inf, 0.0]])).tolist() == [1.0, 1.0]

@@ -281,3 +281,13 @@ def test_a_point_number_beyond_ten_digits(tmp_path, kind):
     (tmp_path / "a.uff").write_text(text)
     with pytest.raises(MeasurementError, match=f"data set . .{kind}.: .* (not finite|no point numbers)"):
         read_uff_geometry(tmp_path / "a.uff")
+
+
+def test_a_label_of_a_coordinate_system_that_no_float_holds(tmp_path):
+    rows = "  1.0 0.0 0.0\n  0.0 1.0 0.0\n  0.0 0.0 1.0\n  0.0 0.0 0.0\n"
+    point = f"    -1\n    15\n{7:10d}{0:10d}{0:10d}{8:10d}  1.0 2.0 3.0\n    -1\n"
+    (tmp_path / "a.uff").write_text(
+        f"    -1\n  2420\n{1:10d}\nNone\n {'9' * 400} 0 0\nA\n{rows}    -1\n{point}"
+    )
+    with pytest.raises(MeasurementError, match=r"data set 1 .2420.: the records .* incomplete or not finite"):
+        read_uff_geometry(tmp_path / "a.uff")
