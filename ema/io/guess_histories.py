@@ -51,7 +51,8 @@ def pulse_share(value: NDArray[np.float64]) -> NDArray[np.float64]:
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.abs(value - np.median(value, axis=-1, keepdims=True))
     most = size.max(axis=-1, keepdims=True)
-    return np.asarray(np.where(most[..., 0] > 0, np.mean(size > _OF_A_PULSE * most, axis=-1), 1.0))
+    varies = np.isfinite(most[..., 0]) & (most[..., 0] > 0)
+    return np.asarray(np.where(varies, np.mean(size > _OF_A_PULSE * most, axis=-1), 1.0))
 
 
 def guess_histories(arrays: _Arrays, beside: Mapping[str, int]) -> HistoriesFound | None:
