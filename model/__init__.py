@@ -16,7 +16,7 @@ from model.plot.shapes import mode_plotter
 from model.reduction.assemble import assemble
 from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem, reduce, reduced_terms
-from model.reduction.truncation import truncated
+from model.reduction.truncation import Sampled, truncated
 from model.stack.effect import Effect, Parameter, shared_parameters
 from model.stack.errors import EffectError, ModelError, SolveError, StackError
 from model.stack.material import Material
@@ -47,6 +47,7 @@ __all__ = [
     "ReducedEquations",
     "ReducedSystem",
     "Refined",
+    "Sampled",
     "SlipLaw",
     "SolveError",
     "Stack",

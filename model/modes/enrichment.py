@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import functools
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
@@ -142,7 +143,7 @@ class _Known:
             matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
             return matrix
 
-        return system.rebased(basis, grown)
+        return replace(system.rebased(basis, grown), parts=system.parts, quick=system.quick)
 
 
 class _Correction:

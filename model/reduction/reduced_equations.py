@@ -5,16 +5,18 @@ They are small beside what they were reduced from, so they can be sent to anothe
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, ParameterFactor, Target
+from model.reduction.basis_parts import BasisParts, Space
 from model.stack.stack import Stack
 
 _GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
+_KEPT = 6  # equations that acted last; each has some 10 MB
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,13 +43,21 @@ class ReducedEquations:
         Nominal parameters.
     ranges : mapping of str to (float, float)
         Values of parameters for which the reduction was made, G_f among them.
+    parts : BasisParts, optional
+        What of the basis modes need; all of it by default.
+    quick : BasisParts, optional
+        What of it does for a quick look.
     """
 
     stack: Stack
     terms: tuple[ReducedTerm, ...]
     theta: Mapping[str, float]
     ranges: Mapping[str, tuple[float, float]]
-    _acting: dict[frozenset[str], ReducedEquations] = field(default_factory=dict, init=False, repr=False)
+    parts: BasisParts | None = None
+    quick: BasisParts | None = None
+    _acting: dict[tuple[frozenset[str], tuple[int, ...]], Acting] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @property
     def size(self) -> int:
@@ -57,23 +67,46 @@ class ReducedEquations:
     @property
     def equations(self) -> ReducedEquations:
         """These equations alone, without what they were reduced from."""
-        return ReducedEquations(stack=self.stack, terms=self.terms, theta=self.theta, ranges=self.ranges)
+        names = (one.name for one in fields(ReducedEquations) if one.init)
+        return ReducedEquations(**{name: getattr(self, name) for name in names})
 
-    def leading(self, n: int) -> ReducedEquations:
-        """Return these equations on the first n degrees of freedom; all of them where there are fewer."""
-        terms = tuple(replace(t, matrix=np.ascontiguousarray(t.matrix[:n, :n])) for t in self.terms)
-        return replace(self.equations, terms=terms)
+    @property
+    def rough(self) -> ReducedEquations:
+        """These equations for a quick look: what acts of them is off by some 1 % of a frequency at most."""
+        return replace(self.equations, parts=self.quick)
 
-    def acting(self, moved: Collection[str]) -> ReducedEquations:
-        """Return the equations without terms that vanish while only some parameters, and the frequency, move."""
+    def acting(self, moved: Mapping[str, float]) -> Acting:
+        """Return what modes need of the equations while some parameters, and the frequency, move.
+
+        Terms that vanish all the while are left out, and what only other parameters ask for of the basis.
+
+        Parameters
+        ----------
+        moved : mapping of str to float
+            The parameters that move, and where they are.
+        """
         free = frozenset((*moved, OMEGA))
-        if free not in self._acting:  # fits ask again at every step
-            apart = {
-                n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()
-            }
-            terms = tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
-            self._acting[free] = replace(self.equations, terms=terms)
-        return self._acting[free]
+        needed = () if self.parts is None else self.parts.needed(moved, self.theta)
+        found = self._acting.pop((free, needed), None)  # fits ask again at every step
+        if found is None:
+            space = None if self.parts is None else self.parts.space(needed, self.size)
+            found = Acting(equations=self._in_space(self._terms_of(free), space), space=space)
+            while len(self._acting) >= _KEPT:
+                self._acting.pop(next(iter(self._acting)))
+        self._acting[free, needed] = found
+        return found
+
+    def _terms_of(self, free: frozenset[str]) -> tuple[ReducedTerm, ...]:
+        """Return the terms that do not vanish wherever some parameters are."""
+        apart = {n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()}
+        return tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
+
+    def _in_space(self, terms: tuple[ReducedTerm, ...], space: Space | None) -> ReducedEquations:
+        """Return the equations with some terms, in a space of the basis; None is all of it."""
+        if space is not None:
+            found = {id(t.matrix): space.matrix(t.matrix) for t in {id(t.matrix): t for t in terms}.values()}
+            terms = tuple(replace(t, matrix=found[id(t.matrix)]) for t in terms)
+        return replace(self.equations, terms=terms, parts=None, quick=None)
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
@@ -90,3 +123,19 @@ class ReducedEquations:
             if term.target == target:
                 total += term.factor.derivative(theta, name) * term.matrix
         return total
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Acting:
+    """The equations that act while some parameters move, in the space that modes need then; None is the basis."""
+
+    equations: ReducedEquations
+    space: Space | None
+
+    def rows(self, whole: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return rows that act on coordinates of the basis, (n_dof, n), as they act on those of these equations."""
+        return whole if self.space is None else self.space.rows(whole)
+
+    def whole(self, coordinate: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return vectors in the coordinates of these equations in those of the basis."""
+        return coordinate if self.space is None else self.space.whole(coordinate)

@@ -84,7 +84,7 @@ class ReducedSystem(ReducedEquations):
             if id(old.matrix) not in found:
                 found[id(old.matrix)] = projected(old, full)
         terms = tuple(dataclasses.replace(term, matrix=found[id(term.matrix)]) for term in self.terms)
-        return dataclasses.replace(self, basis=basis, terms=terms)
+        return dataclasses.replace(self, basis=basis, terms=terms, parts=None, quick=None)
 
     def field_rows(
         self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]

@@ -26,7 +26,6 @@ Vector = NDArray[np.float64]
 
 _N_MODE = 22
 _TRIALS = 25  # of G_f
-_ROUGH = 100  # directions of the basis that do for this: frequencies are off by 1 % at most
 _PAIRED = 0.8
 """MAC from which a measured mode tells of the force, with the model's shape in its place."""
 _FEWEST_MODES = 4
@@ -187,8 +186,8 @@ def check_rig(
         direction=np.vstack([responses.direction, np.tile(measured.input.direction[0], (n_place, 1))]),
     )
     observed = observe(system, everywhere)
-    equations = system.equations.acting({"pressure": pressure}).leading(_ROUGH)
-    observed = replace(observed, reduced_rows=observed.reduced_rows[:, :_ROUGH])
+    acting = system.rough.acting({"pressure": pressure})
+    equations, observed = acting.equations, replace(observed, reduced_rows=acting.rows(observed.reduced_rows))
     tried = np.geomspace(*G_f_range, _TRIALS if stack.n_lamina > 1 else 1)
     modes = [
         solve_modes(

@@ -20,6 +20,7 @@ from model import (
     Parameter,
     ReducedEquations,
     ReducedSystem,
+    Sampled,
     Stack,
     assemble,
     reduce,
@@ -49,6 +50,8 @@ EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
 _ATTACHED = np.geomspace(*G_F_RANGE, 5)[1::2]  # contact stiffnesses at which places answer
 _PLACES = 21
 _TRUNCATED = 0.05  # amplitude of a direction that modes need no more
+_STIFFNESSES = np.geomspace(*G_F_RANGE, 6)  # at which modes are taken
+_NEARBY = 5e-3  # m, that a clamp may be off without a word
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -124,7 +127,7 @@ def candidate_model(
     )
     sampled = [effect for effect in possible.values() if effect.n_sampled]
     system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
-    system = truncated(system, _corners([*possible.values(), *placed]), N_MODEL, _TRUNCATED)
+    system = truncated(system, _sampled(possible.values(), placed), N_SOLVED, _TRUNCATED)
     return CandidateModel(
         stack=base,
         system=system,
@@ -227,11 +230,25 @@ def instruments_of(modes: ModalModel) -> Instruments:
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
 
 
-def _corners(effects: Iterable[Effect]) -> Iterator[dict[str, float]]:
-    """Return parameters with one effect at a time over its range, each at two contact stiffnesses."""
-    stiffness = np.geomspace(*G_F_RANGE, 6)
-    for i, effect in enumerate(effects):
-        places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
-        for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
-            for G_f in stiffness[(i + j) % 3 :: 3]:
-                yield {"G_f": float(G_f), **corner}
+def _sampled(effects: Iterable[Effect], placed: Sequence[Effect]) -> list[Sampled]:
+    """Return where modes are taken: those of the base model with clamps nearby, and those of each effect apart."""
+    places = [p for effect in placed for p in effect.parameters]
+    stiffness = [{"G_f": float(G_f)} for G_f in _STIFFNESSES]
+    near = [{**at, p.name: end} for p in places for end in (-_NEARBY, _NEARBY) for at in stiffness[::2]]
+    apart = [
+        Sampled(
+            samples=tuple(_corners(i, effect)),
+            parameter=tuple(p.name for p in effect.parameters),
+            reach=_NEARBY if effect in placed else 0.0,
+        )
+        for i, effect in enumerate([*effects, *placed])
+    ]
+    return [Sampled(samples=[*stiffness, *near]), *apart]
+
+
+def _corners(i: int, effect: Effect) -> Iterator[dict[str, float]]:
+    """Return parameters with the i-th effect over its range, each at two contact stiffnesses."""
+    places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
+    for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
+        for G_f in _STIFFNESSES[(i + j) % 3 :: 3]:
+            yield {"G_f": float(G_f), **corner}

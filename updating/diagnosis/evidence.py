@@ -25,7 +25,6 @@ from updating.diagnosis.sensor_place import USUAL
 
 Vector = NDArray[np.float64]
 
-_ROUGH = 100  # directions of the basis that do for a look: frequencies are off by 1 % at most
 SHARED = ("G_f", "d_f", "young", "density", "normal_modulus")
 """Nuisances that all configurations share; the deviations of G_f and d_f of each follow them."""
 POINTS_SHIFT = "points_x"
@@ -362,13 +361,8 @@ class Evidence:
 
     @property
     def rough(self) -> Evidence:
-        """The evidence beside the first directions of the basis alone: for a quick look."""
-        return replace(
-            self,
-            equations=self.equations.leading(_ROUGH),
-            observed=tuple(replace(o, reduced_rows=o.reduced_rows[:, :_ROUGH]) for o in self.observed),
-            place_slope=tuple(slope[..., :_ROUGH] for slope in self.place_slope),
-        )
+        """The evidence beside what modes need most of the basis: for a quick look."""
+        return replace(self, equations=self.equations.rough)
 
     @property
     def nuisances(self) -> tuple[str, ...]:
@@ -451,16 +445,18 @@ def solved(
     """
     own = evidence.tested[configuration]
     moved = {"pressure": own.pressure, **own.known, **theta}
-    return solve_modes(
-        evidence.equations.acting(moved),
+    acting, observed = evidence.equations.acting(moved), evidence.observed[configuration]
+    modes = solve_modes(
+        acting.equations,
         G_f=theta["G_f"],
         d_f=theta["d_f"],
-        n_mode=min(n_mode, evidence.equations.size),  # one lamina without effects has few
-        observation=evidence.observed[configuration],
+        n_mode=min(n_mode, acting.equations.size),  # one lamina without effects has few
+        observation=replace(observed, reduced_rows=acting.rows(observed.reduced_rows)),
         parameters={k: v for k, v in moved.items() if k not in ("G_f", "d_f")},
         by=tuple(by),
         differentiated=differentiated,
     ).elastic()
+    return replace(modes, coordinate=acting.whole(modes.coordinate))
 
 
 def pair(
