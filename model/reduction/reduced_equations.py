@@ -16,7 +16,6 @@ from model.reduction.basis_parts import BasisParts, Space
 from model.stack.stack import Stack
 
 _GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
-_KEPT = 6  # equations that acted last; each has some 10 MB
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,14 +86,13 @@ class ReducedEquations:
         """
         free = frozenset((*moved, OMEGA))
         needed = () if self.parts is None else self.parts.needed(moved, self.theta)
-        found = self._acting.pop((free, needed), None)  # fits ask again at every step
-        if found is None:
+        if (free, needed) not in self._acting:  # fits ask again at every step; each takes some 20 MB
             space = None if self.parts is None else self.parts.space(needed, self.size)
-            found = Acting(equations=self._in_space(self._terms_of(free), space), space=space)
-            while len(self._acting) >= _KEPT:
-                self._acting.pop(next(iter(self._acting)))
-        self._acting[free, needed] = found
-        return found
+            self._acting.clear()
+            self._acting[free, needed] = Acting(
+                equations=self._in_space(self._terms_of(free), space), space=space
+            )
+        return self._acting[free, needed]
 
     def _terms_of(self, free: frozenset[str]) -> tuple[ReducedTerm, ...]:
         """Return the terms that do not vanish wherever some parameters are."""

@@ -108,6 +108,14 @@ def test_a_quick_look_is_one_percent_off_at_most(parted):
     np.testing.assert_allclose(found, whole, rtol=1e-2)
 
 
+def test_what_acts_is_made_once_while_the_same_moves(parted):
+    """The last alone is kept: many specimens have one model, and each would take as much memory as a third of it."""
+    first = parted.acting({"G_f": 1500.0})
+    assert parted.acting({"G_f": 900.0}) is first
+    parted.acting({"G_f": 900.0, "clamp_added_mass": 0.1})
+    assert parted.acting({"G_f": 900.0}) is not first
+
+
 def test_effects_that_need_nearly_all_of_the_basis_get_all_of_it(parted):
     every = {p.name: p.nominal for effect in parted.stack.effects for p in effect.parameters}
     assert parted.acting({"G_f": 1500.0}).space is not None

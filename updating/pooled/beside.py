@@ -249,10 +249,11 @@ def _put_beside(
             require_points(modes)
     first = specimens[members[len(members) // 2]]
     candidates = reduced(first.stack, instruments_of(first.tested[0][2]), effects, aids(), executor)
-    found = []
+    found, shared = [], candidates.system.equations  # with what of them acts
     for i in members:
         try:
-            found.append(assemble_evidence(candidates, specimens[i].tested, scatter=scatter).alone)
+            own = assemble_evidence(candidates, specimens[i].tested, scatter=scatter).alone
+            found.append(replace(own, equations=shared))
         except FitError as error:
             message = f"specimen {specimens[i].name}: {error}"
             raise FitError(message) from error
