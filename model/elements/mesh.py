@@ -22,7 +22,7 @@ import scipy.spatial as spatial
 import skfem
 from numpy.typing import NDArray
 
-from model.elements.powers import ElementQuadBFS, ElementTriArgyris
+from model.elements.powers import ElementQuadBFS, ElementTriArgyris, PowersOnce
 from model.stack.outline import Triangulation
 from model.stack.stack import Stack
 
@@ -183,12 +183,12 @@ class Plan:
         basis = self.basis(field)
         x, cells = self._located(np.asarray(points, dtype=float))
         local = basis.mapping.invF(x[:, :, np.newaxis], tind=cells)
-        values = np.array(
-            [
-                _derivative(basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0], derivative)[:, 0]
-                for k in range(basis.Nbfun)
-            ]
-        )
+        if isinstance(basis.elem, PowersOnce):
+            axes = tuple("xy".index(letter) for letter in derivative)
+            values = basis.elem.shapes(basis.mapping, local, cells, axes)[..., 0]
+        else:
+            shapes = (basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0] for k in range(basis.Nbfun))
+            values = np.array([_derivative(shape, derivative)[:, 0] for shape in shapes])
         rows = np.broadcast_to(np.arange(x.shape[1]), values.shape)
         return sp.coo_matrix(
             (values.ravel(), (rows.ravel(), basis.element_dofs[:, cells].ravel())), (x.shape[1], basis.N)

@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 import skfem
+from numpy.typing import NDArray
 from skfem.element.discrete_field import DiscreteField
 from skfem.element.element_global import ElementGlobal
 
 
-class _PowersOnce(ElementGlobal):  # type: ignore[misc]  # skfem has no types
+class PowersOnce(ElementGlobal):  # type: ignore[misc]  # skfem has no types
+    """An element whose shape functions are sums of powers of places."""
+
     _evaluated: tuple[Any, Any, Any] | None = None  # places, cells, and the powers there
 
     def gbasis(self, mapping: Any, X: Any, i: int, tind: Any = None) -> tuple[Any]:
@@ -31,6 +34,14 @@ class _PowersOnce(ElementGlobal):  # type: ignore[misc]  # skfem has no types
                 found[len(which)][which] += weight[:, row][:, None] * value
         return (DiscreteField(value=found[0], grad=found[1], hess=found[2]),)
 
+    def shapes(self, mapping: Any, X: Any, tind: Any, which: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return one derivative of all shape functions at places of cells, (n_shape, n_cell, n_place)."""
+        if self.V is None:  # what it is made of is made there
+            super().gbasis(mapping, X[..., :1], 0, tind)
+        x = mapping.F(X, tind=tind)
+        powers = np.array([np.broadcast_to(power(*x), x.shape[1:]) for power in self._pbasis[which]])
+        return np.asarray(np.einsum("crs,rcp->scp", self.V[tind], powers, optimize=True))
+
     def _powers(self, x: Any) -> dict[tuple[int, ...], list[Any]]:
         """Return all powers and their derivatives at places of each cell."""
         every = (
@@ -42,9 +53,9 @@ class _PowersOnce(ElementGlobal):  # type: ignore[misc]  # skfem has no types
         return {which: [np.broadcast_to(power(*x), size) for power in self._pbasis[which]] for which in every}
 
 
-class ElementQuadBFS(_PowersOnce, skfem.ElementQuadBFS):  # type: ignore[misc]
+class ElementQuadBFS(PowersOnce, skfem.ElementQuadBFS):  # type: ignore[misc]
     """Bogner-Fox-Schmit's rectangle."""
 
 
-class ElementTriArgyris(_PowersOnce, skfem.ElementTriArgyris):  # type: ignore[misc]
+class ElementTriArgyris(PowersOnce, skfem.ElementTriArgyris):  # type: ignore[misc]
     """Argyris's triangle."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,18 +80,31 @@ class Marginal:
         Means of the logarithms of the sizes, as sizes.
     spread : Sizes
         Standard deviations of these logarithms.
-    covariance : (n_coordinate, n_coordinate) float
-        Of the coordinates, sizes and linear parameters integrated out.
-    noise_variance : (n_coordinate,) float
-        Of the coordinates, were there no discrepancy.
     """
 
     log_evidence: float
     likeliest: Sizes
     mean: Sizes
     spread: Sizes
-    covariance: Vector
-    noise_variance: Vector
+    _own: Linearized
+    _weight: Vector
+    _tried: _Tried
+
+    @cached_property
+    def covariance(self) -> Vector:
+        """Covariance of the coordinates, (n, n), sizes and linear parameters integrated out."""
+        counts = self._weight > _COUNTS * self._weight.max()
+        weight, step = self._weight[counts] / self._weight[counts].sum(), self._tried.step[counts]
+        inverse = np.linalg.pinv(self._tried.precision[counts], hermitian=True)
+        middle = weight @ step
+        covariance = np.einsum("i,ijk->jk", weight, inverse)
+        return np.asarray(covariance + np.einsum("i,ij,ik->jk", weight, step - middle, step - middle))
+
+    @cached_property
+    def noise_variance(self) -> Vector:
+        """Variances of the coordinates, (n,), were there no discrepancy."""
+        exact = {kind: _Rows.of(self._own, kind).at(np.zeros(1)) for kind in KINDS}
+        return np.diag(np.linalg.pinv(_tried(self._own, exact).precision[0], hermitian=True))
 
 
 def marginal(
@@ -124,21 +138,14 @@ def marginal(
     logs = np.log(found.size)
     mean = weight @ logs
     spread = np.sqrt(weight @ (logs - mean) ** 2)
-    counts = weight > _COUNTS * weight.max()
-    at = int(np.argmax(weight))
-    weight, step = weight[counts] / weight[counts].sum(), found.step[counts]
-    inverse = np.linalg.pinv(found.precision[counts], hermitian=True)
-    middle = weight @ step
-    covariance = np.einsum("i,ijk->jk", weight, inverse)
-    covariance += np.einsum("i,ij,ik->jk", weight, step - middle, step - middle)
-    exact = {kind: rows[kind].at(np.zeros(1)) for kind in KINDS}
     return Marginal(
         log_evidence=top + float(np.log(total) + _log_volume(own)),
-        likeliest=_sizes(found.size[at]),
+        likeliest=_sizes(found.size[int(np.argmax(weight))]),
         mean=_sizes(np.exp(mean)),
         spread=_sizes(spread),
-        covariance=covariance,
-        noise_variance=np.diag(np.linalg.pinv(_tried(own, exact).precision[0], hermitian=True)),
+        _own=own,
+        _weight=weight,
+        _tried=found,
     )
 
 

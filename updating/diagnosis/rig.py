@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -36,6 +37,7 @@ def _name(i: int, axis: int) -> str:
     return f"clamp_{i + 1}_{'xy'[axis]}"
 
 
+@functools.lru_cache(maxsize=len(FIELDS))  # those along y are asked for after those along x
 def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, int], sp.csr_matrix]:
     """Return the rows whose sum, each times powers of the distances along x and y, takes the mean under a clamp.
 
