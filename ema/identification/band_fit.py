@@ -14,8 +14,8 @@ from ema.identification.functions import Functions, resonant
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.part_bands import PartBand, part_bands
-from ema.identification.residual_search import Left
-from ema.identification.run_poles import RunPoles, response
+from ema.identification.residual_search import Left, settled
+from ema.identification.run_poles import RunPoles, response, run_poles
 from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.stabilization import stabilization
@@ -125,10 +125,11 @@ def _overlap(peak: Peak, other: Peak) -> bool:
 def _without_common(frf: FRF, found: BandFit) -> BandFit:
     """Take away poles beside which peaks as high are left.
 
-    Runs that differ leave such peaks of the strongest modes, too, until they are followed: so this comes last.
+    Runs that differ leave such peaks of the strongest modes, too, until they are followed: so this comes last. Where
+    it is the misfit of strong modes that is as high, lines weigh by that misfit.
     """
     data = _functions(replace(frf, value=found.value))
-    own = found
+    own = _weighed(data, found)
     while (common := is_common(data, own.fit)).any():
         kept = np.flatnonzero(~common)
         pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
@@ -137,6 +138,20 @@ def _without_common(frf: FRF, found: BandFit) -> BandFit:
         runs = {name: getattr(own.runs, name)[..., kept] for name in ("pole", "residue", *_OF_MODES)}
         own = replace(own, fit=replace(fit, pole_covariance=covariance), runs=replace(own.runs, **runs))
     return own
+
+
+def _weighed(data: Functions, found: BandFit) -> BandFit:
+    """Weigh lines by the misfit where poles stand alone with these weights that do not without."""
+    common = is_common(data, found.fit)
+    if not common.any() or found.runs.followed:
+        return found
+    fit = settled(data, data.weigh_by_misfit(found.fit))
+    order = np.abs(found.fit.pole[:, None] - fit.pole).argmin(axis=1)
+    fit = data.linear_fit(fit.pole[order], fit.weight)
+    still = is_common(data, fit)
+    if fit.objective >= found.fit.objective or not (common & ~still).any() or (still & ~common).any():
+        return found
+    return replace(found, fit=fit, runs=run_poles(data, fit))
 
 
 def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArray[np.bool_]:

@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.identification.line_weights import misfit_weight
 from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.stabilization import MAX_DAMPING
 from ema.types.frf import Quantity
+
+_WEIGHINGS = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,9 +37,15 @@ class Functions:
     quantity: Quantity
     weight: NDArray[np.float64]
 
-    def linear_fit(self, pole: NDArray[np.complex128]) -> Fit:
-        """Fit residues and residual terms at fixed poles."""
-        return linear_fit(self.frequency, self.value, pole, self.quantity)
+    def linear_fit(self, pole: NDArray[np.complex128], weight: NDArray[np.float64] | None = None) -> Fit:
+        """Fit residues and residual terms at fixed poles; all lines weigh the same where no weights are given."""
+        return linear_fit(self.frequency, self.value, pole, self.quantity, weight)
+
+    def weigh_by_misfit(self, fit: Fit) -> Fit:
+        """Fit residues at the poles of a fit with lines that weigh by the misfit, which they change in turn."""
+        for _ in range(_WEIGHINGS):
+            fit = self.linear_fit(fit.pole, misfit_weight(self.value - fit.residual, fit.residual))
+        return fit
 
     def of_run(self, number: int) -> Functions:
         """Return the functions of one run."""

@@ -1,4 +1,4 @@
-"""How uncertain each line of a measured function is, from its coherence."""
+"""How uncertain each line of a measured function is, from its coherence or from what a fit leaves of it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ SMOOTHING = 5
 """Lines over which the variance is averaged: an estimate from few averages scatters much itself."""
 LARGEST_RATIO = 1e4
 """Limit on variances over their median: coherences are stored with few digits."""
+_ROUNDS = 50
+_FACTOR = 5.0  # by which a part of the variance may fall in a step
 
 
 def coherence_weight(value: NDArray[np.complex128], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -40,3 +42,37 @@ def coherence_weight(value: NDArray[np.complex128], coherence: NDArray[np.float6
     weight = 1.0 / np.clip(variance / middle, 1.0 / LARGEST_RATIO, LARGEST_RATIO)
     weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
     return np.where(usable[:, None], weight, 1.0)
+
+
+def misfit_weight(fitted: NDArray[np.complex128], residual: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return inverse variances of functions of which a fit leaves much where it is large, as in `coherence_weight`.
+
+    What is left of a line is taken for complex normal of variance ``noise**2 + error**2 abs(H)**2``, with H as it was
+    fitted: besides noise, a resonance that is not quite that of a linear mode leaves a part of itself. Both are those
+    of the largest likelihood in each function, by Fisher scoring.
+
+    Parameters
+    ----------
+    fitted, residual : (n_function, n_frequency) complex
+        A fit of functions, and what it leaves of them; neither is all zero in any of them.
+
+    Returns
+    -------
+    (n_function, n_frequency) float
+        Of geometric mean 1 in every function.
+    """
+    weight = np.stack(
+        [_inverse_variance(*of) for of in zip(np.abs(fitted) ** 2, np.abs(residual) ** 2, strict=True)]
+    )
+    return weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
+
+
+def _inverse_variance(power: NDArray[np.float64], left: NDArray[np.float64]) -> NDArray[np.float64]:
+    power, left = power / np.mean(power), left / np.mean(left)
+    part = np.array([np.median(left), 1e-4])
+    for _ in range(_ROUNDS):
+        variance = part[0] + part[1] * power
+        relative = np.stack([1.0 / variance, power / variance], axis=1)
+        step = np.linalg.lstsq(relative, left / variance - 1.0)[0]
+        part = np.maximum(part + step, part / _FACTOR)
+    return np.asarray(1.0 / (part[0] + part[1] * power))

@@ -360,7 +360,7 @@ def take_in_peaks(
             if isinstance(found, Refusal):
                 refused[peak.line] = found
             else:
-                fit = data.linear_fit(found)
+                fit = data.linear_fit(found, fit.weight)
                 taken.append(peak)
         if not taken:
             return fit, _listed(data, fit, refused)
@@ -370,30 +370,46 @@ def take_in_peaks(
             for line, refusal in refused.items()
             if not any(abs(line - peak.line) <= _reach(peak) for peak in taken)
         }
-        fit, useless = _without_useless(data, _settled(data, fit), taken)
+        fit, useless = _without_useless(data, settled(data, fit), taken)
         refused |= dict.fromkeys(useless, Refusal(reason=_LESS))
 
 
-def _settled(data: Functions, fit: Fit) -> Fit:
+def settled(data: Functions, fit: Fit) -> Fit:
     """Refine all modes together, but hold those that would wander to the misfit of stronger ones."""
-    refined = refine(data.frequency, data.value, fit.pole, data.quantity)
+    refined = refine(data.frequency, data.value, fit.pole, data.quantity, fit.weight)
     wanders = np.abs(refined.pole - fit.pole) > -WANDER * fit.pole.real
     if not wanders.any():
         return refined
-    return refine(data.frequency, data.value, fit.pole[~wanders], data.quantity, held=fit.pole[wanders])
+    held = fit.pole[wanders]
+    return refine(data.frequency, data.value, fit.pole[~wanders], data.quantity, fit.weight, held=held)
 
 
 def _without_useless(data: Functions, fit: Fit, taken: list[Peak]) -> tuple[Fit, list[int]]:
-    """Give up modes that explained their peaks on the lines around them, but do not beside all others."""
-    each, rest = powers(data, fit)
-    shares = [rest[:, peak.window].sum(axis=1) / each[:, peak.window].sum(axis=1) for peak in taken]
-    # Some functions may show nothing but noise there.
-    useless = [peak for peak, share in zip(taken, shares, strict=True) if np.median(share) > MOST_LEFT]
+    """Give up modes that explained their peaks on the lines around them, but do not beside all others.
+
+    The misfit of much stronger modes may be as large as such a peak, and its residue goes there. So it is first tried
+    whether lines that weigh by that misfit leave it its own.
+    """
+    useless = _useless(data, fit, taken)
+    if useless:
+        weighted = settled(data, data.weigh_by_misfit(fit))
+        still = _useless(data, weighted, taken)
+        if len(still) < len(useless) and weighted.objective < fit.objective:
+            fit, useless = weighted, still
     if not useless:
         return fit, []
     place = 2.0 * np.pi * np.array([peak.frequency for peak in useless])
     lost = np.unique(np.abs(fit.pole.imag[:, None] - place).argmin(axis=0))
-    return _settled(data, data.linear_fit(np.delete(fit.pole, lost))), [peak.line for peak in useless]
+    without = data.linear_fit(np.delete(fit.pole, lost), fit.weight)
+    return settled(data, without), [peak.line for peak in useless]
+
+
+def _useless(data: Functions, fit: Fit, taken: list[Peak]) -> list[Peak]:
+    """Peaks of which a fit leaves the most."""
+    each, rest = powers(data, fit)
+    shares = [rest[:, peak.window].sum(axis=1) / each[:, peak.window].sum(axis=1) for peak in taken]
+    # Some functions may show nothing but noise there.
+    return [peak for peak, share in zip(taken, shares, strict=True) if np.median(share) > MOST_LEFT]
 
 
 def _told(data: Functions, fit: Fit) -> list[Peak]:

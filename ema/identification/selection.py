@@ -131,11 +131,11 @@ def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit
     """Refine once more with the weights of the coherences, sort, and refine run by run.
 
     A function is weighted only where that makes its residuals likelier: coherences are lost in files, rounded,
-    or low for other reasons than noise.
+    or low for other reasons than noise. Lines may weigh by the misfit already.
     """
     residual = np.abs(fit.residual) ** 2
-    likelier = np.sum(data.weight * residual, axis=1) < np.sum(residual, axis=1)
-    weight = np.where(likelier[:, None], data.weight, 1.0)
+    likelier = np.sum(data.weight * residual, axis=1) < np.sum(fit.weight * residual, axis=1)
+    weight = np.where(likelier[:, None], data.weight, fit.weight)
     if likelier.any():
         weighted = refine(data.frequency, data.value, fit.pole, data.quantity, weight)
         # What leaves its resonance was held there by lines that now count for little.

@@ -22,6 +22,8 @@ OVER_NOISE = 8.0
 """Standard deviations of the noise from line to line that a peak stands over the valleys beside it."""
 LEAST_HIDDEN = 0.2
 """The same where only what is left has a peak: less is a misfit of the modes beside it."""
+LOPSIDED = 3
+"""Times as many lines as on its steep side that a peak has on the other one at most: the rest is a plateau."""
 _NOISE_LINES = 50
 _BLOCKS = 4  # lines that are averaged, then its powers
 _FEWEST_BLOCKS = 64
@@ -151,9 +153,13 @@ def _scatter(level: NDArray[np.float64], line: int) -> float:
 
 
 def _around(level: NDArray[np.float64], line: int, depth: float) -> tuple[int, int]:
-    """First and last line around a peak that lie less than a depth (dB) below it."""
+    """First and last line around a peak that lie less than a depth (dB) below it, neither much farther than the other.
+
+    A resonance upon the flanks of others is often a dip and a peak, from which a plateau leads away.
+    """
     below = np.flatnonzero(level < level[line] - depth)
     before, after = below[below < line], below[below > line]
     first = int(before[-1]) + 1 if before.size else 0
     last = int(after[0]) - 1 if after.size else level.size - 1
-    return first, last
+    reach = LOPSIDED * max(1, min(line - first, last - line))
+    return max(first, line - reach), min(last, line + reach)

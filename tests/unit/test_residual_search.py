@@ -102,6 +102,17 @@ def test_two_peaks_that_have_no_mode_do_not_hide_each_other(n, size, gap):
     assert left == ()
 
 
+def test_a_peak_that_steps_up_from_a_dip_to_a_plateau_is_no_plateau():
+    # its share of the power of sixty lines was below a hundredth, and nothing was said of it
+    frequency, damping = np.array([60, 100, 150, 301.3]), [0.004, 0.005, 0.004, 0.0012]
+    shape, blows = np.array([[1, 1.2, 0.9, 0.06]]), []
+    for k, off in enumerate((-0.004, -0.002, 0.0, 0.002, 0.004)):
+        at = frequency * (1 + off * np.array([1, 1, 1, 0]))
+        blows.append(functions(at, damping, shape, 1e-6, seed=k).value[:, 0])
+    model = identified(block(np.mean(blows, axis=0)), band=(20, 500))
+    assert np.any(np.abs(model.frequency - 301.3) < 0.1)
+
+
 def test_a_peak_of_few_loud_functions_is_seen_beside_many_that_are_noise():
     # each function counted by its own mean: those that hardly move are loudest where the others are quiet
     loud = rows(functions([80, 260], [0.004, 0.01], np.array([[1, 0.3], [0.8, -0.2]]), 1e-3))
