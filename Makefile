@@ -72,9 +72,10 @@ clean:
 	rm -rf $(VENV) build dist out docs/auto_examples docs/reference *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# Modules are compiled where they are first imported, which takes less than all of them at once.
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Lamella needs Python 3.11 or newer: make PYTHON=python3.12 ...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --quiet --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --quiet --no-compile --editable ".[dev]"
 	touch $(READY)

@@ -19,7 +19,7 @@ from ema.identification.run_poles import RunPoles, response, run_poles
 from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.stabilization import stabilization
-from ema.identification.unexplained import Peak, holds_pole, unexplained_peaks
+from ema.identification.unexplained import LEAST_SHARE, Peak, holds_pole, left_at_poles, unexplained_peaks
 from ema.types.frf import FRF
 
 STRAYS = 0.5
@@ -130,7 +130,7 @@ def _without_common(frf: FRF, found: BandFit) -> BandFit:
     """
     data = _functions(replace(frf, value=found.value))
     own = _weighed(data, found)
-    while (common := is_common(data, own.fit)).any():
+    while (common := _is_common_anyhow(data, own.fit)).any():
         kept = np.flatnonzero(~common)
         pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
         covariance = own.fit.pole_covariance[np.ix_(pairs, pairs)]
@@ -140,16 +140,27 @@ def _without_common(frf: FRF, found: BandFit) -> BandFit:
     return own
 
 
+def _is_common_anyhow(data: Functions, fit: Fit) -> NDArray[np.bool_]:
+    """Tell which poles are common however lines weigh: with all alike, too."""
+    common = is_common(data, fit)
+    return common & is_common(data, data.linear_fit(fit.pole)) if common.any() else common
+
+
 def _weighed(data: Functions, found: BandFit) -> BandFit:
-    """Weigh lines by the misfit where poles stand alone with these weights that do not without."""
+    """Weigh lines by the misfit where poles come to explain their peaks, and to stand alone, by that and not without.
+
+    The misfit of much stronger modes takes the residues of weak ones, and what it leaves is as high as they are.
+    """
     common = is_common(data, found.fit)
-    if not common.any() or found.runs.followed:
+    hungry = common & (left_at_poles(data, found.fit) > LEAST_SHARE)
+    if not hungry.any() or found.runs.followed:
         return found
     fit = settled(data, data.weigh_by_misfit(found.fit))
     order = np.abs(found.fit.pole[:, None] - fit.pole).argmin(axis=1)
     fit = data.linear_fit(fit.pole[order], fit.weight)
     still = is_common(data, fit)
-    if fit.objective >= found.fit.objective or not (common & ~still).any() or (still & ~common).any():
+    mended = hungry & ~still & (left_at_poles(data, fit) < LEAST_SHARE)
+    if fit.objective >= found.fit.objective or not mended.any() or (still & ~common).any():
         return found
     return replace(found, fit=fit, runs=run_poles(data, fit))
 

@@ -24,6 +24,7 @@ LEAST_HIDDEN = 0.2
 """The same where only what is left has a peak: less is a misfit of the modes beside it."""
 LOPSIDED = 3
 """Times as many lines as on its steep side that a peak has on the other one at most: the rest is a plateau."""
+_OWN_LINES = 1.5
 _NOISE_LINES = 50
 _BLOCKS = 4  # lines that are averaged, then its powers
 _FEWEST_BLOCKS = 64
@@ -74,6 +75,15 @@ def powers(data: Functions, fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.f
     """Power ``(n_function, n_frequency)`` of the functions and of what is left, over the mean of each function."""
     size = np.mean(np.abs(data.value) ** 2, axis=1, keepdims=True)
     return np.abs(data.value) ** 2 / size, np.abs(fit.residual) ** 2 / size
+
+
+def left_at_poles(data: Functions, fit: Fit) -> NDArray[np.float64]:
+    """Share of the power that a fit leaves in the half bandwidths around each of its poles, ``(n_mode,)``."""
+    each, rest = powers(data, fit)
+    spacing = float(data.frequency[1] - data.frequency[0])
+    reach = np.maximum(-fit.pole.real / (2.0 * np.pi), _OWN_LINES * spacing)
+    own = np.abs(data.frequency - fit.pole.imag[:, None] / (2.0 * np.pi)) <= reach[:, None]
+    return np.asarray((own @ rest.sum(axis=0)) / np.maximum(own @ each.sum(axis=0), np.finfo(float).tiny))
 
 
 def holds_pole(data: Functions, fit: Fit, peak: Peak) -> bool:
