@@ -42,7 +42,8 @@ def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, i
     """Return the rows whose sum, each times powers of the distances along x and y, takes the mean under a clamp.
 
     Along each axis it is the polynomial through the mean here that comes nearest to those at some other places, the
-    nearer the better.
+    nearer the better. Off the stack a clamp has no place, and moves with the edge: shapes that are continued beyond it
+    turn millimetres into an inertia that no clamp has. Near an edge, where that is a kink, all places count.
     """
 
     def mean_at(x: float, y: float) -> sp.csr_matrix:
@@ -54,10 +55,10 @@ def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, i
         ((0, 1), clamp.y, assembly.stack.width, _DEGREE[1]),
     ):
         within = np.clip(_AT, -size / 2.0 - place, size / 2.0 - place)
-        off = np.unique(within[within != 0.0])
-        changes = [mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in off.tolist()]
-        powers, weight = np.arange(1, min(degree, off.size) + 1), off**-4
-        shares = np.linalg.pinv(weight[:, None] * off[:, None] ** powers) * weight
+        changes = [mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in within.tolist()]
+        powers = np.arange(1, degree + 1)
+        weight = np.abs(_AT) ** (-4.0 if np.all(within == _AT) else -1.0)
+        shares = np.linalg.pinv(weight[:, None] * _AT[:, None] ** powers) * weight
         for power, share in zip(powers.tolist(), shares.tolist(), strict=True):
             parts = (part * change for part, change in zip(share, changes, strict=True))
             rows[power * along[0], power * along[1]] = sum(parts, start=0.0 * rows[0, 0])
