@@ -55,7 +55,9 @@ def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, i
         ((0, 1), clamp.y, assembly.stack.width, _DEGREE[1]),
     ):
         within = np.clip(_AT, -size / 2.0 - place, size / 2.0 - place)
-        changes = [mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in within.tolist()]
+        changes = [
+            mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in within.tolist()
+        ]
         powers = np.arange(1, degree + 1)
         weight = np.abs(_AT) ** (-4.0 if np.all(within == _AT) else -1.0)
         shares = np.linalg.pinv(weight[:, None] * _AT[:, None] ** powers) * weight
