@@ -316,9 +316,9 @@ def _without_sensors(modal_model: ModalModel, stated: float) -> tuple[str, ...]:
         )
     mass = f"{1e3 * modal_model.sensor_mass:.3g} g each, " if modal_model.sensor_mass > 0.0 else ""
     told = "as stated" if stated > 0.0 else "as the runs tell"
-    listed = ", ".join(f"M{r + 1} {100 * own:+.2f} %" for r, own in enumerate(shift) if own != 0.0)
-    kept = ", ".join(f"M{r + 1}" for r in np.flatnonzero(shift == 0.0))
-    rest = f"; not {kept}, whose shifts are not known" if kept else ""
+    listed = ", ".join(f"{100 * own:+.2f} % (mode {r + 1})" for r, own in enumerate(shift) if own != 0.0)
+    kept = ", ".join(f"{r + 1}" for r in np.flatnonzero(shift == 0.0))
+    rest = f"; not of mode {kept}, whose shift is not known" if kept else ""
     return (
         f"frequencies are those of the structure without the sensors ({mass}{told}), which shift them by "
         f"{listed}{rest}",

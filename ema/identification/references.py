@@ -67,7 +67,7 @@ def check_references(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
         off = 2.0 * np.pi * np.ptp(found[seen]) / -kept[r].real if seen.size else 0.0
         if off > LEAST_SHIFT and runs.probability[:, r].min() < FALSE_ALARM:
             each = (f"{found[i]:.6g} Hz with the force at {modal_model.input.name(int(i))}" for i in seen)
-            told.append(f"M{number[r] + 1} {' and '.join(each)}")
+            told.append(f"mode {number[r] + 1}: {' and '.join(each)}")
             sure = sure or off < WANDERS
     return (_verdict(told, sure or len(told) > 1),)
 

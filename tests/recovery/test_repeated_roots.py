@@ -107,7 +107,7 @@ def test_a_mode_that_moves_from_force_to_force_is_one_mode_and_told():
     assert model.frequency.size == np.count_nonzero(world.seen)
     (verdict,) = check_references(frf, model)
     assert verdict.level == "warn"
-    assert "differ from force to force: M1" in verdict.message
+    assert "differ from force to force: mode 1: " in verdict.message
 
 
 def test_forces_that_find_the_same_are_not_told_to_differ():

@@ -581,3 +581,22 @@ def test_one_level_asks_for_a_second_where_that_would_show_slip():
     assert "by 12 standard deviations" in second_level_text(diagnosis("nothing missing", second_level=12.3))
     assert second_level_text(diagnosis("nothing missing", second_level=1.0)) is None
     assert second_level_text(diagnosis("nothing missing", second_level=None)) is None
+
+
+def test_what_is_more_probable_than_the_answer_is_not_passed_over_in_silence():
+    """The table has it first: a reader would take it for the answer."""
+    likelier = replace(ranked("stinger_mass", error=0.19, left_out=0.25, damping=0.5), log_odds=9.0)
+    none = diagnosis("nothing missing", ranking=(likelier, BASE))
+    said = " ".join(sentences(none))
+    assert "By probability alone moving mass at the shaker (stinger_mass) would be the answer" in said
+    assert "from 20 % to 19 % (24 % to 25 % where each mode is predicted from all others)" in said
+    assert "what is not seen to foretell other modes better" in said
+    assert [own.effects for own in none.shown(1)] == [("stinger_mass",), ()]
+    beside = replace(ranked("clamp_inertia", "stinger_mass", error=0.056, left_out=0.06), log_odds=9.0)
+    named = diagnosis("identified", INERTIA, ranking=(beside, INERTIA, BASE))
+    assert "By probability alone moving mass at the shaker (stinger_mass) beside it" in " ".join(
+        sentences(named)
+    )
+    near = replace(beside, log_odds=2.0)
+    silent = diagnosis("identified", INERTIA, ranking=(near, INERTIA, BASE))
+    assert "By probability alone" not in " ".join(sentences(silent))

@@ -172,7 +172,7 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
     table.add_column("effects", no_wrap=True)
     for name in ("proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]"):
         table.add_column(name, justify="right")
-    for own in diagnosis.ranking[:_MOST_EXPLANATIONS]:
+    for own in diagnosis.shown(_MOST_EXPLANATIONS):
         table.add_row(
             " +\n".join(own.effects) or "none",
             f"{own.probability:.3f}",

@@ -249,6 +249,13 @@ class Diagnosis(Shown):
         """Tell whether some effects together were fitted."""
         return any(builtins.set(own.effects) == builtins.set(effects) for own in self.ranking)
 
+    def shown(self, most: int) -> tuple[Ranked, ...]:
+        """Return the most probable explanations, and in any case those of the answer and the base model."""
+        answer = [builtins.set(effects) for effects in (*self.set, ())]
+        return tuple(
+            own for i, own in enumerate(self.ranking) if i < most or builtins.set(own.effects) in answer
+        )
+
     def ranked(self, effects: Sequence[str]) -> Ranked:
         """Return an explanation by its effects, in any order.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from model.effects.contact_slip import STRAIN
 from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
-from updating.diagnosis.calibration import STRAINED
+from updating.diagnosis.calibration import HELPS, SEPARATE, STRAINED
 from updating.diagnosis.discrepancy import MEDIAN, SPREAD
 from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.nuisance_text import misstated, strained
@@ -53,7 +53,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
         for name, stated in found.confounded.items()
     ]
     text += _over_amplitude(found)
-    text += _further(found)
+    text += _further(found) or _likelier(found)
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
     text += [f"Beware: {own}" for own in strained(found.strained)]
@@ -253,6 +253,28 @@ def _further(found: Diagnosis) -> list[str]:
         f"What is left looks like {named(found, further)}, but is so little beside {named(found, found.set[0])} that "
         "it may come from that acting in another form than the catalogue has it; so it is not said to be there."
     ]
+
+
+def _likelier(found: Diagnosis) -> list[str]:
+    """Say what is more probable than the answer and why it is not the answer: the table has it first."""
+    first, own = found.ranking[0], found.ranked(found.set[0] if found.set else ())
+    if first.effects in found.set or first.log_odds - own.log_odds < SEPARATE:
+        return []
+    further = [name for name in first.effects if name not in own.effects]
+    beside = " beside it" if further and found.set and set(own.effects) < set(first.effects) else ""
+    fits = named(found, further if beside else first.effects)
+    kind = telling(own, first)
+    text = (
+        f"By probability alone {fits}{beside} would be the answer, but with {'that' if beside else 'this'} the mean "
+        f"{_ERRORS[kind]} goes from {percent(own.error(kind))} to {percent(first.error(kind))}"
+    )
+    why = "what is not seen to foretell other modes better"
+    if np.isfinite([own.left_out(kind), first.left_out(kind)]).all():
+        ends = percent(own.left_out(kind)), percent(first.left_out(kind))
+        text += f" ({ends[0]} to {ends[1]} where each mode is predicted from all others)"
+        if first.left_out(kind) < HELPS * own.left_out(kind):
+            why = "so little"
+    return [f"{text}: {why} may be an error of the model alone, so it is not said to be there."]
 
 
 def _over_amplitude(found: Diagnosis) -> list[str]:

@@ -72,7 +72,7 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
 
 def explanation_table(results: Results) -> Table:
     """List the explanations that a diagnosis fitted in full, the most probable first."""
-    ranking = results.diagnosis.ranking[:_SHOWN] if results.diagnosis is not None else ()
+    ranking = results.diagnosis.shown(_SHOWN) if results.diagnosis is not None else ()
     return Table(
         title="Explanations that were tried",
         header=(

@@ -68,7 +68,7 @@ def diagnosis_html(own: Diagnosis) -> str:
             percent(ranked.left_out_error) if np.isfinite(ranked.left_out_error) else "",
             "; ".join(interval_text(p) for p in ranked.parameter),
         )
-        for ranked in own.ranking[:_MOST]
+        for ranked in own.shown(_MOST)
     ]
     header = ("explanation", "probability", "frequency error", "of modes left out", "parameters")
     return f"<p><em>{escape(own.verdict)}</em></p>" + html_table(headline(own), header, rows)
