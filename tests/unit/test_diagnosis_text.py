@@ -18,7 +18,7 @@ from updating.diagnosis.sensor_gain import SensorGain
 from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.estimate import ParameterEstimate
 from updating.report.opening import headline
-from updating.results.text import interval_text, percent, quantity
+from updating.results.text import interval_text, percent, quantity, together
 
 NAN = float("nan")
 LABELS = {
@@ -600,3 +600,12 @@ def test_what_is_more_probable_than_the_answer_is_not_passed_over_in_silence():
     near = replace(beside, log_odds=2.0)
     silent = diagnosis("identified", INERTIA, ranking=(near, INERTIA, BASE))
     assert "By probability alone" not in " ".join(sentences(silent))
+
+
+def test_what_acts_at_once_reads_as_a_list_from_three_on():
+    assert [together(names) for names in ((), ("A",), ("A", "B"), ("A", "B", "C"))] == [
+        "",
+        "A",
+        "A together with B",
+        "A, B and C together",
+    ]

@@ -16,7 +16,7 @@ from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.diagnosis.point_change import PointChange
 from updating.diagnosis.sensor_gain import SensorGain
-from updating.results.text import percent, quantity
+from updating.results.text import percent, quantity, together
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are told in a sentence
@@ -85,7 +85,7 @@ def next_command(
 
 def named(found: Diagnosis, effects: Sequence[str]) -> str:
     """Return one or several effects in words, with the key of each beside it."""
-    return " together with ".join(f"{found.labels.get(e, e)} ({e})" for e in effects) or "the base model"
+    return together([f"{found.labels.get(e, e)} ({e})" for e in effects]) or "the base model"
 
 
 def further_effects(found: Diagnosis) -> tuple[tuple[str, ...], ...]:
@@ -273,7 +273,7 @@ def _likelier(found: Diagnosis) -> list[str]:
         ends = percent(own.left_out(kind)), percent(first.left_out(kind))
         text += f" ({ends[0]} to {ends[1]} where each mode is predicted from all others)"
         if first.left_out(kind) < HELPS * own.left_out(kind):
-            why = "so little"
+            why = "so small a gain"
     return [f"{text}: {why} may be an error of the model alone, so it is not said to be there."]
 
 

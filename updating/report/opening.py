@@ -13,7 +13,7 @@ from updating.diagnosis.text import further_effects, next_command
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
 from updating.report.part import Opening, Picture, Section
 from updating.report.results import Results
-from updating.results.text import percent
+from updating.results.text import percent, together
 
 _TONE: dict[Verdict, str] = {
     "nothing missing": "good",
@@ -74,11 +74,9 @@ def headline(found: Diagnosis) -> str:
             "The model lacks something that is unlike anything in the catalogue: its frequencies are off by "
             f"{percent(base.frequency_error)} in the mean, and no effect makes it predict better."
         )
-    named = [" together with ".join(found.labels.get(e, e) for e in effects) for effects in found.set]
+    named = [together([found.labels.get(e, e) for e in effects]) for effects in found.set]
     if found.verdict == "one of" and (beside := further_effects(found)):
-        also = "; or ".join(
-            " together with ".join(found.labels.get(e, e) for e in own) for own in beside[:_TOLD]
-        )
+        also = "; or ".join(together([found.labels.get(e, e) for e in own]) for own in beside[:_TOLD])
         return f"What the model lacks is {named[0]}. Whether it lacks {also} as well, the data cannot tell."
     if found.verdict == "one of":
         told = "; or ".join(named[:_TOLD])

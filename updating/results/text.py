@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from updating.fitting.estimate import ParameterEstimate
@@ -52,6 +54,14 @@ def interval_text(p: ParameterEstimate) -> str:
     ends = f"{quantity(p.lower, p.unit, p.value)} to {quantity(p.upper, p.unit, p.value)}"
     remark = f", {p.remark}" if p.remark else ""
     return f"{p.name} = {quantity(p.value, p.unit)} (95 %: {ends}{remark})"
+
+
+def together(names: Sequence[str]) -> str:
+    """Write what acts at once: "A together with B", or of more "A, B and C together"."""
+    *others, last = names or ("",)
+    if len(others) > 1:
+        return f"{', '.join(others)} and {last} together"
+    return " together with ".join(names)
 
 
 def percent(share: float) -> str:
