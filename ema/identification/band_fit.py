@@ -13,17 +13,27 @@ from ema.identification.common_peaks import is_common
 from ema.identification.functions import Functions, resonant
 from ema.identification.line_weights import coherence_weight
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
+from ema.identification.overlap import OVERLAP, OVERLAPPED, modal_overlap, with_background
 from ema.identification.part_bands import PartBand, part_bands
 from ema.identification.residual_search import Left, settled
 from ema.identification.run_poles import RunPoles, response, run_poles
 from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes
 from ema.identification.stabilization import stabilization
-from ema.identification.unexplained import LEAST_SHARE, Peak, holds_pole, left_at_poles, unexplained_peaks
+from ema.identification.unexplained import (
+    LEAST_SHARE,
+    Peak,
+    holds_pole,
+    left_at_poles,
+    powers,
+    unexplained_peaks,
+)
 from ema.types.frf import FRF
 
 STRAYS = 0.5
 """Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""
+LITTLE = 1e-3
+"""Share of the power that may be left where modes overlap, before they are sought anew beside poles that are none."""
 _Values = TypeVar("_Values", NDArray[np.float64], NDArray[np.complex128])
 _COMMON = "what is left beside it has several peaks as high, as noise or a rattle brings"
 _LOST = "a mode that all runs together show there is lost where each run has poles of its own"
@@ -44,12 +54,15 @@ class BandFit:
         The same poles run by run.
     left : tuple of (Peak, str)
         Peaks that stay unexplained.
+    n_background : int
+        Poles, the last of the fit, that are no modes though they lie in the band (`ema.identification.overlap`).
     """
 
     value: NDArray[np.complex128]
     fit: Fit
     runs: RunPoles
     left: Left
+    n_background: int = 0
 
 
 def fit_band(
@@ -70,14 +83,15 @@ def fit_band(
     """
     parts = part_bands(frf.value)
     if len(parts) == 1:
-        return _fit_at_once(frf, order, chosen, band)
+        whole = _fit_at_once(frf, order, chosen, band)
+        return whole if chosen is not None else _amid_overlap(frf, order, whole, band)
     ends = [band[0], *(float(frf.frequency[part.core.start]) for part in parts[1:]), band[1]]
     found: list[BandFit] = []
     for part, lower, upper in zip(parts, ends[:-1], ends[1:], strict=True):
         lines = frf.frequency[part.lines]
         own = None if chosen is None else chosen[_between(chosen, lower, upper)]
-        whole = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
-        found.append(_fit_at_once(frf.band(lines[0], lines[-1]), order, own, whole))
+        around = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
+        found.append(_fit_at_once(frf.band(lines[0], lines[-1]), order, own, around))
     return _joined(frf, parts, ends, found)
 
 
@@ -101,6 +115,48 @@ def _fit_at_once(
             frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left), found, _LOST
         )
     return _told_of(frf, _without_common(frf, found), found, _COMMON)
+
+
+def _amid_overlap(frf: FRF, order: int, found: BandFit, band: tuple[float, float]) -> BandFit:
+    """Find the modes again amid others that overlap too much to be told apart, where a fit without these fails.
+
+    The background is taken out of the functions while modes are judged and sought; in the end all is fitted together.
+    """
+    data = _functions(frf)
+    candidates = stabilization(frf, order=order).chosen
+    before = _left(_functions(replace(frf, value=found.value)), found.fit)
+    if modal_overlap(candidates) < OVERLAP or before < LITTLE:
+        return found
+    whole, is_mode = with_background(data, candidates, band)
+    if is_mode.all() or not is_mode.any():
+        return found
+    background = response(data, whole.pole[~is_mode], whole.residue[:, ~is_mode])
+    fit, runs, _ = fit_chosen(replace(data, value=data.value - background), whole.pole[is_mode], band)
+    pole = np.append(fit.pole, whole.pole[~is_mode])
+    joint = data.linear_fit(pole, fit.weight)
+    n_mode, n_before = (np.count_nonzero(resonant(own.pole, band)) for own in (fit, found.fit))
+    if n_mode <= n_before or _left(data, joint) > before:
+        return found
+    hidden = replace(fit, residual=fit.residual + background)
+    left = tuple(
+        (peak, OVERLAPPED)
+        for peak in unexplained_peaks(data, hidden)
+        if peak.visible and not holds_pole(data, hidden, peak)
+    )
+    n_background = int(np.count_nonzero(~is_mode))
+    return BandFit(
+        value=frf.value,
+        fit=joint,
+        runs=runs.beside(joint, n_background),
+        left=left,
+        n_background=n_background,
+    )
+
+
+def _left(data: Functions, fit: Fit) -> float:
+    """Return the share of the power that a fit leaves, the mean over functions."""
+    each, rest = powers(data, fit)
+    return float(rest.sum() / each.sum())
 
 
 def _told_of(frf: FRF, found: BandFit, before: BandFit, reason: str) -> BandFit:

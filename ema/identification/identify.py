@@ -227,7 +227,9 @@ def identify_frf(
     _require_modes(found.fit, white, order, pole, band, name)
     fit, runs, left = found.fit, found.runs, found.left
     white = replace(white, value=found.value)
-    model = _model(fit, runs, white, lines.quantity, geometry, name, band)
+    own = fit.pole[: fit.pole.size - found.n_background]
+    n_mode = int(np.count_nonzero(resonant(own, band)))  # the others come last
+    model = _model(fit, runs, white, lines.quantity, geometry, name, band, n_mode)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
@@ -375,10 +377,10 @@ def _model(
     geometry: Geometry,
     name: str,
     band: tuple[float, float],
+    n_mode: int,
 ) -> ModalModel:
     """Collect the results of a fit of `frf`; noise and errors are those of the measured quantity."""
     n_output, n_input, _ = frf.value.shape
-    n_mode = int(np.count_nonzero(resonant(fit.pole, band)))  # the others come last
     inflation = np.repeat(np.sqrt(runs.enlargement), 2)
     variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
     growth = runs.growth(*frequency_damping_std(fit.pole, variance_of_poles))

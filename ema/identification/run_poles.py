@@ -66,6 +66,21 @@ class RunPoles:
         """Whether any run differs significantly from the others."""
         return bool(np.any(self.probability < FALSE_ALARM))
 
+    def beside(self, fit: Fit, n: int) -> RunPoles:
+        """Return the same beside further poles, the last `n` of a fit, which no run is asked about."""
+        runs, ones = self.run.size, np.ones(n)
+        further = fit.pole[-n:]
+        return replace(
+            self,
+            pole=np.hstack([self.pole, np.tile(further, (runs, 1))]),
+            residue=np.hstack([self.residue, fit.residue[:, -n:]]),
+            variance=np.hstack([self.variance, _variance(fit, np.ones(fit.pole.size))[:, -n:]]),
+            frequency_std=np.hstack([self.frequency_std, np.full((runs, n), np.inf)]),
+            damping_std=np.hstack([self.damping_std, np.full((runs, n), np.inf)]),
+            enlargement=np.append(self.enlargement, ones),
+            probability=np.hstack([self.probability, np.tile(ones, (runs, 1))]),
+        )
+
     def growth(
         self, frequency_std: NDArray[np.float64], damping_std: NDArray[np.float64]
     ) -> NDArray[np.float64]:

@@ -119,7 +119,7 @@ def _with_modes_beside(
             continue
         trial = np.append(fit.pole, local.pole[-1])
         extended = refine(data.frequency, data.value, trial, data.quantity, fit.weight)
-        stays = _sound(extended, trial, band)[-1] and not is_confined(extended, data.run)[-1]
+        stays = sound(extended, trial, band)[-1] and not is_confined(extended, data.run)[-1]
         gain = 2.0 * (fit.objective - extended.objective)
         kept = stays and gain > threshold and not is_split(extended, -1)
         if kept and extended.objective < (fit if best is None else best).objective:
@@ -266,7 +266,7 @@ def _keep(
 ) -> NDArray[np.bool_]:
     """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
     verdicts = judge(data.frequency, fit, data.quantity)
-    modes = verdicts.accepted & _sound(fit, start, band) & ~is_confined(fit, data.run)
+    modes = verdicts.accepted & sound(fit, start, band) & ~is_confined(fit, data.run)
     neighbours = (
         ~inside(fit.pole, band)
         & ~inside(start, band)
@@ -290,8 +290,8 @@ def _screen(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.c
     return pole
 
 
-def _sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
-    """Which refined poles are determined by the data and stayed where they started."""
+def sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell which refined poles are determined by the data and stayed where they started."""
     half_bandwidth = -fit.pole.real
     std = np.sqrt(np.diag(fit.pole_covariance)[1::2])
     moved = np.abs(fit.pole - start) > MAX_MOVE * np.maximum(half_bandwidth, -start.real)

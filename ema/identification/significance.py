@@ -7,6 +7,7 @@ the response at its own frequency must in addition look like a mode, that is hav
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -243,11 +244,12 @@ def _collinear(amplitude: NDArray[np.complex128]) -> float:
     return float(np.abs(np.sum(amplitude**2)) ** 2 / power**2) if power > 0.0 else 0.0
 
 
-def is_split(fit: Fit, mode: int) -> bool:
-    """Whether a pole shares another one's shape within its bandwidth: one misfitted mode taken for two."""
+def is_split(fit: Fit, mode: int, others: Sequence[int] | None = None) -> bool:
+    """Whether a pole shares the shape of another one, or of some, within its bandwidth: one mode taken for two."""
     mode %= fit.pole.size
     pole, own = fit.pole[mode], fit.residue[:, mode]
-    for r, other in enumerate(fit.pole):
+    for r in range(fit.pole.size) if others is None else others:
+        other = fit.pole[r]
         if r != mode and np.abs(pole - other) < SPLIT_DISTANCE * -(pole.real + other.real):
             cross = np.abs(np.vdot(own, fit.residue[:, r])) ** 2
             if cross > SPLIT_MAC * np.sum(np.abs(own) ** 2) * np.sum(np.abs(fit.residue[:, r]) ** 2):

@@ -23,9 +23,9 @@ from ema.modal.loaded_modes import loaded, yielding
 _LOG = logging.getLogger(__name__)
 _MAX_STEP = 100
 _CONVERGED = 1e-11  # of the unknowns, relative
-_LEAST_GAIN = (
-    1e-8  # of the squared misfit, by which a step must lower it: directions that no data tell go on for long
-)
+_LEAST_GAIN, _ROUGH_GAIN = 1e-7, 1e-4
+"""Share of the squared misfit by which a step must lower it, in a first fit the latter: directions that no data tell go
+on for long."""
 _WIDE = 1e-2
 """Standard deviation of squared frequencies, relative, that is added to theirs in a first fit: exact ones make a valley
 so narrow that a fit ends on its side."""
@@ -139,12 +139,12 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
     _LOG.info("take the mass of the sensors out of %d runs", len(modes.frequency))
     problem = _Problem.of(modes, load)
     wide = replace(problem, rough=np.hypot(problem.rough, _WIDE))
-    ends = [_fitted(problem, _fitted(wide, start)[0]) for start in problem.starts()]
+    ends = [_fitted(problem, _fitted(wide, start, _ROUGH_GAIN)[0], _LEAST_GAIN) for start in problem.starts()]
     return _result(problem, *min(ends, key=lambda end: float(end[2] @ end[2])))
 
 
 def _fitted(
-    problem: _Problem, x: NDArray[np.float64]
+    problem: _Problem, x: NDArray[np.float64], least_gain: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the vector of least misfit near another, its covariance, and its misfit."""
     damping, misfit = 1e-3, problem.misfit(x)
@@ -160,7 +160,7 @@ def _fitted(
             damping *= 10.0
         else:
             break
-        useless = misfit @ misfit - proposed @ proposed < _LEAST_GAIN * (misfit @ misfit)
+        useless = misfit @ misfit - proposed @ proposed < least_gain * (misfit @ misfit)
         x, misfit, damping = problem.limited(x + step), proposed, max(damping / 10.0, 1e-9)
         moved = np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size))
         if useless or moved < _CONVERGED:

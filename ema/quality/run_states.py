@@ -19,6 +19,9 @@ from ema.types.frf import FRF
 _FEWEST_RUNS = 4
 _FEWEST_PEAKS = 3
 """Peaks that a run must show to be compared; fewer coincide by chance."""
+_MOST_OF = 0.5
+"""Share of the runs that must show as many: where bandwidths overlap, a few runs show the peaks that their sensors'
+places let stand out, and others show others."""
 _SAME = 0.008
 """Relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by less."""
 _WITHIN, _BETWEEN = 0.6, 0.35
@@ -41,7 +44,7 @@ def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
         Positions of sound outputs of one direction: another direction has other resonances.
     """
     number, found = _resonances(frf, channels)
-    if number.size < _FEWEST_RUNS:
+    if number.size < max(_FEWEST_RUNS, _MOST_OF * np.unique(frf.run[channels]).size):
         return
     step = float(np.median(np.diff(frf.frequency)))
     alike = np.array([[_alike(a, b, MIN_LINES * step) for b in found] for a in found])

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from ema.quality.channels import check, usable
+from ema.quality.run_states import run_states
 from ema.types.errors import MeasurementError
+from tests.recovery.test_identify import block
 from tests.recovery.test_quality_faults import FAULTS, inject, plate, shifted
 
 
@@ -48,3 +50,19 @@ def test_runs_of_one_state_are_not_divided(seed):
     if seed % 3 == 2:
         measurement, _ = inject(measurement, FAULTS[seed % len(FAULTS)], rng)
     assert states(measurement) == []
+
+
+def test_a_few_runs_of_broad_resonances_are_no_other_state():
+    """Their sensors let some peaks stand out and others not; most runs show fewer than can be compared."""
+    rng = np.random.default_rng(8)
+    frequency = np.arange(50.0, 500.0)
+    places = [(100.0, 200.0, 300.0)] * 2 + [(150.0, 250.0, 350.0)] * 2 + [(120.0,)] * 6
+    rows = [
+        sum(frequency**2 / (f**2 - frequency**2 + 0.04j * f * frequency) for f in places[run])
+        for run in np.repeat(np.arange(10), 2)
+    ]
+    value = np.array(rows) * (1.0 + 1e-3 * rng.standard_normal((20, frequency.size)))
+    frf = replace(block(frequency, value), run=np.repeat(np.arange(10), 2))
+    assert list(run_states(frf, np.arange(20))) == []
+    four = replace(block(frequency, value[:8]), run=np.repeat(np.arange(4), 2))
+    assert [v.level for v in run_states(four, np.arange(8))] == ["fail"]
