@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.identification.functions import resonant
 from ema.identification.significance import MIN_COLLINEARITY, MIN_REALNESS
 from ema.identification.stabilization import MAX_DAMPING
 from ema.quality.peaks import peaks
@@ -39,7 +40,8 @@ def check_modes(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
     tuple of Verdict
         Warnings about the set; none where nothing is doubtful.
     """
-    found = (_background(modal_model), _damping(modal_model), _broad(frf, modal_model), *_phases(modal_model))
+    own = (_background, _overlap, _damping)
+    found = (*(say(modal_model) for say in own), _broad(frf, modal_model), *_phases(modal_model))
     return tuple(
         Verdict(check=check, level="warn", channel=(), band=None, message=text)
         for check, text in found
@@ -54,6 +56,17 @@ def _background(modal_model: ModalModel) -> tuple[str, str]:
     listed = [f"{f:.4g} Hz ({100 * x:.0f} %)" for f, x in zip(hertz[kept], damping[kept], strict=True)]
     text = f"damped too much for a resonance is what was fitted at {_joined(listed)}: it stands for the background"
     return "background", text if listed else ""
+
+
+def _overlap(modal_model: ModalModel) -> tuple[str, str]:
+    """Say where poles were fitted that are no modes, for each stands for several (`ema.identification.overlap`)."""
+    poles = modal_model.outside_pole[resonant(modal_model.outside_pole, modal_model.band)]
+    listed = [f"{f:.4g} Hz" for f in np.sort(np.abs(poles)) / (2.0 * np.pi)]
+    text = (
+        f"modes overlap so much that not all are told apart: what was fitted at {_joined(listed)} has not the phases "
+        "of a mode and is no result; forces at more points tell more"
+    )
+    return "overlap", text if listed else ""
 
 
 def _damping(modal_model: ModalModel) -> tuple[str, str]:

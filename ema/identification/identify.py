@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
-from ema.identification.band_fit import fit_band
+from ema.identification.band_fit import BandFit, fit_band
 from ema.identification.doubtful_modes import check_modes
 from ema.identification.functions import inside, resonant
 from ema.identification.maximum_likelihood import Fit
@@ -225,15 +225,12 @@ def identify_frf(
     white = lines.convert(whitest(lines))
     found = fit_band(white, order, pole, band)
     _require_modes(found.fit, white, order, pole, band, name)
-    fit, runs, left = found.fit, found.runs, found.left
     white = replace(white, value=found.value)
-    own = fit.pole[: fit.pole.size - found.n_background]
-    n_mode = int(np.count_nonzero(resonant(own, band)))  # the others come last
-    model = _model(fit, runs, white, lines.quantity, geometry, name, band, n_mode)
+    model = _model(found, white, lines.quantity, geometry, name, band)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
-    return replace(model, unexplained=_unexplained(left, lines.input.node.size))
+    return replace(model, unexplained=_unexplained(found.left, lines.input.node.size))
 
 
 def _require_lines(lines: FRF, frf: FRF, order: int, band: tuple[float, float], name: str) -> None:
@@ -370,17 +367,13 @@ def _as_measured(
 
 
 def _model(
-    fit: Fit,
-    runs: RunPoles,
-    frf: FRF,
-    quantity: Quantity,
-    geometry: Geometry,
-    name: str,
-    band: tuple[float, float],
-    n_mode: int,
+    found: BandFit, frf: FRF, quantity: Quantity, geometry: Geometry, name: str, band: tuple[float, float]
 ) -> ModalModel:
     """Collect the results of a fit of `frf`; noise and errors are those of the measured quantity."""
     n_output, n_input, _ = frf.value.shape
+    fit, runs = found.fit, found.runs
+    own = fit.pole[: fit.pole.size - found.n_background]
+    n_mode = int(np.count_nonzero(resonant(own, band)))  # the others come last
     inflation = np.repeat(np.sqrt(runs.enlargement), 2)
     variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
     growth = runs.growth(*frequency_damping_std(fit.pole, variance_of_poles))

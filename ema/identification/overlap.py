@@ -21,13 +21,12 @@ OVERLAP = 0.3
 """Modal overlap factor from which modes are sought beside background."""
 SAME_PLACE = 0.1
 """Half bandwidths within which two poles are at one place: runs that differ a little bring such."""
-_ROUNDS = 4
 _UNDAMPED = 1e-6
 
 
 def modal_overlap(pole: NDArray[np.complex128]) -> float:
-    """Return the mean modal overlap factor: the sum of half-power bandwidths over the range that poles span."""
-    return float(-2.0 * np.sum(pole.real) / np.ptp(pole.imag)) if pole.size > 1 else 0.0
+    """Return the modal overlap factor: the median half-power bandwidth over the mean spacing of the poles."""
+    return float(-2.0 * np.median(pole.real) * pole.size / np.ptp(pole.imag)) if pole.size > 1 else 0.0
 
 
 def with_background(
@@ -51,7 +50,7 @@ def with_background(
         Which of them are modes; the others are background.
     """
     pole, wide = candidates, (2.0 * band[0] - band[1], 2.0 * band[1] - band[0])
-    for _ in range(_ROUNDS):
+    while True:
         fit = refine(data.frequency, data.value, pole, data.quantity)
         verdicts = judge(data.frequency, fit, data.quantity)
         size = np.abs(fit.pole)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ema.identification.doubtful_modes import check_modes
+from ema.identification.functions import resonant
 from ema.identification.identify import identify_frf
 from ema.identification.overlap import modal_overlap
 from ema.types.frf import FRF
@@ -41,9 +43,12 @@ def test_modes_apart_are_found_beside_those_that_cannot_be_told(seed: int) -> No
     assert np.all(np.abs(model.frequency[own] - APART) < 4.5 * model.frequency_std[own])
     assert model.frequency.size <= APART.size + TOGETHER.size
     assert np.all(model.error < 0.01)
+    told = [v.message for v in check_modes(damped(seed), model) if v.check == "overlap"]
+    assert bool(told) == bool(resonant(model.outside_pole, model.band).any())
+    assert all("has not the phases of a mode" in message for message in told)
 
 
-def test_the_modal_overlap_factor_is_bandwidths_over_their_range() -> None:
+def test_the_modal_overlap_factor_is_bandwidth_over_spacing() -> None:
     pole = 2 * np.pi * np.array([100.0, 110.0, 120.0]) * (-0.02 + 1j)
-    assert modal_overlap(pole) == pytest.approx(0.04 * 330.0 / 20.0)
+    assert modal_overlap(pole) == pytest.approx(0.04 * 110.0 * 3 / 20.0)
     assert modal_overlap(pole[:1]) == 0.0
