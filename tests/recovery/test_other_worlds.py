@@ -18,7 +18,7 @@ from tests.recovery.other_worlds_study import (
 )
 
 OUT, OUT_STACKS = "out/blind/other_worlds.jsonl", "out/blind/three_stacks.jsonl"
-NUMBER, NUMBER_OF_STACKS = 300, 42
+NUMBER, NUMBER_OF_STACKS = 306, 42
 
 
 def case(kind="single", **given):
