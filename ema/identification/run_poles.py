@@ -25,6 +25,8 @@ VISIBLE = 1e-6
 """Chance that noise alone makes a mode visible in a run."""
 FALSE_ALARM = 0.05
 """Chance that runs of one and the same structure are said to differ."""
+BESIDE = 2.0
+"""Sums of half bandwidths within which a mode overlaps another one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,9 +69,14 @@ class RunPoles:
         return bool(np.any(self.probability < FALSE_ALARM))
 
     def beside(self, fit: Fit, n: int) -> RunPoles:
-        """Return the same beside further poles, the last `n` of a fit, which no run is asked about."""
+        """Return the same beside further poles, the last `n` of a fit, which no run is asked about.
+
+        Nor are runs compared in modes that overlap others: the few functions of one run tell them from misfit no more.
+        """
         runs, ones = self.run.size, np.ones(n)
         further = fit.pole[-n:]
+        near = np.abs(fit.pole[:, None] - fit.pole) < -BESIDE * (fit.pole.real[:, None] + fit.pole.real)
+        alone = near.sum(axis=1)[:-n] == 1
         return replace(
             self,
             pole=np.hstack([self.pole, np.tile(further, (runs, 1))]),
@@ -78,7 +85,7 @@ class RunPoles:
             frequency_std=np.hstack([self.frequency_std, np.full((runs, n), np.inf)]),
             damping_std=np.hstack([self.damping_std, np.full((runs, n), np.inf)]),
             enlargement=np.append(self.enlargement, ones),
-            probability=np.hstack([self.probability, np.tile(ones, (runs, 1))]),
+            probability=np.hstack([np.where(alone, self.probability, 1.0), np.tile(ones, (runs, 1))]),
         )
 
     def growth(
