@@ -106,6 +106,7 @@ def test_a_diagnosis_shows_its_answer_and_draws_how_the_error_falls():
     own = SimpleNamespace(
         verdict="identified", set=(("mass",),), labels={"mass": "a mass"}, measurement=(), explained=0.9,
         steps=(base, found), ranking=(found, base), errors=(mode,), ranked=lambda e: found if e else base,
+        shown=lambda most: (found, base)[:most],
     )  # fmt: skip
     text = diagnosis_html(own)
     assert (
