@@ -10,9 +10,10 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model.elements.equations import OMEGA, Target
+from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.modes.mode_derivatives import Derivatives, mode_derivatives, own_derivatives
-from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
+from model.reduction.reduced_equations import ReducedEquations
+from model.reduction.shared_range import full
 from model.solvers.eigen import inverse_iterated
 from model.stack.errors import SolveError
 
@@ -107,7 +108,7 @@ class _OverFrequency:
 
     theta: Mapping[str, float]
     steady: Mapping[Target, NDArray[np.float64]]
-    following: tuple[ReducedTerm, ...]
+    following: tuple[tuple[Target, ParameterFactor, NDArray[np.float64]], ...]
 
     @classmethod
     def of(cls, system: ReducedEquations, theta: Mapping[str, float]) -> _OverFrequency:
@@ -120,14 +121,15 @@ class _OverFrequency:
             and (t.factor(theta) or t.factor.derivative(theta, OMEGA))
         )
         rest = dataclasses.replace(system.equations, terms=tuple(t for t in system.terms if t not in follows))
-        return cls(theta, {target: rest.matrix(target, theta) for target in ("M", "K")}, follows)
+        steady: dict[Target, NDArray[np.float64]] = {t: rest.matrix(t, theta) for t in ("M", "K")}
+        return cls(theta, steady, tuple((t.target, t.factor, full(t.matrix)) for t in follows))
 
     def matrix(self, target: Target, omega: float) -> NDArray[np.float64]:
         """Return M or K at an angular frequency, (n, n)."""
         here, total = {**self.theta, OMEGA: omega}, self.steady[target].copy()
-        for term in self.following:
-            if term.target == target:
-                total += term.factor(here) * term.matrix
+        for own, factor, matrix in self.following:
+            if own == target:
+                total += factor(here) * matrix
         return total
 
     def rayleigh(self, shape: NDArray[np.float64], omega: float) -> float:
@@ -139,7 +141,7 @@ class _OverFrequency:
             The stiffness is negative there.
         """
         steady = {target: float(shape @ own @ shape) for target, own in self.steady.items()}
-        shares = [(t.target, t.factor, float(shape @ t.matrix @ shape)) for t in self.following]
+        shares = [(target, factor, float(shape @ own @ shape)) for target, factor, own in self.following]
         for _ in range(_MOST_STEPS):
             here = {**self.theta, OMEGA: omega}
             value, slope = dict(steady), dict.fromkeys(steady, 0.0)

@@ -25,6 +25,7 @@ from model.modes.modes import reduced_eigenpairs
 from model.reduction.projection import projected_columns
 from model.reduction.reduced_equations import ReducedTerm
 from model.reduction.reduction import ReducedSystem, acting, leading, shifted_factor
+from model.reduction.shared_range import full
 from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.solvers.eigen import orthonormalize
 from model.solvers.low_rank import Factor
@@ -135,10 +136,10 @@ class _Known:
         basis, n = np.hstack([system.basis, fresh]), system.size
         columns = projected_columns(system.assembly, basis, fresh)
 
-        def grown(term: ReducedTerm, full: Term) -> NDArray[np.float64]:
+        def grown(term: ReducedTerm, whole: Term) -> NDArray[np.float64]:
             matrix = np.zeros((basis.shape[1], basis.shape[1]))
-            matrix[:n, :n] = term.matrix
-            matrix[:, n:] = columns[id(full.krons)]
+            matrix[:n, :n] = full(term.matrix)
+            matrix[:, n:] = columns[id(whole.krons)]
             matrix[n:] = matrix[:, n:].T
             matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
             return matrix

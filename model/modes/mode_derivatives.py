@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, Target
 from model.reduction.reduced_equations import ReducedEquations
+from model.reduction.shared_range import InRange, Matrix
 from model.solvers.eigen import orthogonal_answers
 
 _SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
@@ -209,26 +212,52 @@ def _images(
     `shape` are the modes, (n, n_mode). With `omega`, (n_mode,), factors are taken at each mode's own.
     """
     known: dict[int, NDArray[np.float64]] = {}
+    sums: dict[int | None, _Sums] = {}  # by range
+    place = {name: j for j, name in enumerate(names)}
+    for term in system.terms:
+        used = term.factor.names(theta)
+        here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
+        every = {place[n]: [term.factor.derivative(t, n) for t in here] for n in used if n in place}
+        shares = {j: share for j, share in every.items() if any(share)}
+        factor = [term.factor(t) for t in here] if term.target == "C" else [0.0]
+        if not (shares or any(factor)):
+            continue
+        which = id(term.matrix.range) if isinstance(term.matrix, InRange) else None
+        if which not in sums:
+            sums[which] = _Sums(term.matrix, shape, len(names))
+        own = sums[which]
+        if id(term.matrix) not in known:
+            known[id(term.matrix)] = own.image(term.matrix)
+        for j, share in shares.items():
+            own.slopes[term.target][j] += np.multiply(share, known[id(term.matrix)])
+        if any(factor):
+            own.damped += np.multiply(factor, known[id(term.matrix)])
     slopes: dict[Target, NDArray[np.float64]] = {
         t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")
     }
     damped = np.zeros(shape.shape)
-    for term in system.terms:
-        used = term.factor.names(theta)
-        here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
-        every = {
-            j: np.array([term.factor.derivative(t, n) for t in here])
-            for j, n in enumerate(names)
-            if n in used
-        }
-        shares = {j: share for j, share in every.items() if share.any()}
-        factor = np.array([term.factor(t) for t in here]) if term.target == "C" else np.zeros(1)
-        if not (shares or factor.any()):
-            continue
-        if id(term.matrix) not in known:
-            known[id(term.matrix)] = term.matrix @ shape
-        for j, share in shares.items():
-            slopes[term.target][j] += share * known[id(term.matrix)]
-        if factor.any():
-            damped += factor * known[id(term.matrix)]
+    for own in sums.values():
+        own.add_to(slopes, damped)
     return slopes, damped
+
+
+class _Sums:
+    """Images of modes by matrices of one range, summed between its directions; of those in full, as they are."""
+
+    def __init__(self, matrix: Matrix, shape: NDArray[np.float64], n_parameter: int) -> None:
+        self._range = matrix.range if isinstance(matrix, InRange) else None
+        self._shape = shape if self._range is None else self._range.T @ shape
+        self.slopes: defaultdict[Target, NDArray[np.float64]] = defaultdict(
+            partial(np.zeros, (n_parameter, *self._shape.shape))
+        )
+        self.damped = np.zeros(self._shape.shape)
+
+    def image(self, matrix: Matrix) -> NDArray[np.float64]:
+        """Return the images by one of the matrices."""
+        return (matrix.core if isinstance(matrix, InRange) else matrix) @ self._shape
+
+    def add_to(self, slopes: dict[Target, NDArray[np.float64]], damped: NDArray[np.float64]) -> None:
+        """Add the sums in the coordinates of the modes."""
+        for target, own in self.slopes.items():
+            slopes[target] += own if self._range is None else self._range @ own
+        damped += self.damped if self._range is None else self._range @ self.damped

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+
+from model.reduction.shared_range import InRange, Matrix
 
 Vectors = NDArray[np.float64]
 
@@ -97,7 +99,18 @@ class Space:
     spare: slice
     direction: Vectors
 
-    def matrix(self, whole: Vectors) -> Vectors:
+    def matrices(self, whole: Iterable[Matrix]) -> Iterator[Matrix]:
+        """Yield symmetric matrices of the basis, (size, size), in this space; ranges that they share stay shared."""
+        ranges: dict[int, Vectors] = {}
+        for own in whole:
+            if not isinstance(own, InRange):
+                yield self._matrix(own)
+                continue
+            if id(own.range) not in ranges:
+                ranges[id(own.range)] = self.rows(own.range.T).T
+            yield replace(own, range=ranges[id(own.range)])
+
+    def _matrix(self, whole: Vectors) -> Vectors:
         """Return a symmetric matrix of the basis, (size, size), in this space, (n_kept + k, n_kept + k)."""
         n = self.kept.size
         image = whole[:, self.spare] @ self.direction

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.basis_parts import BasisParts, Space
+from model.reduction.shared_range import Matrix, n_row, summed
 from model.stack.stack import Stack
 
 _GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
@@ -25,7 +26,7 @@ class ReducedTerm:
     name: str
     target: Target
     factor: ParameterFactor
-    matrix: NDArray[np.float64]
+    matrix: Matrix
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,7 +62,7 @@ class ReducedEquations:
     @property
     def size(self) -> int:
         """Number of reduced degrees of freedom."""
-        return self.terms[0].matrix.shape[0]
+        return n_row(self.terms[0].matrix)
 
     @property
     def equations(self) -> ReducedEquations:
@@ -102,25 +103,20 @@ class ReducedEquations:
     def _in_space(self, terms: tuple[ReducedTerm, ...], space: Space | None) -> ReducedEquations:
         """Return the equations with some terms, in a space of the basis; None is all of it."""
         if space is not None:
-            found = {id(t.matrix): space.matrix(t.matrix) for t in {id(t.matrix): t for t in terms}.values()}
+            whole = {id(t.matrix): t.matrix for t in terms}
+            found = dict(zip(whole, space.matrices(whole.values()), strict=True))
             terms = tuple(replace(t, matrix=found[id(t.matrix)]) for t in terms)
         return replace(self.equations, terms=terms, parts=None, quick=None)
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
-        total, share = np.zeros((2, self.size, self.size))
-        for term in self.terms:
-            if term.target == target and (factor := term.factor(theta)):  # most effects are neutral
-                total += np.multiply(factor, term.matrix, out=share)
-        return total
+        factors = ((term.factor(theta), term.matrix) for term in self.terms if term.target == target)
+        return summed(self.size, (own for own in factors if own[0]))  # most effects are neutral
 
     def derivative(self, target: Target, theta: Mapping[str, float], name: str) -> NDArray[np.float64]:
         """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""
-        total = np.zeros((self.size, self.size))
-        for term in self.terms:
-            if term.target == target:
-                total += term.factor.derivative(theta, name) * term.matrix
-        return total
+        terms = (term for term in self.terms if term.target == target)
+        return summed(self.size, ((term.factor.derivative(theta, name), term.matrix) for term in terms))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -25,6 +25,7 @@ from model.reduction.assemble import assemble
 from model.reduction.effect_basis import effect_answers, effect_samples
 from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
+from model.reduction.shared_range import in_ranges
 from model.reduction.sobol import sobol
 from model.reduction.through_thickness import (
     FREE,
@@ -80,10 +81,11 @@ class ReducedSystem(ReducedEquations):
     ) -> ReducedSystem:
         """Return the system in another basis; `projected` gives a term's matrix in it, once for terms that share it."""
         found: dict[int, NDArray[np.float64]] = {}
-        for old, full in zip(self.terms, self.assembly.terms, strict=True):
+        for old, whole in zip(self.terms, self.assembly.terms, strict=True):
             if id(old.matrix) not in found:
-                found[id(old.matrix)] = projected(old, full)
-        terms = tuple(dataclasses.replace(term, matrix=found[id(term.matrix)]) for term in self.terms)
+                found[id(old.matrix)] = projected(old, whole)
+        ranged = dict(zip(found, in_ranges(list(found.values())), strict=True))
+        terms = tuple(dataclasses.replace(term, matrix=ranged[id(term.matrix)]) for term in self.terms)
         return dataclasses.replace(self, basis=basis, terms=terms, parts=None, quick=None)
 
     def field_rows(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from model.reduction.basis_parts import BasisParts, Further
 from model.reduction.reduction import ReducedSystem
+from model.reduction.shared_range import full
 from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.stack.errors import SolveError
 
@@ -77,7 +78,7 @@ def truncated(
     spare, _ = _principal(every - core @ (core.T @ every), tolerance)
     kept = la.solve_triangular(root, np.hstack([core, spare]))
     turn = np.hstack([np.eye(system.size, N_RIGID), la.qr(kept, mode="economic")[0]])
-    small = system.rebased(system.basis @ turn, lambda term, _: turn.T @ term.matrix @ turn)
+    small = system.rebased(system.basis @ turn, lambda term, _: turn.T @ full(term.matrix) @ turn)
     energy = small.matrix("K", system.theta) + shift * small.matrix("M", system.theta)
     own_root, own = la.cholesky(energy), [turn.T @ own for own in modes]
     parts, quick = (

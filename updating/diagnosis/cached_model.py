@@ -35,6 +35,7 @@ from model.elements.equations import Formula, Product
 from model.elements.mesh import Plan, plan_on
 from model.reduction.basis_parts import BasisParts, Further
 from model.reduction.reduced_equations import ReducedTerm
+from model.reduction.shared_range import InRange
 from model.stack.curve import CompressionCurve
 from model.stack.material import Material
 from model.stack.outline import Outline, Triangulation
@@ -49,7 +50,7 @@ from updating.results.store import digest, versions
 N_CACHED = 3
 """Models that are cached, those that were used last; each takes some 230 MB."""
 _TYPES = (
-    Assembly, BasisParts, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, Further, Instruments,
+    Assembly, BasisParts, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, Further, InRange, Instruments,
     InterfaceLaw, Interlayer, Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product,
     ReducedEquations, ReducedSystem, ReducedTerm, Stack, Term, Triangulation,
 )  # fmt: skip

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from model import Formula, Observed, ReducedSystem, SolveError
 from model.elements.equations import OMEGA, Product, Target
+from model.reduction.shared_range import full
 
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
 _LINES_AT_ONCE = 128
@@ -74,9 +75,9 @@ def dynamics(system: ReducedSystem, theta: Mapping[str, float]) -> Dynamics:
     following = []
     for term in system.terms:
         if OMEGA in theta and term.factor.derivative(theta, OMEGA) != 0.0:
-            following.append((term.target, _continued(term.factor, theta), term.matrix))
+            following.append((term.target, _continued(term.factor, theta), full(term.matrix)))
         else:
-            steady[term.target] += term.factor(theta) * term.matrix
+            steady[term.target] += term.factor(theta) * full(term.matrix)
     return Dynamics(steady=steady, following=tuple(following))
 
 

@@ -1,0 +1,54 @@
+"""Matrices of low rank in ranges that they share, against the same in full."""
+
+import numpy as np
+import pytest
+
+from model.reduction.shared_range import InRange, full, in_ranges, n_row, summed
+
+N = 90
+
+
+@pytest.fixture
+def matrices():
+    """Three of one range of 12 directions that begin after the sixth row, one in full, and one of another range."""
+    rng = np.random.default_rng(3)
+    root = np.zeros((N, 12))
+    root[6:] = rng.normal(size=(N - 6, 12))
+    cores = [rng.normal(size=(k, k)) for k in (6, 12, 3)]
+    shared = [root[:, : len(c)] @ (c + c.T) @ root[:, : len(c)].T for c in cores]
+    other = rng.normal(size=(N, 35))
+    whole = rng.normal(size=(N, N))
+    return [*shared, whole @ whole.T, other @ other.T]
+
+
+def test_matrices_in_ranges_are_the_same_in_full(matrices):
+    for own, found in zip(matrices, in_ranges(matrices), strict=True):
+        np.testing.assert_allclose(full(found), own, atol=1e-11 * np.abs(own).max())
+        assert n_row(found) == N
+
+
+def test_those_that_overlap_share_a_range_and_full_ones_stay(matrices):
+    first, second, third, whole, other = in_ranges(matrices)
+    assert first.range is second.range is third.range
+    assert first.range.shape == (N, 12)
+    assert whole is matrices[3]
+    assert isinstance(other, InRange)
+    assert other.range.shape == (N, 35)
+
+
+def test_what_a_matrix_does_not_feel_stays_exactly_zero(matrices):
+    """Rounding there, times a large stiffness, would move rigid-body motion."""
+    found = in_ranges(matrices)[1]
+    assert not full(found)[:6].any()
+
+
+def test_a_sum_of_both_kinds_is_that_of_the_full_ones(matrices):
+    factors = [2.0, -0.5, 3.0, 1.0, 0.25]
+    expected = sum(f * own for f, own in zip(factors, matrices, strict=True))
+    found = summed(N, zip(factors, in_ranges(matrices), strict=True))
+    np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+
+
+def test_a_matrix_of_zeros_has_no_directions():
+    (found,) = in_ranges([np.zeros((N, N))])
+    assert not full(found).any()
