@@ -60,7 +60,7 @@ def dense(blocks):
 
 
 def solved(blocks):
-    own = [reduced(b, WEIGHED, grams(b, SIZE)) for b in blocks]
+    own = reduced(blocks, [WEIGHED] * len(blocks), [grams(b, SIZE) for b in blocks])
     return own, joined(own, WEIGHED, PLACE[: len(blocks)], (np.zeros(3), PRIOR))
 
 
@@ -265,7 +265,7 @@ def test_scatter_of_specimens_is_no_discrepancy_of_the_model():
         weighed = Strengths(
             size=(apart, 0.1, 0.02), own=(), mean=(), latent=(np.sqrt(CORRELATION) * common,) * modes
         )
-        found = [reduced(block, weighed, grams(block, weighed.size)) for block in blocks]
+        found = reduced(blocks, [weighed] * len(blocks), [grams(own, weighed.size) for own in blocks])
         joint = joined(found, weighed, [np.zeros((0, 0))] * specimens, (np.zeros(0), np.zeros(0)))
         step = joint.step(np.zeros(0), np.zeros(0), 1.0)
         return (

@@ -7,7 +7,7 @@ A Modern Synthesis, 2000). Time grows with the number of specimens, the problem 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -121,51 +121,70 @@ class Reduced:
         return np.asarray(la.cho_solve((self.root, True), np.eye(len(self.root))))
 
 
-def reduced(block: Block, weighed: Strengths, grams: Sequence[tuple[Vector, float]]) -> Reduced:
-    """Eliminate the own coordinates of a specimen.
+def reduced(
+    blocks: Sequence[Block], weighed: Sequence[Strengths], grams: Sequence[Sequence[tuple[Vector, float]]]
+) -> list[Reduced]:
+    """Eliminate the own coordinates of specimens, of those that have the same coordinates at once.
 
     Parameters
     ----------
-    block : Block
-        The specimen.
-    weighed : Strengths
-        Sizes and priors.
-    grams : sequence of ((k, k), float)
-        `Block.gram` of each kind of data at its size.
+    blocks : sequence of Block
+        The specimens.
+    weighed : sequence of Strengths
+        Sizes and priors of each.
+    grams : sequence of sequence of ((k, k), float)
+        Of each `Block.gram` of every kind of data at its size.
     """
-    n_own, n_mean = block.own.shape[1], len(weighed.mean)
-    precision = np.array(weighed.own) ** -2.0
-    data = np.sum([gram for gram, _ in grams], axis=0)
+    alike: dict[tuple[bytes, tuple[int, ...]], list[int]] = {}
+    for s, (block, gram) in enumerate(zip(blocks, grams, strict=True)):
+        alike.setdefault((block.mean.tobytes(), gram[0][0].shape), []).append(s)
+    found: dict[int, Reduced] = {}
+    for members in alike.values():
+        own = _reduced(
+            [blocks[s] for s in members], [weighed[s] for s in members], [grams[s] for s in members]
+        )
+        found.update(zip(members, own, strict=True))
+    return [found[s] for s in range(len(blocks))]
+
+
+def _reduced(
+    blocks: Sequence[Block], weighed: Sequence[Strengths], grams: Sequence[Sequence[tuple[Vector, float]]]
+) -> Iterator[Reduced]:
+    """Yield specimens that have the same coordinates without them."""
+    n_own, n_mean = blocks[0].own.shape[1], len(weighed[0].mean)
+    precision = np.array([own.own for own in weighed]) ** -2.0
+    data = np.array([sum(gram for gram, _ in own) for own in grams])
     first = n_own + n_mean  # of the latents
-    full = np.zeros((n_mean + len(data), n_mean + len(data)))
-    full[:n_own, :n_own], full[:n_own, first:] = data[:n_own, :n_own], data[:n_own, n_own:]
-    full[first:, :n_own], full[first:, first:] = data[n_own:, :n_own], data[n_own:, n_own:]
-    _add_prior(full, block, precision)
-    root = la.cholesky(full[:n_own, :n_own], lower=True, check_finite=False)
-    back = la.cho_solve((root, True), full[:n_own, n_own:], check_finite=False)
-    return Reduced(
-        gram=full[n_own:, n_own:] - full[:n_own, n_own:].T @ back,
-        held=full[n_own:, n_own:],
-        log_det=float(
-            2.0 * np.sum(np.log(np.diag(root))) - np.sum(np.log(precision)) + sum(log for _, log in grams)
-        ),
-        back=back,
-        root=root,
-    )
+    full = np.zeros((len(blocks), n_mean + data.shape[1], n_mean + data.shape[1]))
+    full[:, :n_own, :n_own], full[:, :n_own, first:] = data[:, :n_own, :n_own], data[:, :n_own, n_own:]
+    full[:, first:, :n_own], full[:, first:, first:] = data[:, n_own:, :n_own], data[:, n_own:, n_own:]
+    _add_prior(full, np.array([own.away for own in blocks]), blocks[0].mean, precision)
+    root = np.linalg.cholesky(full[:, :n_own, :n_own])
+    back = np.linalg.solve(full[:, :n_own, :n_own], full[:, :n_own, n_own:])
+    gram = full[:, n_own:, n_own:] - full[:, :n_own, n_own:].transpose(0, 2, 1) @ back
+    own_det = 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
+    own_det -= np.sum(np.log(precision), axis=1)
+    for s, own in enumerate(grams):
+        yield Reduced(
+            gram=gram[s],
+            held=full[s, n_own:, n_own:],
+            log_det=float(own_det[s] + sum(log for _, log in own)),
+            back=back[s],
+            root=root[s],
+        )
 
 
-def _add_prior(full: Vector, block: Block, precision: Vector) -> None:
-    """Add to a Gram matrix that of own - mean + away, each over its standard deviation."""
-    own = np.arange(len(precision))
-    mean, away = len(precision) + block.mean, precision * block.away
-    full[own, own] += precision
-    full[mean, mean] += precision  # each own coordinate has another mean
-    full[own, mean] -= precision
-    full[mean, own] -= precision
-    for row, sign in ((own, 1.0), (mean, -1.0)):
-        full[row, -1] += sign * away
-        full[-1, row] += sign * away
-    full[-1, -1] += away @ block.away
+def _add_prior(full: Vector, away: Vector, mean: NDArray[np.intp], precision: Vector) -> None:
+    """Add to Gram matrices those of own - mean + away, each over its standard deviation, (n_specimen, n_own)."""
+    own, centre, force = np.arange(len(mean)), precision.shape[1] + mean, precision * away
+    full[:, own, own] += precision
+    full[:, centre, centre] += precision  # each own coordinate has another mean
+    full[:, own, centre] -= precision
+    full[:, centre, own] -= precision
+    for row, sign in ((own, 1.0), (centre, -1.0)):
+        full[:, row, -1] += sign * force
+        full[:, -1, row] += sign * force
+    full[:, -1, -1] += np.sum(force * away, axis=1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -234,7 +253,7 @@ def joined(
     n, n_coordinate = std.size, prior[0].size
     total = np.zeros((n + n_coordinate + 1, n + n_coordinate + 1))
     for own, where in zip(specimens, place, strict=True):
-        total += spread(own.gram, n, where)
+        _add_spread(total, own.gram, n, where)
     known = np.concatenate([std**-2.0, prior[1]])
     away = np.concatenate([np.zeros(n), prior[0]])
     held = known[known > 0.0]
@@ -248,16 +267,22 @@ def joined(
 
 def spread(gram: Vector, n: int, where: Vector) -> Vector:
     """Return a Gram matrix whose effect columns, between the first n and the value, are put where coordinates are."""
-    k = where.shape[1]
-    full = np.zeros((n + k + 1, n + k + 1))
-    at = np.r_[np.arange(n), n + k]
-    kept = np.r_[np.arange(n), len(gram) - 1]
-    full[np.ix_(at, at)] = gram[np.ix_(kept, kept)]
-    column = gram[:, n:-1] @ where
-    full[at, n:-1] = column[kept]
-    full[n:-1, at] = column[kept].T
-    full[n:-1, n:-1] = where.T @ column[n:-1]
+    full = np.zeros((n + where.shape[1] + 1, n + where.shape[1] + 1))
+    _add_spread(full, gram, n, where)
     return full
+
+
+def _add_spread(total: Vector, gram: Vector, n: int, where: Vector) -> None:
+    """Add `spread` to a matrix: of its parts, for hundreds are added and each has few columns of effects."""
+    column = gram[:, n:-1] @ where
+    total[:n, :n] += gram[:n, :n]
+    total[:n, n:-1] += column[:n]
+    total[n:-1, :n] += column[:n].T
+    total[n:-1, n:-1] += where.T @ column[n:-1]
+    for rest, row in ((slice(None, n), gram[:n, -1]), (slice(n, -1), column[-1])):
+        total[rest, -1] += row
+        total[-1, rest] += row
+    total[-1, -1] += gram[-1, -1]
 
 
 def bounded(precision: Vector, slope: Vector, low: Vector, high: Vector) -> Vector:

@@ -12,7 +12,7 @@ from model import SolveError
 from updating.diagnosis.calibration import WIDER
 from updating.diagnosis.discrepancy import KINDS
 from updating.diagnosis.explanation import TRUST
-from updating.pooled.algebra import Joined, Reduced, joined, log_evidence, reduced
+from updating.pooled.algebra import Joined, Reduced, Strengths, joined, log_evidence, reduced
 from updating.pooled.beside import Bench
 from updating.pooled.linear import Linear, Place, Scales, linearized, only, strengths
 from updating.pooled.term import Coordinate, Term, coordinates_of
@@ -69,6 +69,7 @@ class Weighing:
 
     def __init__(self, bench: Bench, linear: Linear, coordinates: Sequence[Coordinate], at: Vector) -> None:
         self._bench, self._linear, self._coordinates, self._at = bench, linear, coordinates, at
+        self._places = [linear.placed(s, coordinates) for s in range(len(linear.block))]
         self._grams: dict[tuple[int, str, float], tuple[Vector, float]] = {}
         self._seen: tuple[tuple[float, ...], list[Reduced]] | None = None
 
@@ -80,17 +81,24 @@ class Weighing:
             *(scales.own(kind) for kind in KINDS),
         )  # all that is a specimen's own
         if self._seen is None or self._seen[0] != key:
-            self._seen = key, [self._without_own(s, scales) for s in range(len(self._linear.block))]
+            grams = [self._grams_of(s, scales) for s in range(len(self._linear.block))]
+            self._seen = key, reduced(self._linear.block, self._strengths(scales), grams)
         return self._seen[1]
 
-    def _without_own(self, s: int, scales: Scales) -> Reduced:
-        block, grams = self._linear.block[s], []
+    def _strengths(self, scales: Scales) -> list[Strengths]:
+        """Return what each specimen is weighed with, which those with the same coordinates have in common."""
+        names = [own.evidence.nuisances for own in self._bench.own]
+        of = {own: strengths(self._bench, names.index(own), scales) for own in set(names)}
+        return [of[own] for own in names]
+
+    def _grams_of(self, s: int, scales: Scales) -> list[tuple[Vector, float]]:
+        grams = []
         for kind in KINDS:
             seen = (s, kind, scales.own(kind))
             if seen not in self._grams:
-                self._grams[seen] = block.gram(kind, seen[2])
+                self._grams[seen] = self._linear.block[s].gram(kind, seen[2])
             grams.append(self._grams[seen])
-        return reduced(block, strengths(self._bench, s, scales), grams)
+        return grams
 
     def joined(self, specimens: Sequence[Reduced | None], scales: Scales) -> Joined:
         """Return specimens together; those that are None are left out."""
@@ -98,7 +106,7 @@ class Weighing:
         return joined(
             [own for _, own in kept],
             strengths(self._bench, kept[0][0], scales),
-            [self._linear.placed(s, self._coordinates) for s, _ in kept],
+            [self._places[s] for s, _ in kept],
             (self._at, np.array([own.precision for own in self._coordinates])),
         )
 

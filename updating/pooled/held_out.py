@@ -93,7 +93,8 @@ def torques_left_out(bench: Bench, own: Fitted) -> Vector:
                 growth=block.growth[~away],
             )
             weighed = strengths(bench, s, own.scales)
-            without = [*every[:s], reduced(kept, weighed, grams(kept, weighed.size)), *every[s + 1 :]]
+            (left,) = reduced([kept], [weighed], [grams(kept, weighed.size)])
+            without = [*every[:s], left, *every[s + 1 :]]
             solution = weighing.joined(without, own.scales).step(low, high, TRUST)
             found.append(_error(own, s, without, solution, bench, c))
     return np.array(found)
