@@ -156,14 +156,25 @@ def test_what_remains_is_said_first(verdict, start):
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        (part(level="each"), "cannot tell whose the effect is: as well it may be inertia of the clamps"),
-        (part("clamp_mass", label="clamp mass"), "cannot tell which effect it is: as well it may be clamp mass"),
+        (part(level="each"), "cannot tell whose the effect is: it may as well be inertia of the clamps"),
+        (part("clamp_mass", label="clamp mass"), "cannot tell which effect it is: it may as well be clamp mass"),
     ],
 )  # fmt: skip
 def test_what_data_cannot_tell_is_said(other, said):
     first, second, *_ = answer("one of", (ranked(part()), ranked(other, odds=29.0), BASE), 2).sentences
     assert first.startswith("Most probable: inertia of the clamps")
     assert said in second
+
+
+def test_what_all_that_fits_has_is_told_once():
+    law, mass = part("pressure_exponent", label="law of pressure"), part("clamp_mass", label="clamp mass")
+    others = ranked(law, mass, odds=29.0), ranked(law, part(), mass, odds=28.5), ranked(law, odds=28.0)
+    text = answer("one of", (ranked(law, part()), *others, BASE), 4).sentences[1]
+    assert text == (
+        "These data cannot tell which effect it is: beside law of pressure (pressure_exponent) it may as well be "
+        "clamp mass (clamp_mass), of the rig; or inertia of the clamps (clamp_inertia), of the rig together with "
+        "clamp mass (clamp_mass), of the rig; or nothing more."
+    )
 
 
 def test_a_lead_that_is_not_the_most_probable_is_accounted_for():

@@ -45,13 +45,21 @@ def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
 
 def part_text(own: Part) -> str:
     """Return a term in words: what, and whose it is."""
-    whose = {
-        "rig": f"of the rig, {_how_alike(own)} in all {len(own.specimens)} specimens",
+    alike = f", {_how_alike(own)} in all {len(own.specimens)} specimens" if own.level == "rig" else ""
+    return f"{_named(own)}, {_whose(own)}{alike}"
+
+
+def _named(own: Part) -> str:
+    return f"{own.label} ({own.effect})"
+
+
+def _whose(own: Part) -> str:
+    return {
+        "rig": "of the rig",
         "group": f"of the group {own.of}",
         "specimen": f"of specimen {own.of} alone",
         "each": "of each specimen its own",
     }[own.level]
-    return f"{own.label} ({own.effect}), {whose}"
 
 
 def _how_alike(own: Part) -> str:
@@ -114,14 +122,34 @@ def _values(own: Part) -> str:
 
 
 def _cannot_tell(found: PooledDiagnosis) -> str:
-    """Say what the data do not tell apart, and whether that is the effect or its level."""
-    others = found.ranking[1 : found.left]
-    listed = "; or ".join(explanation_text(own) for own in others[:_LISTED])
+    """Say what the data do not tell apart, and whether that is the effect or its level; what all have is told once."""
+    best, others = found.ranking[0], found.ranking[1 : found.left]
+    what = (
+        "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
+    )
+    common = [own for own in best.parts if all(_is_in(own, other) for other in others)]
+    listed = "; or ".join(_beside(common, own) for own in others[:_LISTED])
     more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
-    first = {own.effect for own in found.ranking[0].parts}
-    same = all({own.effect for own in other.parts} == first for other in others)
-    what = "whose the effect is" if same else "which effect it is"
-    return f"These data cannot tell {what}: as well it may be {listed}{more}."
+    where = f"beside {' and '.join(map(_named, common))} " if common else ""
+    return f"These data cannot tell {what}: {where}it may as well be {listed}{more}."
+
+
+def _beside(common: Sequence[Part], own: PooledRanked) -> str:
+    """Return in words what an explanation has beside what all have."""
+    rest = [part for part in own.parts if not any(_is_same(part, each) for each in common)]
+    return " together with ".join(f"{_named(part)}, {_whose(part)}" for part in rest) or "nothing more"
+
+
+def _is_in(own: Part, other: PooledRanked) -> bool:
+    return any(_is_same(own, part) for part in other.parts)
+
+
+def _is_same(own: Part, other: Part) -> bool:
+    return (own.effect, own.level, own.of) == (other.effect, other.level, other.of)
+
+
+def _effects(own: PooledRanked) -> set[str]:
+    return {part.effect for part in own.parts}
 
 
 def _by_prediction(found: PooledDiagnosis) -> list[str]:
@@ -129,8 +157,9 @@ def _by_prediction(found: PooledDiagnosis) -> list[str]:
     first, top = found.ranking[0], max(found.ranking, key=lambda own: own.log_odds)
     if top is first:
         return []
+    instead = " with ".join(map(_named, top.parts)) or "the base model"
     return [
-        f"By the odds alone {explanation_text(top)} would lead; but none is a model that is nearly right, where odds "
+        f"By the odds alone {instead} would lead; but none is a model that is nearly right, where odds "
         "mislead, so what predicts specimens left out best comes first: that with an error of "
         f"{percent(first.left_out_error)}, the most probable one with {percent(top.left_out_error)}."
     ]
