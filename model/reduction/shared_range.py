@@ -19,6 +19,8 @@ Vectors = NDArray[np.float64]
 _MOST = 1 / 10  # of the basis, that a range may span: with more, full matrices are as quick
 _FEWEST = 40  # directions that it may have in any case
 _RANK = 1e-11  # of the largest direction of a matrix, below which one is rounding
+_SAME = 1e-7  # part of a unit direction beside others, below which it is theirs
+_EXACT = 1e-11  # of a matrix's largest entry, to which it must be the same in its range
 _SPARE = (
     8  # random vectors beyond the most directions, which show that a range has no more (Halko et al. 2011)
 )
@@ -86,8 +88,9 @@ def in_ranges(matrices: Sequence[Vectors]) -> list[Matrix]:
     probe = np.random.default_rng(0).standard_normal((n, most + _SPARE))
     groups: list[tuple[Vectors, list[int]]] = []
     for i, matrix in enumerate(matrices):
-        own = _orthonormal(matrix @ probe, most)
-        if own is None:
+        image = matrix @ probe
+        own = _orthonormal(image, _RANK * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
+        if own.shape[1] > most:
             continue
         shared, members = groups[-1] if groups else (own[:, :0], [])
         wider = _with(shared, own)
@@ -98,30 +101,29 @@ def in_ranges(matrices: Sequence[Vectors]) -> list[Matrix]:
     for shared, members in groups:
         for i in members:
             core = shared.T @ matrices[i] @ shared
-            found[i] = InRange(range=shared, core=(core + core.T) / 2.0)
+            own = InRange(range=shared, core=(core + core.T) / 2.0)
+            if np.abs(full(own) - matrices[i]).max() <= _EXACT * np.abs(matrices[i]).max():
+                found[i] = own
     return found
 
 
 def _with(shared: Vectors, own: Vectors) -> Vectors:
     """Return an orthonormal range with what another has beside it."""
-    left = own - shared @ (shared.T @ own)
-    left -= shared @ (shared.T @ left)
-    further = left[:, np.linalg.norm(left, axis=0) > np.sqrt(_RANK)]
-    found = _orthonormal(further, further.shape[1])
-    return shared if found is None else np.hstack([shared, found])
+    left = own
+    for _ in range(2):  # of what is small, the first time leaves mostly rounding, which lies along the range
+        left = left - shared @ (shared.T @ left)
+        left = _orthonormal(left - shared @ (shared.T @ left), _SAME)
+    return np.hstack([shared, left])
 
 
-def _orthonormal(vectors: Vectors, most: int) -> Vectors | None:
-    """Return an orthonormal range of vectors, exactly 0 where their rows are; None where it has too many directions.
+def _orthonormal(vectors: Vectors, least: float) -> Vectors:
+    """Return an orthonormal range of vectors, exactly 0 where their rows are, without directions that are shorter.
 
     Rigid-body motion is felt by few matrices, and what rounding would put there is large times a large stiffness.
     """
     felt = np.flatnonzero(vectors.any(axis=1))
     direction, triangle, _ = la.qr(vectors[felt], mode="economic", pivoting=True)
-    length = np.abs(np.diag(triangle))
-    rank = int(np.count_nonzero(length > _RANK * length.max(initial=0.0)))
-    if rank > most:
-        return None
-    found = np.zeros((len(vectors), rank))
-    found[felt] = direction[:, :rank]
+    kept = direction[:, np.abs(np.diag(triangle)) > least]
+    found = np.zeros((len(vectors), kept.shape[1]))
+    found[felt] = kept
     return found

@@ -42,6 +42,16 @@ def test_what_a_matrix_does_not_feel_stays_exactly_zero(matrices):
     assert not full(found)[:6].any()
 
 
+def test_directions_that_hardly_differ_spoil_no_matrix():
+    """What they differ by is mostly rounding: taken for a direction of its own it lies along the others."""
+    rng = np.random.default_rng(5)
+    root = np.linalg.qr(rng.normal(size=(N, 12)))[0]
+    near = [root + 10.0**-k * rng.normal(size=root.shape) for k in (4, 6, 8, 10, 12)]
+    matrices = [own @ own.T for own in (root, *near)]
+    for own, found in zip(matrices, in_ranges(matrices), strict=True):
+        np.testing.assert_allclose(full(found), own, atol=1e-11)
+
+
 def test_a_sum_of_both_kinds_is_that_of_the_full_ones(matrices):
     factors = [2.0, -0.5, 3.0, 1.0, 0.25]
     expected = sum(f * own for f, own in zip(factors, matrices, strict=True))
