@@ -93,17 +93,19 @@ def in_ranges(matrices: Sequence[Vectors]) -> list[Matrix]:
         if own.shape[1] > most:
             continue
         shared, members = groups[-1] if groups else (own[:, :0], [])
-        wider = _with(shared, own)
-        if members and wider.shape[1] <= most:
+        # what feels rigid-body motion shares no range with what does not, for there it must stay exactly 0
+        alike = bool(members) and np.array_equal(matrices[members[0]].any(axis=1), matrix.any(axis=1))
+        wider = _with(shared, own) if alike else own
+        if alike and wider.shape[1] <= most:
             groups[-1] = wider, [*members, i]
         else:
             groups.append((own, [i]))
     for shared, members in groups:
         for i in members:
             core = shared.T @ matrices[i] @ shared
-            own = InRange(range=shared, core=(core + core.T) / 2.0)
-            if np.abs(full(own) - matrices[i]).max() <= _EXACT * np.abs(matrices[i]).max():
-                found[i] = own
+            ranged = InRange(range=shared, core=(core + core.T) / 2.0)
+            if np.abs(full(ranged) - matrices[i]).max() <= _EXACT * np.abs(matrices[i]).max():
+                found[i] = ranged
     return found
 
 
