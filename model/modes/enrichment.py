@@ -99,11 +99,7 @@ def with_attachment_modes(
         modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, n_rigid(system.stack) : n_mode]
         every = np.hstack([la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there])
         forces = np.asarray(la.orth(every, _RANK))  # several terms act at the same places
-        factor = shifted_factor(assembly, theta)
-        for _ in range(_DEPTH):
-            answers = factor.solve(forces)
-            known.add(answers)
-            forces = known.mass(answers)
+        known.add_answers(forces, shifted_factor(assembly, theta))
     return known.extended()
 
 
@@ -127,6 +123,13 @@ class _Known:
         """Add what vectors have beside the basis."""
         if vectors.shape[1]:
             self._blocks.append(orthonormalize(vectors, self.mass, self._blocks))
+
+    def add_answers(self, forces: NDArray[np.float64], factor: Factor) -> None:
+        """Add what answers to forces, and to the inertia of these answers."""
+        for _ in range(_DEPTH):
+            answers = factor.solve(forces)
+            self.add(answers)
+            forces = self.mass(answers)
 
     def extended(self) -> ReducedSystem:
         """Return the system with all of it; only the new rows and columns of the terms are computed."""

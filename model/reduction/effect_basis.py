@@ -111,15 +111,16 @@ def effect_answers(
     values, modes = values[elastic], basis @ vectors[:, elastic]
     factor = solver.factor(theta, shift)
     unit_energy = modes / np.sqrt(values)
-    forces, seen = [], set()
+    acting: dict[int, tuple[Term, float]] = {}
     for term, strength in _strengths(assembly, effects, theta):
-        if id(term.krons) not in seen:
-            seen.add(id(term.krons))
-            force = assembly.apply(term.krons, unit_energy) * (values if term.target == "M" else 1.0)
-            forces.append(strength * force)
-    if not forces:
+        acting.setdefault(id(term.krons), (term, strength))
+    if not acting:
         return np.empty((assembly.size, 0))
-    force = np.hstack(forces)
+    force = np.empty((assembly.size, len(acting) * values.size))
+    for i, (term, strength) in enumerate(acting.values()):
+        own = slice(i * values.size, (i + 1) * values.size)
+        force[:, own] = assembly.apply(term.krons, unit_energy) * (values if term.target == "M" else 1.0)
+        force[:, own] *= strength
     answer = factor.solve(force)
     gram = answer.T @ force  # the work of the forces is the energy of the answers
     energy, principal = la.eigh((gram + gram.T) / 2.0)

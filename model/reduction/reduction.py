@@ -80,11 +80,10 @@ class ReducedSystem(ReducedEquations):
         self, basis: NDArray[np.float64], projected: Callable[[ReducedTerm, Term], NDArray[np.float64]]
     ) -> ReducedSystem:
         """Return the system in another basis; `projected` gives a term's matrix in it, once for terms that share it."""
-        found: dict[int, NDArray[np.float64]] = {}
-        for old, whole in zip(self.terms, self.assembly.terms, strict=True):
-            if id(old.matrix) not in found:
-                found[id(old.matrix)] = projected(old, whole)
-        ranged = dict(zip(found, in_ranges(list(found.values())), strict=True))
+        of = {
+            id(old.matrix): (old, whole) for old, whole in zip(self.terms, self.assembly.terms, strict=True)
+        }
+        ranged = dict(zip(of, in_ranges(projected(*own) for own in of.values()), strict=True))
         terms = tuple(dataclasses.replace(term, matrix=ranged[id(term.matrix)]) for term in self.terms)
         return dataclasses.replace(self, basis=basis, terms=terms, parts=None, quick=None)
 

@@ -7,7 +7,7 @@ thirds of its size.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,39 +74,61 @@ def summed(n: int, parts: Iterable[tuple[float, Matrix]]) -> Vectors:
     return total
 
 
-def in_ranges(matrices: Sequence[Vectors]) -> list[Matrix]:
+def in_ranges(matrices: Iterable[Vectors]) -> list[Matrix]:
     """Return matrices of low rank in ranges that they share, others as they are.
 
     Parameters
     ----------
-    matrices : sequence of (n, n) float
-        Symmetric. Those that follow each other are the likeliest to share a range.
+    matrices : iterable of (n, n) float
+        Symmetric. Those that follow each other are the likeliest to share a range; no more of them than may share one
+        are kept in full at a time.
     """
-    found: list[Matrix] = list(matrices)
-    n = len(matrices[0]) if matrices else 0
-    most = max(int(_MOST * n), _FEWEST)
-    probe = np.random.default_rng(0).standard_normal((n, most + _SPARE))
-    groups: list[tuple[Vectors, list[int]]] = []
+    found: list[Matrix] = []
+    group = _Group(range=np.zeros((0, 0)), members={})
+    most, probe = _FEWEST, np.zeros((0, 0))
     for i, matrix in enumerate(matrices):
+        found.append(matrix)
+        if i == 0:
+            most = max(int(_MOST * len(matrix)), _FEWEST)
+            probe = np.random.default_rng(0).standard_normal((len(matrix), most + _SPARE))
         image = matrix @ probe
         own = _orthonormal(image, _RANK * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
         if own.shape[1] > most:
             continue
-        shared, members = groups[-1] if groups else (own[:, :0], [])
-        # what feels rigid-body motion shares no range with what does not, for there it must stay exactly 0
-        alike = bool(members) and np.array_equal(matrices[members[0]].any(axis=1), matrix.any(axis=1))
-        wider = _with(shared, own) if alike else own
-        if alike and wider.shape[1] <= most:
-            groups[-1] = wider, [*members, i]
+        wider = group.wider(matrix, own)
+        if wider is None or wider.shape[1] > most:
+            found = group.put(found)
+            group = _Group(range=own, members={i: matrix})
         else:
-            groups.append((own, [i]))
-    for shared, members in groups:
-        for i in members:
-            core = shared.T @ matrices[i] @ shared
-            ranged = InRange(range=shared, core=(core + core.T) / 2.0)
-            if np.abs(full(ranged) - matrices[i]).max() <= _EXACT * np.abs(matrices[i]).max():
+            group = _Group(range=wider, members={**group.members, i: matrix})
+    return group.put(found)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Group:
+    """Matrices in full, by their number, and a range that they share."""
+
+    range: Vectors
+    members: Mapping[int, Vectors]
+
+    def wider(self, matrix: Vectors, own: Vectors) -> Vectors | None:
+        """Return the range with that of another matrix; None if they can share none.
+
+        What feels rigid-body motion shares no range with what does not, for there it must stay exactly 0.
+        """
+        if not self.members:
+            return None
+        first = next(iter(self.members.values()))
+        return _with(self.range, own) if np.array_equal(first.any(axis=1), matrix.any(axis=1)) else None
+
+    def put(self, found: list[Matrix]) -> list[Matrix]:
+        """Return all matrices with those of the group in its range, where they are the same there."""
+        for i, matrix in self.members.items():
+            core = self.range.T @ matrix @ self.range
+            ranged = InRange(range=self.range, core=(core + core.T) / 2.0)
+            if np.abs(full(ranged) - matrix).max() <= _EXACT * np.abs(matrix).max():
                 found[i] = ranged
-    return found
+        return found
 
 
 def _with(shared: Vectors, own: Vectors) -> Vectors:

@@ -61,6 +61,10 @@ class Block:
         """All columns side by side, (n, n_own + n_latent + n_effect + 1), the value last."""
         return np.column_stack([self.own, -self.shared, self.effect, self.value])
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what another process needs: not the columns, which are as large as all else and soon made anew."""
+        return {name: value for name, value in self.__dict__.items() if name != "columns"}
+
     def gram(self, kind: Kind, size: float) -> tuple[Vector, float]:
         """Return the Gram matrix of the columns of one kind of data, and the logarithms of its variances summed."""
         rows = self.kind == kind

@@ -11,7 +11,6 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
@@ -146,18 +145,23 @@ class _Sent:
     arrays: _Left | None = None
 
     def __call__(self, items: list[Any]) -> bytes:
-        return cloudpickle.dumps(list(map(_read(self.content, self.arrays), items)))
+        if self not in _LAST:
+            _LAST.clear()  # before the next one is read, for each holds a model
+            _LAST[self] = self._read()
+        return cloudpickle.dumps(list(map(_LAST[self], items)))
+
+    def _read(self) -> Callable[[Any], Any]:
+        if self.arrays is None:
+            return cloudpickle.loads(self.content)
+        arrays = [bytearray(size) for size in self.arrays.sizes]
+        with self.arrays.path.open("rb") as file:
+            for array in arrays:
+                file.readinto(array)
+        return pickle.loads(self.content, buffers=arrays)
 
 
-@lru_cache(maxsize=1)
-def _read(content: bytes, left: _Left | None) -> Callable[[Any], Any]:
-    if left is None:
-        return cloudpickle.loads(content)
-    arrays = [bytearray(size) for size in left.sizes]
-    with left.path.open("rb") as file:
-        for array in arrays:
-            file.readinto(array)
-    return pickle.loads(content, buffers=arrays)
+_LAST: dict[_Sent, Callable[[Any], Any]] = {}
+"""The task that this process had last."""
 
 
 class _ThisProcess(Executor):
