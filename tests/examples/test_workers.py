@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from updating.commands.command_line import main
 from updating.commands.fit import fit_campaign
 from updating.commands.specimens import diagnose_pooled
 from updating.errors import WorkerError
+from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers
 
 DATA = Path(__file__).parents[2] / "data"
@@ -121,7 +123,37 @@ def test_results_come_in_order_from_tasks_that_none_can_import_and_no_file_stays
             found = list(distribute(lambda i, offset=offset: large[i] + offset, range(40), executor))
             assert found == [i + offset for i in range(40)]
             assert not [path for path in tmp_path.rglob("*") if path.is_file()]
-    assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.glob("lamella-*"))
+
+
+def test_what_is_sent_is_named_in_few_words(monkeypatch):
+    """A cluster names tasks by them, and a model in words takes seconds and several times its room."""
+    sent, large = [], np.arange(1e5)
+    monkeypatch.setattr(Executor, "map", lambda _, task, parts: sent.append(task) or map(task, parts))
+    assert list(distribute(lambda i: large[i], range(4), Executor())) == [0.0, 1.0, 2.0, 3.0]
+    assert len(repr(sent[0])) < 100
+
+
+class Alone:
+    """A task that is read only where no other is kept."""
+
+    def __init__(self, offset):
+        self.offset = offset
+
+    def __setstate__(self, state):
+        assert not workers_module._LAST
+        self.__dict__.update(state)
+
+    def __call__(self, i):
+        return self.offset + i
+
+
+def test_a_process_lets_its_last_task_go_before_it_reads_the_next(monkeypatch):
+    """Each may hold a model."""
+    monkeypatch.setattr(Executor, "map", lambda _, task, parts: map(task, parts))
+    monkeypatch.setattr(workers_module, "_LAST", {})
+    for offset in (3, 4):
+        assert list(distribute(Alone(offset), range(40), Executor())) == [offset + i for i in range(40)]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="each process imports for itself there")

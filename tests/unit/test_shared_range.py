@@ -1,5 +1,7 @@
 """Matrices of low rank in ranges that they share, against the same in full."""
 
+import weakref
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,29 @@ def test_those_that_overlap_share_a_range_and_full_ones_stay(matrices):
     assert whole is matrices[3]
     assert isinstance(other, InRange)
     assert other.range.shape == (N, 35)
+
+
+def test_matrices_come_one_by_one_and_go_with_the_range_that_they_share():
+    """All in full at once would be most of what a model takes while it is built."""
+    rng = np.random.default_rng(6)
+    roots = np.linalg.qr(rng.normal(size=(N, 80)))[0].reshape(N, 4, 20)
+    made_before = []
+
+    class Watched(np.ndarray):
+        pass
+
+    def made():
+        for root in roots.transpose(1, 0, 2):
+            matrix = (root @ root.T).view(Watched)
+            made_before.append(weakref.ref(matrix))
+            yield matrix
+            assert alive() <= 3
+
+    def alive():
+        return sum(own() is not None for own in made_before)
+
+    assert len(in_ranges(made())) == 4
+    assert alive() == 0
 
 
 def test_what_a_matrix_does_not_feel_stays_exactly_zero(matrices):

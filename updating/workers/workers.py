@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
@@ -141,7 +141,7 @@ class _Sent:
     What runs comes from the process that asks, by its pipe, and never from a file.
     """
 
-    content: bytes
+    content: bytes = field(repr=False)  # Dask writes what it is to do into its names
     arrays: _Left | None = None
 
     def __call__(self, items: list[Any]) -> bytes:
