@@ -188,4 +188,4 @@ def test_the_file_of_a_task_holds_numbers_alone(tmp_path):
     sent = pool.leave(task)
     assert sent.arrays.path.read_bytes() == numbers.tobytes()
     sent.arrays.path.write_bytes(np.ones(1000).tobytes())
-    assert workers_module._read(sent.content, sent.arrays)(2.0) == 2000.0
+    assert sent._read()(2.0) == 2000.0
