@@ -19,7 +19,7 @@ from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import target_of_table
 from updating.pooled.beside import MESSAGES
 from updating.pooled.diagnosis import diagnose_specimens
-from updating.workers.workers import workers
+from updating.workers.workers import distribute, workers
 
 pytestmark = pytest.mark.benchmark
 
@@ -29,9 +29,9 @@ HEIGHTS = 5
 """Different ones; specimens of the same share a reduction."""
 
 
-def peak(who=resource.RUSAGE_SELF):
-    """The most memory that this process, or one of those that it began, has had so far, MB."""
-    return resource.getrusage(who).ru_maxrss / 1024
+def peak(_=None):
+    """The most memory that this process has had so far, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def targets(n_specimen):
@@ -58,6 +58,21 @@ def targets(n_specimen):
     return found
 
 
+def test_eighteen_specimens_at_two_torques_are_diagnosed(capsys):
+    """The first one, for what a process has had at most it keeps, and this takes more than the other."""
+    specimens = specimens_of(1, {}, (), Layered(), number=18)
+    begin = time.perf_counter()
+    with workers(MESSAGES) as executor:
+        found = diagnose_specimens("18 x 2", specimens, model.catalogue(), executor=executor)
+        seconds = time.perf_counter() - begin
+        most = peak(), max(distribute(peak, range(MESSAGES), executor))
+    with capsys.disabled():
+        each = "this process {:.0f} MB, another {:.0f} MB".format(*most)
+        print(f"\n18 x 2 cold pooled diagnosis: {seconds:.0f} s, {each}, {found.verdict}")
+    assert seconds <= 180.0
+    assert max(most) <= 1024.0
+
+
 def test_fifty_specimens_at_three_torques_are_fitted_with_two_shared_effects(capsys):
     prepared = prepare(targets(50), n_snapshot=4)
     settings = FitSettings(damping=False, scatter=Scatter(frequency=3e-3, damping=0.3))
@@ -69,16 +84,3 @@ def test_fifty_specimens_at_three_torques_are_fitted_with_two_shared_effects(cap
     assert found.error() < 0.005
     assert seconds <= 60.0
     assert peak() <= 1024.0
-
-
-def test_eighteen_specimens_at_two_torques_are_diagnosed(capsys):
-    specimens = specimens_of(1, {}, (), Layered(), number=18)
-    begin = time.perf_counter()
-    with workers(MESSAGES) as executor:
-        found = diagnose_specimens("18 x 2", specimens, model.catalogue(), executor=executor)
-    seconds, most = time.perf_counter() - begin, (peak(), peak(resource.RUSAGE_CHILDREN))
-    with capsys.disabled():
-        each = "this process {:.0f} MB, another {:.0f} MB".format(*most)
-        print(f"\n18 x 2 cold pooled diagnosis: {seconds:.0f} s, {each}, {found.verdict}")
-    assert seconds <= 180.0
-    assert max(most) <= 1024.0
