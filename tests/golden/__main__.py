@@ -1,87 +1,89 @@
-"""`python -m tests.golden`: draw cases, answer them with the engine, compare two files of answers."""
+"""`python -m tests.golden`: draw cases, answer them with the engine, set two files of answers side by side."""
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tests.golden.cases import FOLDER, STACKS, WORLDS, Case, kept, planned
+from tests.golden.campaigns import answer_campaigns
+from tests.golden.cases import FOLDER, Case, Key, all_planned, kept
 from tests.golden.comparison import compared, table
-from tests.golden.record import Record, by_key, line, read
+from tests.golden.engine import answer
+from tests.golden.published import published
+from tests.golden.record import by_key, line, read
 
 RECORD = Path(__file__).parent / "before.jsonl"
 
 
 def main() -> None:
     """Run one of the commands."""
-    parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
-    commands = parser.add_subparsers(dest="command", required=True)
-    drawn = commands.add_parser("draw", help="draw the cases into a folder")
-    answered = commands.add_parser(
-        "answer", help="answer the cases that a file lacks; draw those that are not yet"
-    )
-    answered.add_argument("-o", "--output", type=Path, required=True)
-    answered.add_argument("--hours", type=float, default=24.0, help="begin no case later than this")
-    shipped = commands.add_parser("campaigns", help="ask the command line about the shipped campaigns")
-    shipped.add_argument("-o", "--output", type=Path, required=True)
-    answered.add_argument("--setup", choices=sorted({*STACKS}), action="append", help="of these stacks alone")
-    for command in (drawn, answered):
-        command.add_argument("--folder", type=Path, default=FOLDER)
-        command.add_argument("--world", choices=WORLDS, action="append")
-    shown = commands.add_parser("show", help="print the table of a file")
-    shown.add_argument("file", type=Path, nargs="?", default=RECORD)
-    commands.add_parser("published", help="print the table of the published figures' cases")
-    both = commands.add_parser("compare", help="print two files side by side")
-    both.add_argument("before", type=Path)
-    both.add_argument("after", type=Path)
-    given = parser.parse_args()
+    given = _arguments()
     if given.command == "draw":
-        for case in cases(given.folder, given.world or WORLDS, STACKS):
+        for case in _cases(_planned(given), given.folder):
             _say(f"{case.world} {case.kind} {case.seed}: {' + '.join(case.planted) or 'nothing'}")
     elif given.command == "answer":
-        todo = cases(given.folder, given.world or WORLDS, given.setup or STACKS, by_key(read(given.output)))
-        answer_all(given.output, todo, time.monotonic() + 3600.0 * given.hours)
+        done = by_key(read(given.output))
+        todo = _cases([key for key in _planned(given) if key not in done], given.folder)
+        _answer_all(todo, given.output, time.monotonic() + 3600.0 * given.hours)
     elif given.command == "campaigns":
-        from tests.golden.campaigns import answer_campaigns
-
         answer_campaigns(given.output, _say)
     elif given.command == "published":
-        from tests.golden.published import published
-
-        _say("\n".join(table(list(published()))))
+        given.output.write_text("".join(map(line, published())), encoding="utf-8")
+    elif given.command == "show":
+        _say("\n".join(table(read(given.file))))
     else:
-        lines = table(read(given.file)) if given.command == "show" else compared(given.before, given.after)
-        _say("\n".join(lines))
+        _say("\n".join(compared(given.before, given.after)))
 
 
-def cases(
-    folder: Path,
-    worlds: Sequence[str],
-    setups: Sequence[str],
-    done: Container[tuple[str, str, int, str]] = (),
-) -> Iterator[Case]:
-    """Yield the cases that are not done, worlds in turn, so that any first part is a fair sample."""
-    for each in zip(*(planned(world) for world in worlds), strict=True):
-        for world, (seed, kind, setup) in zip(worlds, each, strict=True):
-            if setup not in setups or (world, kind, seed, setup) in done:
-                continue
-            try:
-                yield kept(folder, seed, kind, world, setup)
-            except ValueError as error:
-                _say(str(error))
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    def command(name: str, what: str) -> argparse.ArgumentParser:
+        return commands.add_parser(name, help=what, description=what)
+
+    drawn = command("draw", "draw the cases into a folder")
+    answered = command("answer", "answer the cases that a file lacks; those that are not drawn yet are drawn")
+    shipped = command("campaigns", "ask `lamella diagnose` about the campaigns that ship")
+    known = command("published", "write what the engine of the published figures said of their cases")
+    for one in (answered, shipped, known):
+        one.add_argument("-o", "--output", type=Path, required=True)
+    answered.add_argument("--hours", type=float, default=24.0, help="begin no case later than this")
+    for one in (drawn, answered):
+        one.add_argument("--folder", type=Path, default=FOLDER, help="where drawn cases are kept")
+        one.add_argument("--setup", action="append", help="cases of this stack alone")
+        one.add_argument(
+            "--published", action="store_true", help="the cases of the published figures instead"
+        )
+    command("show", "print the table of a file").add_argument("file", type=Path, nargs="?", default=RECORD)
+    both = command("compare", "print two files side by side")
+    both.add_argument("before", type=Path)
+    both.add_argument("after", type=Path)
+    return parser.parse_args()
 
 
-def answer_all(output: Path, todo: Iterable[Case], end: float) -> None:
+def _planned(given: argparse.Namespace) -> list[Key]:
+    keys = [own.key for own in published()] if given.published else all_planned()
+    return [key for key in keys if given.setup is None or key[3] in given.setup]
+
+
+def _cases(planned: Iterable[Key], folder: Path) -> Iterator[Case]:
+    for key in planned:
+        try:
+            yield kept(folder, *key)
+        except ValueError as error:
+            _say(str(error))
+
+
+def _answer_all(todo: Iterable[Case], output: Path, end: float) -> None:
     """Add the engine's answers to a file, each as soon as it is there."""
-    from tests.golden.engine import answer
-
     with output.open("a", encoding="utf-8") as file:
         for case in todo:
             if time.monotonic() > end:
                 break
-            own: Record = answer(case)
+            own = answer(case)
             file.write(line(own))
             file.flush()
             true = " + ".join(case.planted) or "nothing"

@@ -22,6 +22,8 @@ from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
 from tests.recovery.other_worlds import simulated
 
+Key = tuple[str, str, int, str]
+"""World, kind, seed and stack: what a case is drawn from."""
 WORLDS = ("layered", "solid")
 KINDS = ("null", "single", "pair", "lacking", "crossing_null", "crossing_single")
 """Nothing planted, one effect, two, one that the catalogue lacks; nothing and one effect near a crossing."""
@@ -98,21 +100,24 @@ def coarse(world: str) -> Solid | Layered:
     return Solid(order=(16, 4)) if world == "solid" else Layered(n_element=(14, 3))
 
 
-def planned(world: str) -> list[tuple[int, str, str]]:
-    """Return seed, kind and stack of all cases of a world, in an order in which any first part is a fair sample."""
-    plain = [(FIRST[world] + i, MIXTURE[i % len(MIXTURE)], "shipped") for i in range(NUMBER)]
-    start = FIRST[world] + 2000
+def planned(world: str) -> list[Key]:
+    """Return what the cases of a world are drawn from, in an order of which any first part is a fair sample."""
+    first = FIRST[world]
+    plain = [(world, MIXTURE[i % len(MIXTURE)], first + i, "shipped") for i in range(NUMBER)]
     close = [
-        (start + i, CROSSING_MIXTURE[i % 2], STACKS[i // 2 % len(STACKS)]) for i in range(NUMBER_OF_CROSSINGS)
+        (world, CROSSING_MIXTURE[i % 2], first + 2000 + i, STACKS[i // 2 % len(STACKS)])
+        for i in range(NUMBER_OF_CROSSINGS)
     ]
-    order = sorted(
-        [((i + 0.5) / len(plain), one) for i, one in enumerate(plain)]
-        + [((i + 0.5) / len(close), one) for i, one in enumerate(close)]
-    )
-    return [one for _, one in order]
+    share = [((i + 0.5) / len(keys), key) for keys in (plain, close) for i, key in enumerate(keys)]
+    return [key for _, key in sorted(share)]
 
 
-def draw_case(seed: int, kind: str, world: str, setup: str = "shipped") -> Case:
+def all_planned() -> list[Key]:
+    """Return the same of all worlds, in turn."""
+    return [key for keys in zip(*map(planned, WORLDS), strict=True) for key in keys]
+
+
+def draw_case(world: str, kind: str, seed: int, setup: str = "shipped") -> Case:
     """Draw and simulate a case.
 
     Raises
@@ -156,7 +161,7 @@ def distance(modes: ModalModel) -> float:
     return float(np.min(np.diff(frequency) / frequency[1:], initial=1.0))
 
 
-def kept(folder: Path, seed: int, kind: str, world: str, setup: str = "shipped") -> Case:
+def kept(folder: Path, world: str, kind: str, seed: int, setup: str = "shipped") -> Case:
     """Return a case from a folder of drawn ones; draw it and put it there where it is not yet.
 
     The folder must be the reader's: pickles can run code.
@@ -166,7 +171,7 @@ def kept(folder: Path, seed: int, kind: str, world: str, setup: str = "shipped")
         meta, stack, tested = pickle.loads(file.read_bytes())
         meta |= {"truth": tuple(meta["truth"])}
         return Case(**meta, stack=stack, tested=tested)
-    case = draw_case(seed, kind, world, setup)
+    case = draw_case(world, kind, seed, setup)
     file.parent.mkdir(parents=True, exist_ok=True)
     part = file.with_suffix(".part")
     part.write_bytes(pickle.dumps((case.meta, case.stack, case.tested)))
@@ -178,4 +183,4 @@ def saved(folder: Path) -> Iterator[Case]:
     """Yield the cases of a folder."""
     for file in sorted(folder.glob("*/*.pkl")):
         kind, _, seed = file.stem.rpartition("_")
-        yield kept(folder, int(seed), kind, file.parent.name)
+        yield kept(folder, file.parent.name, kind, int(seed))

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tests.golden.record import Errors, Record
-from tests.recovery.other_worlds_study import RECORD, OtherCase, recorded
+from tests.recovery.other_worlds_study import RECORD, STACKS_RECORD, OtherCase, recorded
 
 
 def published() -> Iterator[Record]:
-    """Yield a record of each case of `data/blind/other_worlds.jsonl` whose measurement nothing disturbs.
+    """Yield a record of each case of two files of `data/blind` whose measurement nothing disturbs.
 
-    It has no values, no fitted errors and no seconds, and the true effects were asked for there, so that they were
-    fitted in any case. `cases.draw_case` draws the same case from seed, kind and world.
+    They are `other_worlds.jsonl` of the shipped stack and `three_stacks.jsonl` of three in turn. A record has no value,
+    no fitted errors and no seconds, and the true effects were asked for there, so that they were fitted in any case.
+    `cases.draw_case` draws the same case from seed, kind, world and stack.
     """
-    for case in recorded(RECORD):
+    for case in (*recorded(RECORD), *recorded(STACKS_RECORD)):
         if case.kind != "disturbed":
             yield Record(
                 seed=case.seed,

@@ -8,6 +8,7 @@ import pytest
 from tests.golden import cases
 from tests.golden.cases import CLOSE, FIRST, WORLDS, draw_case, kept, planned, saved
 from tests.golden.comparison import compared, table
+from tests.golden.published import published
 from tests.golden.record import Errors, Record, Value, line, read
 from tests.independent.bench import BenchModes
 
@@ -61,7 +62,7 @@ def record(**given):
 
 @pytest.mark.parametrize("kind", ["single", "crossing_null"])
 def test_the_same_seed_draws_the_same_case(quick, kind):
-    one, other, third = (draw_case(seed, kind, "solid") for seed in (7, 7, 8))
+    one, other, third = (draw_case("solid", kind, seed) for seed in (7, 7, 8))
     assert one.meta == other.meta
     for (_, p, modes), (_, q, again) in zip(one.tested, other.tested, strict=True):
         assert p == q
@@ -71,15 +72,15 @@ def test_the_same_seed_draws_the_same_case(quick, kind):
 
 
 def test_two_modes_of_a_near_crossing_are_close(quick):
-    case = draw_case(7, "crossing_null", "solid")
+    case = draw_case("solid", "crossing_null", 7)
     gaps = [np.min(np.diff(modes.frequency) / modes.frequency[1:]) for _, _, modes in case.tested]
     assert min(gaps) == pytest.approx(case.distance)
-    assert case.distance < CLOSE < draw_case(7, "null", "solid").distance
+    assert case.distance < CLOSE < draw_case("solid", "null", 7).distance
 
 
 def test_a_saved_case_is_read_back(quick, tmp_path):
-    case = kept(tmp_path, 7, "single", "solid")
-    again = kept(tmp_path, 7, "single", "solid")
+    case = kept(tmp_path, "solid", "single", 7)
+    again = kept(tmp_path, "solid", "single", 7)
     assert case.meta == again.meta
     assert case.truth == again.truth
     np.testing.assert_array_equal(case.tested[1][2].frequency, again.tested[1][2].frequency)
@@ -87,7 +88,7 @@ def test_a_saved_case_is_read_back(quick, tmp_path):
 
 
 def test_seeds_of_the_two_worlds_are_apart():
-    seeds = [seed for world in WORLDS for seed, _, _ in planned(world)]
+    seeds = [seed for world in WORLDS for _, _, seed, _ in planned(world)]
     assert len(set(seeds)) == len(seeds)
     assert all(seed >= FIRST["layered"] for seed in seeds)
 
@@ -126,3 +127,18 @@ def test_two_files_are_compared_on_the_cases_that_both_have(tmp_path):
     assert "layered single 1 (clamp_mass): right [identified: clamp_mass" in text
     assert "wrong [identified: weld_seam" in text
     assert "| layered, single | 2 | 2 | 0 | 0 | 0 | 0 | 0 | 20.0 |" in list(table(read(before)))
+
+
+def test_answers_of_the_published_figures_are_records(tmp_path):
+    records = list(published())
+    file = tmp_path / "published.jsonl"
+    file.write_text("".join(map(line, records)), encoding="utf-8")
+    assert [own.key for own in read(file)] == [own.key for own in records]
+    of_shipped = [own for own in records if own.setup == "shipped" and own.seed >= 861_600]
+    null = [own for own in of_shipped if own.kind == "null"]
+    assert (len(null), sum(own.outcome == "right" for own in null)) == (
+        51,
+        51,
+    )  # as `docs/validation.md` has it
+    shows = [own for own in of_shipped if own.kind == "single" and own.shows]
+    assert (len(shows), sum(own.outcome == "wrong" for own in shows)) == (62, 0)
