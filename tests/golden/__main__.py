@@ -14,8 +14,6 @@ from tests.golden.engine import answer
 from tests.golden.published import published
 from tests.golden.record import by_key, line, read
 
-RECORD = Path(__file__).parent / "before.jsonl"
-
 
 def main() -> None:
     """Run one of the commands."""
@@ -57,7 +55,7 @@ def _arguments() -> argparse.Namespace:
         one.add_argument(
             "--published", action="store_true", help="the cases of the published figures instead"
         )
-    command("show", "print the table of a file").add_argument("file", type=Path, nargs="?", default=RECORD)
+    command("show", "print the table of a file").add_argument("file", type=Path)
     both = command("compare", "print two files side by side")
     both.add_argument("before", type=Path)
     both.add_argument("after", type=Path)

@@ -19,6 +19,8 @@ from updating.diagnosis.answer import Diagnosis
 from updating.results.store import read_result
 
 ROOT = Path(__file__).parents[2]
+RECORD = Path(__file__).parent / "before_campaigns.jsonl"
+"""What the engine said that pairs modes by MAC."""
 CAMPAIGNS = (
     "demo_diagnosis",
     "demo_stack",

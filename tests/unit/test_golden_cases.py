@@ -1,11 +1,12 @@
 """The golden cases: drawn alike from the same seed, judged by the truth, and on record for every kind."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 
 from tests.golden import cases
+from tests.golden.campaigns import CAMPAIGNS, RECORD, ROOT, planted_in
 from tests.golden.cases import CLOSE, FIRST, WORLDS, draw_case, kept, planned, saved
 from tests.golden.comparison import compared, table
 from tests.golden.published import published
@@ -142,3 +143,16 @@ def test_answers_of_the_published_figures_are_records(tmp_path):
     )  # as `docs/validation.md` has it
     shows = [own for own in of_shipped if own.kind == "single" and own.shows]
     assert (len(shows), sum(own.outcome == "wrong" for own in shows)) == (62, 0)
+
+
+def test_the_record_of_the_shipped_campaigns_is_complete():
+    records = read(RECORD)
+    assert records
+    assert len({own.key for own in records}) == len(records)
+    for own in records:
+        assert own.setup in CAMPAIGNS
+        assert (own.planted, own.truth) == planted_in(ROOT / "data" / own.setup), own.key
+        assert bool(own.names) == (own.verdict not in ("nothing missing", "unlike anything")), own.key
+        assert None not in (*astuple(own.base), *astuple(own.answer), own.seconds), own.key
+        assert own.values or not own.names, own.key
+        assert all(v.lower <= v.value <= v.upper for v in own.values.values()), own.key
