@@ -389,7 +389,7 @@ def _table(
     """Return the modes of one configuration."""
     plan = simulated.plan
     runs = _runs(plan, modes, simulated.point)
-    keep = _visible(modes, simulated.point, plan.band)
+    keep = visible(modes, simulated.point, plan.band)
     omega = np.array([run.omega[keep] for run in runs])
     shape = np.concatenate([run.sensor[:, keep] for run in runs])
     shape = (simulated.factor[:, None] * shape)[simulated.row]
@@ -410,7 +410,7 @@ def _table(
     )
 
 
-def _visible(modes: BenchModes, point: Array, band: tuple[float, float]) -> NDArray[np.bool_]:
+def visible(modes: BenchModes, point: Array, band: tuple[float, float]) -> NDArray[np.bool_]:
     """Return which modes lie in the band and stand out of the others at their own frequency."""
     shape = modes.shape_at(point)[:, 2]
     residue = shape[: SHAKER - 1] * shape[SHAKER - 1]
@@ -523,7 +523,7 @@ def truth(simulated: Simulated) -> dict[str, object]:
                 "name": configuration.name,
                 "frequency": modes.frequency[keep].tolist(),
                 "damping": modes.damping[keep].tolist(),
-                "visible": _visible(modes, simulated.point, plan.band)[keep].tolist(),
+                "visible": visible(modes, simulated.point, plan.band)[keep].tolist(),
                 "shape": modes.shape_at(place)[:, 2, keep].tolist(),
                 "bench": dataclasses.asdict(bench),
             }
