@@ -227,7 +227,7 @@ def change(
     damping_shift, damping_scatter, damping_freedom = _shift(
         (after.damping, after.damping_noise), (before.damping, before.damping_noise), stated.damping
     )
-    angle, angle_scatter = _angles(after, before, stated, references[0].frequency)
+    angle, angle_scatter = _angles(after, before, stated, (references[0].frequency, rows))
     tail = [
         2.0 * scipy.stats.t.sf(size, STATED_FREEDOM + own)
         for size, own in (
@@ -334,21 +334,23 @@ def _shift(
 
 
 def _angles(
-    after: _Side, before: _Side, stated: Reassembly, frequency: NDArray[np.float64]
+    after: _Side, before: _Side, stated: Reassembly, reference: tuple[NDArray[np.float64], NDArray[np.int64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the angle between the shapes of each mode, or the planes of close ones, and its expected sine, (n_mode,).
 
     A relative change of stiffness by sigma moves a frequency by sigma / sqrt(2), and mixes a share
-    sigma f_r f_s / (f_r^2 - f_s^2) of mode s into mode r. `frequency` are those of all modes of the reference, Hz.
+    sigma f_r f_s / (f_r^2 - f_s^2) of mode s into mode r. `reference` holds the frequencies of all its modes, Hz,
+    and the numbers of those that were matched.
     """
     _, n_dof, n_mode = before.shape.shape
     if n_dof < _FEWEST_DOFS or not n_mode:
         return np.full(n_mode, np.nan), np.full(n_mode, np.nan)
-    own = np.exp(before.frequency[0])
+    frequency, matched = reference
+    own = frequency[matched]
     groups = _planes(own, np.exp(after.frequency[0]))
     angle, variance, assembly = np.zeros((3, n_mode))
     for group in groups:
-        others = frequency[~np.isin(frequency, own[group])]
+        others = np.delete(frequency, matched[group])
         gap = np.abs(own[group][:, None] / others - others / own[group][:, None])
         mixed = 2.0 * np.sum((stated.frequency / np.maximum(gap, 2.0 * _CLOSEST)) ** 2, axis=1)
         assembly[group] = np.sum(stated.shape**2 + mixed)
@@ -379,9 +381,8 @@ def _adjusted(tail: NDArray[np.float64]) -> NDArray[np.float64]:
     weight = np.broadcast_to(_WEIGHT / max(len(tail), 1), tail.shape).ravel()
     single = np.nan_to_num(tail.ravel(), nan=1.0)
     order = np.argsort(single / weight)
-    left = np.cumsum(weight[order][::-1])[
-        ::-1
-    ]  # weights of this test and of those that come out less clearly
+    # weights of this test and of those that come out less clearly
+    left = np.cumsum(weight[order][::-1])[::-1]
     adjusted = np.empty(single.size)
     adjusted[order] = np.maximum.accumulate(single[order] / weight[order] * left)
     return np.minimum(adjusted, 1.0).reshape(tail.shape)

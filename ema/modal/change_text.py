@@ -29,7 +29,7 @@ def change_sentence(found: Change) -> str:
     same = np.flatnonzero(~found.which.any(axis=1))
     text = "; ".join(parts)
     if same.size:
-        text += f"; {_modes(found, same)} did not"
+        text += f"; {_modes(found, same)} did not by more than would be seen ({_seen(found, same)})"
     return f"{head}: changed: {text}{_one_sided(found)}"
 
 
@@ -63,8 +63,13 @@ def _unchanged(found: Change) -> str:
     return (
         f"no change is seen: frequencies moved by at most {_percent(size)}, "
         f"{f'{times:.1f}' if times >= 0.1 else 'less than 0.1'} times {_scatter(found)}; "
-        f"one that moved by less than {_percent(float(np.expm1(np.median(found.critical_shift))))} would not be seen"
+        f"one that moved by less than {_seen(found, np.arange(found.mode.size))} would not be seen"
     )
+
+
+def _seen(found: Change, which: NDArray[np.int64]) -> str:
+    """Write the shift of a frequency that would be called a change, in the median of some modes."""
+    return _percent(float(np.expm1(np.median(found.critical_shift[which]))))
 
 
 def _moved(found: Change) -> Iterator[str]:
