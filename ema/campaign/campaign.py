@@ -247,9 +247,7 @@ def read_campaign(path: str | Path) -> Campaign:
         format = "uff"                         # or "csv", "mat", "hdf5", "numpy", "tdms"; left out, the suffix decides
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
-        layout = "real-imaginary"
         [measurement.variables]                # MATLAB, HDF5, NumPy, TDMS files, see `ema.io.variables.VariableLayout`
-        frf = "H"
         [measurement.time]                     # only where files are time histories of one force and its responses,
         window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
         force_unit = "N"                       # units of text files, in place of 'unit' above
@@ -278,8 +276,7 @@ def read_campaign(path: str | Path) -> Campaign:
         scale = -1                             # factor; conjugate = true turns the imaginary part, exclude = true
         new_output = "12-z"                    # leaves the function out; another DOF; new_input likewise
         reason = "sensor was mounted upside down"
-        [reassembly]                           # relative scatter from one assembly to the next, if it is known
-        frequency = 0.002                      # also damping and shape
+        [reassembly]                           # if known: relative scatter of frequency, damping, shape
         [identification]                       # both may be left out
         band_Hz = [30, 1100]
         order = 60                             # highest model order

@@ -203,16 +203,7 @@ def change(
     IdentificationError
         One of the two has no configuration, or they share no DOF.
     """
-    if not states or not references:
-        message = "change: give at least one modal model of the state and one of its reference"
-        raise IdentificationError(message)
-    dofs = shared_dofs([*references, *states])
-    if not dofs[0].size:
-        names = [", ".join(model.name for model in models) for models in (states, references)]
-        message = (
-            f"{' and '.join(names)} share no point and direction, so that nothing of them can be compared"
-        )
-        raise IdentificationError(message)
+    dofs = _shared(states, references)
     before_modes, after_modes = (
         [(model.frequency, model.shape[own]) for model, own in zip(models, places, strict=True)]
         for models, places in ((references, dofs[: len(references)]), (states, dofs[len(references) :]))
@@ -221,24 +212,8 @@ def change(
     before = _side(references, dofs[: len(references)], rows)
     after = _side(states, dofs[len(references) :], columns)
     stated = Reassembly() if reassembly is None else reassembly
-    shift, scatter, freedom = _shift(
-        (after.frequency, after.frequency_noise), (before.frequency, before.frequency_noise), stated.frequency
-    )
-    damping_shift, damping_scatter, damping_freedom = _shift(
-        (after.damping, after.damping_noise), (before.damping, before.damping_noise), stated.damping
-    )
-    angle, angle_scatter = _angles(after, before, stated, (references[0].frequency, rows))
-    tail = [
-        2.0 * scipy.stats.t.sf(size, STATED_FREEDOM + own)
-        for size, own in (
-            (np.abs(shift) / scatter, freedom),
-            (np.abs(damping_shift) / damping_scatter, damping_freedom),
-            (np.sin(angle) / angle_scatter, 0.0),
-        )
-    ]
     new = _only(states, after_modes, references, before_modes)
     gone = _only(references, before_modes, states, after_modes)
-    alone = level * _WEIGHT[0] / max(rows.size, 1)  # at which one frequency is enough
     first = references[0]
     return Change(
         name=states[0].name,
@@ -246,20 +221,7 @@ def change(
         reference=tuple(model.name for model in references),
         mode=columns,
         reference_mode=rows,
-        frequency=np.exp(np.nanmean(after.frequency, axis=0)),
-        reference_frequency=np.exp(np.nanmean(before.frequency, axis=0)),
-        damping=np.exp(np.nanmean(after.damping, axis=0)),
-        reference_damping=np.exp(np.nanmean(before.damping, axis=0)),
-        frequency_shift=shift,
-        damping_shift=damping_shift,
-        frequency_scatter=scatter,
-        damping_scatter=damping_scatter,
-        mac=np.diag(mac(before.mean_shape, after.mean_shape)) if rows.size else np.empty(0),
-        angle=angle,
-        angle_scatter=angle_scatter,
-        probability=_adjusted(np.column_stack(tail)),
-        critical_shift=scatter * scipy.stats.t.isf(alone / 2.0, STATED_FREEDOM + freedom),
-        freedom=freedom,
+        **_tests(before, after, stated, (references[0].frequency, rows), level),
         mac_matrix=mac(before_modes[0][1], after_modes[0][1]),
         matrix_row=before_modes[0][0],
         matrix_column=after_modes[0][0],
@@ -273,6 +235,63 @@ def change(
         gone_like=_like(before_modes[0], gone, rows, rows),
         level=level,
     )
+
+
+def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
+    """Return the positions of the DOFs that all have, of the references first."""
+    if not states or not references:
+        message = "change: give at least one modal model of the state and one of its reference"
+        raise IdentificationError(message)
+    dofs = shared_dofs([*references, *states])
+    if not dofs[0].size:
+        names = [", ".join(model.name for model in models) for models in (states, references)]
+        message = (
+            f"{' and '.join(names)} share no point and direction, so that nothing of them can be compared"
+        )
+        raise IdentificationError(message)
+    return dofs
+
+
+def _tests(
+    before: _Side,
+    after: _Side,
+    stated: Reassembly,
+    reference: tuple[NDArray[np.float64], NDArray[np.int64]],
+    level: float,
+) -> dict[str, NDArray[np.float64]]:
+    """Return what a `Change` holds of the modes that were matched, by its names; see `_angles` for `reference`."""
+    shift, scatter, freedom = _shift(
+        (after.frequency, after.frequency_noise), (before.frequency, before.frequency_noise), stated.frequency
+    )
+    damping_shift, damping_scatter, damping_freedom = _shift(
+        (after.damping, after.damping_noise), (before.damping, before.damping_noise), stated.damping
+    )
+    angle, angle_scatter = _angles(after, before, stated, reference)
+    tail = [
+        2.0 * scipy.stats.t.sf(size, STATED_FREEDOM + own)
+        for size, own in (
+            (np.abs(shift) / scatter, freedom),
+            (np.abs(damping_shift) / damping_scatter, damping_freedom),
+            (np.sin(angle) / angle_scatter, 0.0),
+        )
+    ]
+    alone = level * _WEIGHT[0] / max(before.shape.shape[2], 1)  # at which one frequency is enough
+    return {
+        "frequency": np.exp(np.nanmean(after.frequency, axis=0)),
+        "reference_frequency": np.exp(np.nanmean(before.frequency, axis=0)),
+        "damping": np.exp(np.nanmean(after.damping, axis=0)),
+        "reference_damping": np.exp(np.nanmean(before.damping, axis=0)),
+        "frequency_shift": shift,
+        "damping_shift": damping_shift,
+        "frequency_scatter": scatter,
+        "damping_scatter": damping_scatter,
+        "mac": np.diag(mac(before.mean_shape, after.mean_shape)) if shift.size else np.empty(0),
+        "angle": angle,
+        "angle_scatter": angle_scatter,
+        "probability": _adjusted(np.column_stack(tail)),
+        "critical_shift": scatter * scipy.stats.t.isf(alone / 2.0, STATED_FREEDOM + freedom),
+        "freedom": freedom,
+    }
 
 
 def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes: NDArray[np.int64]) -> _Side:
