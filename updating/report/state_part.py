@@ -65,7 +65,6 @@ def half_intervals(found: Change) -> tuple[NDArray[np.float64], NDArray[np.float
 
 def shift_picture(found: Change) -> Picture:
     """Draw the shift of every frequency with what it scatters by."""
-    half, _ = half_intervals(found)
     shift = np.expm1(found.frequency_shift)
     return Picture(
         name=f"change_{found.name}",
@@ -79,7 +78,7 @@ def shift_picture(found: Change) -> Picture:
         caption="Shift of each frequency against the reference. The bars are the interval in which an unchanged "
         "structure lies in 95 of 100 cases; modes that changed are in red.",
         width="half",
-        chart=shift_chart(shift, half, found),
+        chart=shift_chart(found),
     )
 
 
@@ -99,8 +98,9 @@ def shift_figure(found: Change) -> Figure:
     return figure
 
 
-def shift_chart(shift: NDArray[np.float64], half: NDArray[np.float64], found: Change) -> str:
-    """Return the shifts as a chart."""
+def shift_chart(found: Change) -> str:
+    """Return the shift of every frequency with what it scatters by as a chart."""
+    shift, (half, _) = np.expm1(found.frequency_shift), half_intervals(found)
     traces = [
         {
             "type": "scatter", "mode": "markers", "name": name, "x": np.array(_labels(found))[which].tolist(),
