@@ -3,6 +3,7 @@
 from ema.campaign.campaign import Campaign, Configuration, read_campaign
 from ema.campaign.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
+from ema.campaign.references import Reassembly
 from ema.identification.amplitude import AmplitudeDependence, Level, amplitude_dependence
 from ema.identification.force_levels import identify_force_levels
 from ema.identification.identify import Failure, Identification, identify, identify_frf, try_identify
@@ -11,6 +12,8 @@ from ema.identification.resonance import Resonances, resonances
 from ema.identification.ring_down import RingDown, ring_down
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.uff import write_uff
+from ema.modal.change import Change, change
+from ema.modal.change_text import change_csv, change_sentence
 from ema.modal.comparison import Comparison, compare
 from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
@@ -34,6 +37,7 @@ __all__ = [
     "Averaging",
     "Campaign",
     "CampaignError",
+    "Change",
     "Comparison",
     "Configuration",
     "Dof",
@@ -49,12 +53,16 @@ __all__ = [
     "Measurement",
     "MeasurementError",
     "ModalModel",
+    "Reassembly",
     "Repeats",
     "Resonances",
     "RingDown",
     "StabilizationDiagram",
     "Verdict",
     "amplitude_dependence",
+    "change",
+    "change_csv",
+    "change_sentence",
     "check",
     "check_force_levels",
     "check_linearity",

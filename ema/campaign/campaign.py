@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from ema.campaign.campaign_file import (
 )
 from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
+from ema.campaign.references import Reassembly, reference_faults
 from ema.io.form import did_you_mean, read_form
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import read_uff_geometry
@@ -114,6 +115,10 @@ class Configuration:
         Level of the force, N; None where not stated.
     force_levels : tuple of Configuration
         The same state at other forces, to see whether the structure is linear; not identified.
+    compare_to : tuple of str
+        Names of the reference that the state is compared with, and of repeats of it; empty where it has none.
+    repeat_of : str or None
+        Name of the configuration that this one measures again.
     """
 
     name: str
@@ -124,6 +129,8 @@ class Configuration:
     files: tuple[Files, ...]
     force: float | None = None
     force_levels: tuple[Configuration, ...] = ()
+    compare_to: tuple[str, ...] = ()
+    repeat_of: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +189,8 @@ class Campaign:
         Corrections of single functions.
     notes : tuple of str
         What was odd about the points and how it was resolved.
+    reassembly : Reassembly
+        How far a state scatters that is assembled anew.
     """
 
     name: str
@@ -202,6 +211,7 @@ class Campaign:
     sensor_mass: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    reassembly: Reassembly = field(default_factory=Reassembly)
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -237,14 +247,13 @@ def read_campaign(path: str | Path) -> Campaign:
         format = "uff"                         # or "csv", "mat", "hdf5", "numpy", "tdms"; left out, the suffix decides
         unit = "(m/s2)/N"                      # overrides what universal files say; needed for the others
         [measurement.table]                    # columns of CSV files, see `ema.io.table.TableLayout`
-        layout = "real-imaginary"
         [measurement.variables]                # MATLAB, HDF5, NumPy, TDMS files, see `ema.io.variables.VariableLayout`
-        frf = "H"
         [measurement.time]                     # only where files are time histories of one force and its responses,
         window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
         force_unit = "N"                       # units of text files, in place of 'unit' above
         [[configuration]]
         name = "M1"
+        compare_to = "M0"                      # its reference, or a list with repeats of it; may be left out
         stack = 4                              # which stack; this and the next four may be left out
         torque_Nm = 1.5
         pressure_kPa = 160
@@ -267,6 +276,7 @@ def read_campaign(path: str | Path) -> Campaign:
         scale = -1                             # factor; conjugate = true turns the imaginary part, exclude = true
         new_output = "12-z"                    # leaves the function out; another DOF; new_input likewise
         reason = "sensor was mounted upside down"
+        [reassembly]                           # if known: relative scatter of frequency, damping, shape
         [identification]                       # both may be left out
         band_Hz = [30, 1100]
         order = 60                             # highest model order
@@ -303,6 +313,9 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         message = f"{path}: configuration: names must be unique, found {names}"
         raise CampaignError(message)
     configurations = tuple(_configuration(path, folder, c) for c in content.configuration)
+    faults = [f"{path}: configuration {fault}" for fault in reference_faults(configurations)]
+    if faults:
+        raise CampaignError("\n".join(faults))
     read = [state for c in configurations for state in (c, *c.force_levels)]
     _require_description(
         path, content.measurement, [f for s in read for group in s.files for f in group.files]
@@ -330,6 +343,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
+        reassembly=Reassembly(**content.reassembly.model_dump()),
     )
 
 
@@ -363,12 +377,16 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
             for group in groups
         ),
         force=given.force_N,
+        compare_to=given.compare_to,
+        repeat_of=given.repeat_of,
     )
     levels = tuple(
         replace(
             configuration,
             name=f"{given.name} at {level.force_N:g} N",
             force=level.force_N,
+            compare_to=(),
+            repeat_of=None,
             files=(
                 _files(
                     path,

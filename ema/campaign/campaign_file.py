@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format
+from ema.campaign.references import DAMPING_SCATTER, FREQUENCY_SCATTER, SHAPE_SCATTER
 from ema.io.form import Section
 from ema.io.table import TableLayout
 from ema.io.units import parse_unit
@@ -166,6 +167,8 @@ class ConfigurationSection(Section):
     """One state of the structure and its files."""
 
     name: str
+    compare_to: FileNames = ()
+    repeat_of: str | None = None
     stack: str | int | None = None
     torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
@@ -227,6 +230,14 @@ class IdentificationSection(Section):
         return self
 
 
+class ReassemblySection(Section):
+    """How far a state scatters that is assembled anew: standard deviations relative to the value."""
+
+    frequency: float = Field(default=FREQUENCY_SCATTER, gt=0, lt=1)
+    damping: float = Field(default=DAMPING_SCATTER, gt=0, lt=3)
+    shape: float = Field(default=SHAPE_SCATTER, gt=0, lt=1)
+
+
 class CampaignFile(Section):
     """The whole file."""
 
@@ -237,3 +248,4 @@ class CampaignFile(Section):
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
+    reassembly: ReassemblySection = ReassemblySection()

@@ -150,6 +150,7 @@ def _configuration(
 ) -> Iterable[str]:
     yield "[[configuration]]"
     yield f"name = {_toml(name)}"
+    yield '# compare_to = "NAME"   # of a changed state: the configuration before the change, or a list of its repeats'
     yield "# torque_Nm =           # to be filled in for fit and diagnose: bolt torque, or"
     yield "# pressure_kPa =        # the mean pressure between the sheets"
     if any(c.is_time for c in contents):

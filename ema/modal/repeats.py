@@ -64,12 +64,15 @@ class Repeats:
 
 
 def repeats(configurations: Sequence[Configuration], comparison: Comparison) -> tuple[Repeats, ...]:
-    """Compare the configurations that state the same stack, torque, pressure and height.
+    """Compare the configurations that repeat one another, or state the same stack, torque, pressure and height.
+
+    A state that has a reference is no repeat of it, whatever both state of torque and pressure.
 
     Parameters
     ----------
     configurations : sequence of Configuration
-        Those of the comparison, in its order. One that states neither torque nor pressure is taken for no repeat.
+        Those of the comparison, in its order. One that states neither torque nor pressure is no repeat, unless it
+        says what it repeats.
     comparison : Comparison
 
     Returns
@@ -78,8 +81,13 @@ def repeats(configurations: Sequence[Configuration], comparison: Comparison) -> 
         One for each condition that more than one of them states.
     """
     groups: dict[tuple[object, ...], list[int]] = {}
+    repeated = {own.repeat_of for own in configurations} - {None}
     for k, own in enumerate(configurations):
-        if own.torque is not None or own.pressure is not None:
+        if own.repeat_of is not None or own.name in repeated:
+            groups.setdefault((own.repeat_of or own.name,), []).append(k)
+        elif own.compare_to:
+            continue
+        elif own.torque is not None or own.pressure is not None:
             groups.setdefault((own.stack, own.torque, own.pressure, own.height), []).append(k)
     return tuple(_compared(comparison, np.array(group)) for group in groups.values() if len(group) > 1)
 

@@ -118,6 +118,33 @@ reason = "loose"
 band_Hz = [60, 240]
 order = 8
 """
+STATE = f"""
+[[configuration]]
+name = "%s"
+%s
+files = ["set.csv"]
+output = [{OUTPUT}]
+input = ["1+z"]
+"""
+CAMPAIGN_STATES = f"""
+[campaign]
+name = "keys"
+{POINTS}
+[measurement]
+unit = "(m/s2)/N"
+[measurement.table]
+layout = "real-imaginary"
+{STATE % ("before", "")}
+{STATE % ("before again", 'repeat_of = "before"')}
+{STATE % ("after", 'compare_to = "before"')}
+[reassembly]
+frequency = 0.002
+damping = 0.1
+shape = 0.03
+[identification]
+band_Hz = [60, 240]
+order = 8
+"""
 CAMPAIGN_TIME = f"""
 [campaign]
 name = "keys"
@@ -382,6 +409,8 @@ stack = "stack.toml"
 unit = "(m/s2)/N"
 [measurement.table]
 layout = "real-imaginary"
+[reassembly]
+frequency = 0.002
 [[correction]]
 reason = "as it is"
 [identification]
@@ -408,6 +437,7 @@ shapes = "shapes.csv"
 force = "1+z"
 [[specimen]]
 name = "S2"
+compare_to = "S1"
 [[specimen.configuration]]
 name = "M1"
 files = ["set.csv"]
@@ -423,6 +453,7 @@ output = [{OUTPUT}]
 input = ["1+z"]
 [[specimen]]
 name = "S4"
+repeat_of = "S1"
 [[specimen.configuration]]
 name = "M1"
 modal_model = "earlier/M1/modal_model.json"
@@ -443,6 +474,7 @@ class Used:
 
 FILES = {
     "table": Used(CampaignFile, CAMPAIGN_TABLE, "ema"),
+    "changed states": Used(CampaignFile, CAMPAIGN_STATES, "ema"),
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
     "arrays of histories": Used(CampaignFile, CAMPAIGN_ARRAYS, "ema"),
     "files side by side": Used(CampaignFile, CAMPAIGN_BESIDE, "ema"),

@@ -14,10 +14,13 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import (
+    Campaign,
+    Change,
     Comparison,
     Configuration,
     ExplainedPower,
     ModalModel,
+    change_sentence,
     compare,
     read_campaign,
     repeats,
@@ -25,6 +28,7 @@ from ema import (
 )
 from ema.identification.amplitude import AmplitudeDependence
 from ema.identification.poles_file import write_poles
+from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.amplitude import amplitude_figure
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
@@ -33,6 +37,7 @@ from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
 from updating.results.amplitude import over_amplitude, stored_amplitude
 from updating.results.campaign_findings import campaign_findings
+from updating.results.changes import compared
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -64,8 +69,8 @@ def ema(
 
     Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
     modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, of several force
-    levels amplitude.json and amplitude.png, and a comparison of all configurations. To choose by hand, edit poles.txt
-    there and run again with --poles DIR.
+    levels amplitude.json and amplitude.png, of one that is to be compared with a reference change.json and change.csv,
+    and a comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
     """
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
     for found in results:
@@ -78,6 +83,7 @@ def ema(
         for repeat in repeats([found.configuration for found in results], comparison):
             OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
     print_campaign_findings(results)
+    print_changes(read_campaign(campaign), results)
     if results:
         OUT.print(f"Results in {output}; make a page of them with: lamella report {output}")
     require_none(failed, len(results) + len(failed))
@@ -242,6 +248,38 @@ def amplitude_table(found: AmplitudeDependence) -> Table:
         values = zip(found.motion[k], found.frequency[k], found.damping[k], strict=True)
         cells = [f"{1e6 * x:.3g}  {f:.2f}  {100 * d:.3g}" if np.isfinite(f) else "-" for x, f, d in values]
         table.add_row(f"{force:g}", *(cells[r] for r in shown))
+    return table
+
+
+def print_changes(campaign: Campaign, results: Sequence[Identified]) -> None:
+    """Compare configurations with their references, print what changed, and write it beside their modes."""
+    changes, lost = compared(campaign, results)
+    for found in changes:
+        OUT.print(change_table(found))
+        OUT.print(f"  {change_sentence(found)}", markup=False, highlight=False)
+    for line in lost:
+        OUT.print(f"  {line}", markup=False, highlight=False)
+
+
+def change_table(found: Change) -> Table:
+    """List every mode that a state and its reference have: shifts with their scatter, MAC, and what changed."""
+    table = Table(title=f"{found.name} against {', '.join(found.reference)}", title_justify="left")
+    for name in ("mode", "f [Hz]", "shift [%]", "± [%]", "damping shift [%]", "± [%]", "MAC"):
+        table.add_column(name, justify="right")
+    table.add_column("changed")
+    columns = (
+        found.frequency_shift,
+        found.frequency_scatter,
+        found.damping_shift,
+        found.damping_scatter,
+        found.mac,
+    )
+    for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True)):
+        which = [name for name, own in zip(KINDS, found.which[r], strict=True) if own]
+        table.add_row(
+            str(found.reference_mode[r] + 1), f"{found.reference_frequency[r]:.2f}", f"{100 * np.expm1(f):+.3f}",
+            f"{100 * f_std:.2g}", f"{100 * np.expm1(d):+.0f}", f"{100 * d_std:.0f}", f"{mac:.3f}", ", ".join(which),
+        )  # fmt: skip
     return table
 
 

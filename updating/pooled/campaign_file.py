@@ -18,13 +18,16 @@ from ema.campaign.campaign_file import (
     CorrectionSection,
     DofEntries,
     DofEntry,
+    FileNames,
     IdentificationSection,
     MeasurementSection,
     NameSection,
     PointsSection,
+    ReassemblySection,
     RecordNames,
     RunSection,
 )
+from ema.campaign.references import reference_faults
 from ema.io.form import Section, did_you_mean, read_form, read_toml
 from ema.types.geometry import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
@@ -106,6 +109,8 @@ class SpecimenSection(Section):
     """One specimen: what its stack has of its own, notes, and configurations."""
 
     name: str
+    compare_to: FileNames = ()
+    repeat_of: str | None = None
     stack: str | None = None
     height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     n_lamina: int | None = Field(default=None, ge=1)
@@ -130,6 +135,7 @@ class SpecimensFile(Section):
     specimen: tuple[SpecimenSection, ...] = Field(min_length=2)
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
+    reassembly: ReassemblySection = ReassemblySection()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -366,6 +372,7 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
             configuration=sections,
             correction=content.correction,
             identification=content.identification,
+            reassembly=content.reassembly,
         ),
     )
 
@@ -375,6 +382,9 @@ def _require_unique(path: Path, content: SpecimensFile) -> None:
     if len(set(names)) < len(names):
         message = f"{path}: specimen: names must be unique, found {', '.join(names)}"
         raise FitError(message)
+    faults = [f"{path}: specimen {fault}" for fault in reference_faults(content.specimen)]
+    if faults:
+        raise FitError("\n".join(faults))
     for own in content.specimen:
         states = [c.name for c in own.configuration]
         if len(set(states)) < len(states):

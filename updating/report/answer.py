@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from updating.diagnosis.calibration import SEPARATE
-from updating.report.opening import fit_sentences
+from updating.report.opening import change_sentences, fit_sentences
 from updating.report.part import Section, Table
 from updating.report.results import Results
 from updating.results.text import estimate_text
@@ -22,6 +22,7 @@ def answer_section(results: Results) -> Section:
         blocks: tuple[Table, ...] = (explanation_table(results), next_test_table(results))
     else:
         text, blocks = fit_sentences(results), ()
+    text = (*change_sentences(results), *text)
     if results.missing:
         text = (*text, f"Not done yet: {', '.join(results.missing)}.")
     return Section(title="In full", text=text, blocks=tuple(b for b in blocks if b.rows))

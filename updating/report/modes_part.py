@@ -24,7 +24,7 @@ from updating.results.text import Z95, parameter_text, uncertain
 if TYPE_CHECKING:
     from updating.fitting.fit import Fit
 
-_SHADES = 128  # of the scale of MAC
+SHADES = 128  # of the scale of MAC
 
 
 def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
@@ -157,9 +157,9 @@ def mac_picture(tested: Tested, fit: Fit) -> Picture:
     figure.axes[0].set(xlabel="model frequency [Hz]", ylabel="measured frequency [Hz]")
     return Picture(
         name=f"mac_{tested.name}",
-        content=png(figure, _SHADES),
+        content=png(figure, SHADES),
         form="png",
-        data=_matrix_csv(value, rows, columns),
+        data=matrix_csv(value, rows, columns),
         alt="MAC matrix",
         caption="MAC of measured with modelled modes: 1 where two shapes are alike, 0 where they share nothing.",
         width="half",
@@ -197,9 +197,9 @@ def auto_mac_picture(tested: Tested) -> Picture:
     value = mac(tested.measured.shape, tested.measured.shape)
     return Picture(
         name=f"mac_{tested.name}",
-        content=png(mac_figure(value, frequency, frequency), _SHADES),
+        content=png(mac_figure(value, frequency, frequency), SHADES),
         form="png",
-        data=_matrix_csv(value, frequency, frequency),
+        data=matrix_csv(value, frequency, frequency),
         alt="MAC matrix of the measured modes",
         caption="MAC of the measured modes with each other: off the diagonal it should be small.",
         width="half",
@@ -245,7 +245,8 @@ def _history(estimate: Estimate) -> NDArray[np.float64]:
     return estimate.history[np.argsort(estimate.history[:, 0])]
 
 
-def _matrix_csv(value: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]) -> str:
+def matrix_csv(value: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]) -> str:
+    """Write a matrix as CSV with the frequencies of its rows and columns, Hz."""
     return as_csv(
         ("frequency [Hz]", *(f"{f:.6g}" for f in columns)),
         ((f"{f:.6g}", *row) for f, row in zip(rows, value, strict=True)),

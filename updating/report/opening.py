@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ema import change_sentence
 from model import catalogue
 from updating.diagnosis.answer import Diagnosis, Verdict, telling
 from updating.diagnosis.text import further_effects, next_command
@@ -136,6 +137,14 @@ def _of_a_fit(results: Results) -> Opening:
             command=command("diagnose"),
             reason="says which physical effect the model lacks, if any",
         )
+    changes = [tested.change for tested in results.tested if tested.change is not None]
+    if changes:
+        changed = any(found.changed for found in changes)
+        return Opening(
+            badge="changed" if changed else "no change seen",
+            tone="found" if changed else "good",
+            sentence=" ".join(change_sentences(results)),
+        )
     return Opening(
         badge="identified",
         tone="good",
@@ -143,6 +152,12 @@ def _of_a_fit(results: Results) -> Opening:
         command=command("fit"),
         reason="fits the model to these modes",
     )
+
+
+def change_sentences(results: Results) -> tuple[str, ...]:
+    """Say of every configuration that has a reference whether it changed."""
+    changes = (tested.change for tested in results.tested)
+    return tuple(f"{change_sentence(found)}." for found in changes if found is not None)
 
 
 def fit_sentences(results: Results) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from updating.report.provenance import provenance_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.shape_part import shape_section
 from updating.report.signature_part import signature_section
+from updating.report.state_part import state_section
 from updating.report.table_part import row_section, table_overview
 from updating.results.store import folder_name, write_bytes
 
@@ -160,7 +161,8 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
 
     `added` holds the frequency errors of its modes with what was added to the model (`errors_with_additions`).
     """
-    parts = [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]
+    parts = [] if tested.change is None else [state_section(tested.change)]
+    parts += [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]
     if tested.fit is not None and tested.fit.pairing.measured.size:
         parts.append(location_section(tested, tested.fit, kind))
     stated = [

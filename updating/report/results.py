@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 from ema.campaign.campaign import Campaign, Configuration
+from ema.modal.change import Change
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.diagnosis.answer import Diagnosis
@@ -15,6 +16,7 @@ from updating.errors import StoreError
 from updating.fitting.fit import Fit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
+from updating.results.changes import CHANGE
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
@@ -45,6 +47,8 @@ class Tested:
         What the checks found.
     fit : Fit or None
         The fitted model.
+    change : Change or None
+        What differs from its reference, where it has one.
     """
 
     name: str
@@ -54,6 +58,7 @@ class Tested:
     measured: ModalModel
     quality: Quality
     fit: Fit | None
+    change: Change | None = None
 
     def frf(self) -> FRF:
         """Read the measured functions; they are not kept, so that a report of many configurations stays small."""
@@ -194,17 +199,21 @@ class _Reader:
             return "was changed after it was written"
         for name, digest in document["provenance"]["inputs"].items():
             last = PurePosixPath(name).name
-            there = self._beside(path, last) if last in _MADE else ()
+            there = self._beside(path, name) if last in _MADE else ()
             if there and digest not in there:
                 return f"comes from another {name} than is here"
         return ""
 
     def _beside(self, path: Path, name: str) -> Collection[str]:
-        """Return the digests of the files of a name that a result can come from: beside it, else anywhere below."""
+        """Return the digests of the files that a result can come from.
+
+        That is the one in the folder that its name says, else the one beside the result, else any of that name below.
+        """
+        said, name = self._folder / name, PurePosixPath(name).name
         if name not in self._digests:
             self._digests[name] = {file: file_digest(file) for file in self._folder.rglob(name)}
         there = self._digests[name]
-        own = path.parent / name
+        own = said if said in there else path.parent / name
         return (there[own],) if own in there else there.values()
 
 
@@ -235,6 +244,7 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
         measured=reader.needed(folder / "modal_model.json", ModalModel),
         quality=reader.needed(folder / "quality.json", Quality),
         fit=reader.optional(folder / "fit.json", Fit),
+        change=reader.optional(folder / CHANGE, Change) if configuration.compare_to else None,
     )
 
 

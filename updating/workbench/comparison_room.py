@@ -1,4 +1,7 @@
-"""The room of the comparison: the MAC of every two modes, and both shapes of any cell in motion."""
+"""The room of the comparison: the MAC of every two modes, and both shapes of any cell in motion.
+
+Of a configuration that has a reference, what differs from it stands above.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ema import Change, change_sentence
 from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit
@@ -16,6 +20,7 @@ from updating.report.location_part import error_map, location_text, map_chart, m
 from updating.report.modes_part import mac_chart
 from updating.report.results import Tested
 from updating.report.shape_part import shape_numbers
+from updating.report.state_part import shift_chart
 from updating.results.text import Z95
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
@@ -59,6 +64,7 @@ def room(server: Any, opened: Opened) -> None:
         {
             "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
             "place": empty(), "place_text": "", "locating": False,
+            "change_text": "", "shifts": empty(), "change_mac": empty(),
         }
     )  # fmt: skip
 
@@ -66,6 +72,7 @@ def room(server: Any, opened: Opened) -> None:
     def choose_configuration(configuration: str, **_: Any) -> None:
         tested = opened.tested(configuration)
         fit = tested.fit
+        show_change(tested.change)
         state.place_text = ""
         state.has_fit = fit is not None and fit.pairing.measured.size > 0
         if fit is None or not state.has_fit:
@@ -78,6 +85,15 @@ def room(server: Any, opened: Opened) -> None:
         first = int(fit.pairing.measured[0]), int(fit.pairing.model[0])
         state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.stack)
         say_pair(tested, fit, *first)
+
+    def show_change(found: Change | None) -> None:
+        state.change_text = "" if found is None else f"{change_sentence(found)}."
+        if found is not None:
+            rows, columns = found.matrix_row, found.matrix_column
+            state.shifts = figure(shift_chart(found))
+            state.change_mac = figure(
+                mac_chart(found.mac_matrix, rows, columns, found.name, found.reference[0])
+            )
 
     @server.controller.set("show_pair")
     def show_pair(r: int, s: int) -> None:
@@ -122,6 +138,13 @@ def show(server: Any) -> None:
         if isinstance(cell, list) and len(cell) == 2:
             server.controller.show_pair(*cell)
 
+    with html.Div(v_show="change_text"):
+        html.P("{{ change_text }}", classes="text-subtitle-1", id="change-text")
+        with vuetify3.VRow():
+            with vuetify3.VCol(cols=12, md=6):
+                plot("shifts", 360)
+            with vuetify3.VCol(cols=12, md=6):
+                plot("change_mac", 420)
     html.P("No model is fitted yet: run a fit in the room Diagnosis.", v_if="!has_fit")
     with vuetify3.VRow(v_show="has_fit"):
         with vuetify3.VCol(cols=12, md=6):

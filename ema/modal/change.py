@@ -1,0 +1,448 @@
+"""Has a structure changed? A state against its reference, mode by mode, without a model.
+
+Every mode is tested three times: whether its frequency, its damping ratio and its shape differ by more than they
+scatter from one assembly to the next. The tests of all modes share one level (Holm, Scand. J. Statist. 6, 1979, with
+weights), so that a state that has not changed is called changed in at most 5 of 100 cases, however many modes it has.
+
+The scatter is that of the repeats, which are few. It is therefore drawn towards the scatter that the campaign states,
+as if that had been seen in `STATED_FREEDOM` + 1 assemblies, and the shift over it follows Student's t with the degrees
+of freedom of both (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004). Repeats that scatter more than is stated, over all
+modes, raise what is stated; those that scatter less do not lower it, for a structure that was not taken apart in
+between repeats too well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+from numpy.typing import NDArray
+
+from ema.campaign.references import Reassembly
+from ema.modal.mac import comac, mac, modal_scale_factor
+from ema.modal.matching import CLOSE, Modes, clusters, match, shared_dofs, sine
+from ema.types.arrays import readonly
+from ema.types.errors import IdentificationError
+from ema.types.modal_model import ModalModel
+
+LEVEL = 0.05
+"""Probability that a state is called changed that is not."""
+KINDS = ("frequency", "damping", "shape")
+_WEIGHT = np.array([0.6, 0.2, 0.2])
+"""Shares of the level that the kinds of test have: frequencies scatter least and tell most."""
+STATED_FREEDOM = 8
+"""Degrees of freedom that the stated scatter counts for: it is then right within a factor of 1.7 in nine of ten
+laboratories, which spans what is known of reassembly (`ema.campaign.references`)."""
+_FEWEST_DOFS = 5  # over which a change of shape is judged
+_EDGE = 0.02  # share of a band's ends within which a mode may be missed
+_TWIN = 0.8  # MAC of a mode with its neighbour from which it is that one twice
+_CLOSEST = 1e-3  # relative gap: closer modes are in one plane, and their mixing is not counted
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Change:
+    """What differs between a state and its reference, of every mode that both have, ascending in frequency.
+
+    Where a state was measured several times, frequencies, damping ratios and shapes are means over the repeats.
+
+    Attributes
+    ----------
+    name : str
+        The state.
+    repeats, reference : tuple of str
+        The configurations that the state and its reference were measured in.
+    mode, reference_mode : (n_mode,) int
+        Numbers of the modes in the first of each, from 0.
+    frequency, reference_frequency : (n_mode,) float
+        Natural frequencies, Hz.
+    damping, reference_damping : (n_mode,) float
+        Damping ratios.
+    frequency_shift, damping_shift : (n_mode,) float
+        Differences of their logarithms, state less reference.
+    frequency_scatter, damping_scatter : (n_mode,) float
+        Standard deviations of these differences in a structure that has not changed.
+    mac : (n_mode,) float
+        MAC of the two shapes.
+    angle : (n_mode,) float
+        Angle between the shapes, rad; of close modes the largest one between the planes that they span. NaN where too
+        few DOFs are shared to judge it.
+    angle_scatter : (n_mode,) float
+        Sine of this angle that is expected in a structure that has not changed, root mean square.
+    probability : (n_mode, 3) float
+        Of frequency, damping and shape: probability that any test of an unchanged structure comes out as clearly
+        (adjusted for the number of tests). 1 where nothing could be tested.
+    critical_shift : (n_mode,) float
+        Size of a difference of the logarithms of the frequencies that would be called a change by itself.
+    freedom : (n_mode,) float
+        Degrees of freedom of the repeats behind the scatter; 0 where it is stated alone.
+    mac_matrix : (n_reference_mode, n_state_mode) float
+        MAC of all modes of the first configuration of each.
+    matrix_row, matrix_column : (n_reference_mode,) float, (n_state_mode,) float
+        Frequencies of its rows and columns, Hz.
+    node : (n_dof,) int
+        Point numbers of the shared DOFs.
+    direction, location : (n_dof, 3) float
+        Their directions, and places in m; NaN of points without coordinates.
+    comac : (n_dof,) float
+        CoMAC of the matched modes at these DOFs.
+    new_frequency, gone_frequency : (any,) float
+        Modes, Hz, that only the state or only the reference has, in all repeats and well within both bands.
+    new_like, gone_like : (any,) int
+        Number of the reference's mode, from 0, whose shape such a mode has although that mode has its partner: a
+        resonator splits a mode in two, and so does an identification that takes one for two. -1 where there is none.
+    level : float
+        Level that the probabilities are judged at.
+    """
+
+    name: str
+    repeats: tuple[str, ...]
+    reference: tuple[str, ...]
+    mode: NDArray[np.int64]
+    reference_mode: NDArray[np.int64]
+    frequency: NDArray[np.float64]
+    reference_frequency: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    reference_damping: NDArray[np.float64]
+    frequency_shift: NDArray[np.float64]
+    damping_shift: NDArray[np.float64]
+    frequency_scatter: NDArray[np.float64]
+    damping_scatter: NDArray[np.float64]
+    mac: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    angle_scatter: NDArray[np.float64]
+    probability: NDArray[np.float64]
+    critical_shift: NDArray[np.float64]
+    freedom: NDArray[np.float64]
+    mac_matrix: NDArray[np.float64]
+    matrix_row: NDArray[np.float64]
+    matrix_column: NDArray[np.float64]
+    node: NDArray[np.int64]
+    direction: NDArray[np.float64]
+    location: NDArray[np.float64]
+    comac: NDArray[np.float64]
+    new_frequency: NDArray[np.float64]
+    gone_frequency: NDArray[np.float64]
+    new_like: NDArray[np.int64]
+    gone_like: NDArray[np.int64]
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        n, n_dof = np.size(self.mode), np.size(self.node)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "probability": (n, 3), "mac_matrix": (None, None), "direction": (n_dof, 3), "location": (n_dof, 3),
+            "matrix_row": (None,), "matrix_column": (None,), "comac": (n_dof,), "new_frequency": (None,),
+            "gone_frequency": (None,),
+        }  # fmt: skip
+        modal = (
+            "frequency", "reference_frequency", "damping", "reference_damping", "frequency_shift", "damping_shift",
+            "frequency_scatter", "damping_scatter", "mac", "angle", "angle_scatter", "critical_shift", "freedom",
+        )  # fmt: skip
+        shapes |= dict.fromkeys(modal, (n,))
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, readonly("Change", name, getattr(self, name), shape))
+        numbers = {"mode": n, "reference_mode": n, "node": n_dof}
+        numbers |= {"new_like": np.size(self.new_frequency), "gone_like": np.size(self.gone_frequency)}
+        for name, size in numbers.items():
+            object.__setattr__(self, name, readonly("Change", name, getattr(self, name), (size,), np.int64))
+
+    @property
+    def which(self) -> NDArray[np.bool_]:
+        """Which modes changed in frequency, damping and shape, (n_mode, 3)."""
+        return np.asarray(self.probability < self.level)
+
+    @property
+    def changed(self) -> bool:
+        """Whether the structure changed."""
+        return bool(self.which.any())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Side:
+    """The state or the reference: the modes that were matched, of each of its repeats.
+
+    Logarithms of frequencies and damping ratios, and the variances that noise leaves in them, are (n_repeat, n_mode);
+    NaN where a repeat lacks a mode. Shapes are of unit length: those of each repeat, turned to the first's,
+    (n_repeat, n_dof, n_mode), and what noise leaves of their squared length, (n_repeat, n_mode).
+    """
+
+    frequency: NDArray[np.float64]
+    frequency_noise: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    damping_noise: NDArray[np.float64]
+    shape: NDArray[np.complex128]
+    shape_noise: NDArray[np.float64]
+
+    @property
+    def mean_shape(self) -> NDArray[np.complex128]:
+        """Means of the shapes over the repeats, (n_dof, n_mode)."""
+        return np.asarray(np.nanmean(self.shape, axis=0))
+
+
+def change(
+    states: Sequence[ModalModel],
+    references: Sequence[ModalModel],
+    reassembly: Reassembly | None = None,
+    *,
+    level: float = LEVEL,
+) -> Change:
+    """Compare a state with its reference.
+
+    Parameters
+    ----------
+    states, references : sequence of ModalModel
+        The state and its repeats, and the reference and its repeats, of one structure.
+    reassembly : Reassembly, optional
+        Scatter of a state that is assembled anew.
+    level : float
+        Probability that a state is called changed that is not.
+
+    Raises
+    ------
+    IdentificationError
+        One of the two has no configuration, or they share no DOF.
+    """
+    dofs = _shared(states, references)
+    before_modes, after_modes = (
+        [(model.frequency, model.shape[own]) for model, own in zip(models, places, strict=True)]
+        for models, places in ((references, dofs[: len(references)]), (states, dofs[len(references) :]))
+    )
+    rows, columns = match(before_modes[0], after_modes[0])
+    before = _side(references, dofs[: len(references)], rows)
+    after = _side(states, dofs[len(references) :], columns)
+    stated = Reassembly() if reassembly is None else reassembly
+    new = _only(states, after_modes, references, before_modes)
+    gone = _only(references, before_modes, states, after_modes)
+    first = references[0]
+    return Change(
+        name=states[0].name,
+        repeats=tuple(model.name for model in states),
+        reference=tuple(model.name for model in references),
+        mode=columns,
+        reference_mode=rows,
+        **_tests(before, after, stated, (references[0].frequency, rows), level),
+        mac_matrix=mac(before_modes[0][1], after_modes[0][1]),
+        matrix_row=before_modes[0][0],
+        matrix_column=after_modes[0][0],
+        node=first.node[dofs[0]],
+        direction=first.direction[dofs[0]],
+        location=_places(first, dofs[0]),
+        comac=comac(before.mean_shape, after.mean_shape) if rows.size else np.ones(dofs[0].size),
+        new_frequency=states[0].frequency[new],
+        gone_frequency=references[0].frequency[gone],
+        new_like=_like(after_modes[0], new, columns, rows),
+        gone_like=_like(before_modes[0], gone, rows, rows),
+        level=level,
+    )
+
+
+def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
+    """Return the positions of the DOFs that all have, of the references first."""
+    if not states or not references:
+        message = "change: give at least one modal model of the state and one of its reference"
+        raise IdentificationError(message)
+    dofs = shared_dofs([*references, *states])
+    if not dofs[0].size:
+        names = [", ".join(model.name for model in models) for models in (states, references)]
+        message = (
+            f"{' and '.join(names)} share no point and direction, so that nothing of them can be compared"
+        )
+        raise IdentificationError(message)
+    return dofs
+
+
+def _tests(
+    before: _Side,
+    after: _Side,
+    stated: Reassembly,
+    reference: tuple[NDArray[np.float64], NDArray[np.int64]],
+    level: float,
+) -> dict[str, NDArray[np.float64]]:
+    """Return what a `Change` holds of the modes that were matched, by its names; see `_angles` for `reference`."""
+    shift, scatter, freedom = _shift(
+        (after.frequency, after.frequency_noise), (before.frequency, before.frequency_noise), stated.frequency
+    )
+    damping_shift, damping_scatter, damping_freedom = _shift(
+        (after.damping, after.damping_noise), (before.damping, before.damping_noise), stated.damping
+    )
+    angle, angle_scatter = _angles(after, before, stated, reference)
+    tail = [
+        2.0 * scipy.stats.t.sf(size, STATED_FREEDOM + own)
+        for size, own in (
+            (np.abs(shift) / scatter, freedom),
+            (np.abs(damping_shift) / damping_scatter, damping_freedom),
+            (np.sin(angle) / angle_scatter, 0.0),
+        )
+    ]
+    alone = level * _WEIGHT[0] / max(before.shape.shape[2], 1)  # at which one frequency is enough
+    return {
+        "frequency": np.exp(np.nanmean(after.frequency, axis=0)),
+        "reference_frequency": np.exp(np.nanmean(before.frequency, axis=0)),
+        "damping": np.exp(np.nanmean(after.damping, axis=0)),
+        "reference_damping": np.exp(np.nanmean(before.damping, axis=0)),
+        "frequency_shift": shift,
+        "damping_shift": damping_shift,
+        "frequency_scatter": scatter,
+        "damping_scatter": damping_scatter,
+        "mac": np.diag(mac(before.mean_shape, after.mean_shape)) if shift.size else np.empty(0),
+        "angle": angle,
+        "angle_scatter": angle_scatter,
+        "probability": _adjusted(np.column_stack(tail)),
+        "critical_shift": scatter * scipy.stats.t.isf(alone / 2.0, STATED_FREEDOM + freedom),
+        "freedom": freedom,
+    }
+
+
+def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes: NDArray[np.int64]) -> _Side:
+    """Collect modes of the first of some repeats, and the same ones of the others."""
+    first = models[0].shape[dofs[0]][:, modes]
+    values = np.full((5, len(models), modes.size), np.nan)
+    shape = np.full((len(models), dofs[0].size, modes.size), np.nan, dtype=complex)
+    for k, (model, own) in enumerate(zip(models, dofs, strict=True)):
+        rows, columns = match(
+            (models[0].frequency, models[0].shape[dofs[0]]), (model.frequency, model.shape[own])
+        )
+        partner = dict(zip(rows.tolist(), columns.tolist(), strict=True))
+        there = np.array([r in partner for r in modes.tolist()], dtype=bool)
+        c = np.array([partner[r] for r in modes.tolist() if r in partner], dtype=np.int64)
+        used = model.shape[own][:, c]
+        length = np.linalg.norm(used, axis=0)
+        values[:, k, there] = (
+            np.log(model.frequency[c]),
+            (model.frequency_std[c] / model.frequency[c]) ** 2,
+            np.log(model.damping[c]),
+            (model.damping_std[c] / model.damping[c]) ** 2,
+            np.sum(model.shape_std[own][:, c] ** 2, axis=0) / length**2,
+        )
+        turn = modal_scale_factor(used, first[:, there])
+        shape[k][:, there] = used / length * np.exp(1j * np.angle(turn))
+    return _Side(
+        frequency=values[0],
+        frequency_noise=values[1],
+        damping=values[2],
+        damping_noise=values[3],
+        shape=shape,
+        shape_noise=values[4],
+    )
+
+
+def _shift(
+    after: tuple[NDArray[np.float64], NDArray[np.float64]],
+    before: tuple[NDArray[np.float64], NDArray[np.float64]],
+    stated: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the shift of each mode, its standard deviation, and the degrees of freedom of repeats behind it.
+
+    Both sides are logarithms and the variances that noise leaves in them, (n_repeat, n_mode). What is stated is the
+    standard deviation of a logarithm from one assembly to the next.
+    """
+    shift = np.nanmean(after[0], axis=0) - np.nanmean(before[0], axis=0)
+    freedom, squares, share, expected = np.zeros((4, shift.size))
+    for value, noise in (after, before):
+        n = np.count_nonzero(np.isfinite(value), axis=0)
+        freedom = freedom + n - 1.0
+        squares = squares + np.nansum((value - np.nanmean(value, axis=0)) ** 2, axis=0)
+        share = share + 1.0 / n
+        expected = expected + (stated**2 + np.nanmean(noise, axis=0)) / n
+    seen = squares * share  # of the shift's variance, times the freedom
+    if freedom.sum() > 0:
+        expected = expected * max(1.0, float(np.sum(seen) / np.sum(freedom * expected)))
+    variance = (STATED_FREEDOM * expected + seen) / (STATED_FREEDOM + freedom)
+    return shift, np.sqrt(variance), freedom
+
+
+def _angles(
+    after: _Side, before: _Side, stated: Reassembly, reference: tuple[NDArray[np.float64], NDArray[np.int64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the angle between the shapes of each mode, or the planes of close ones, and its expected sine, (n_mode,).
+
+    A relative change of stiffness by sigma moves a frequency by sigma / sqrt(2), and mixes a share
+    sigma f_r f_s / (f_r^2 - f_s^2) of mode s into mode r. `reference` holds the frequencies of all its modes, Hz,
+    and the numbers of those that were matched.
+    """
+    _, n_dof, n_mode = before.shape.shape
+    if n_dof < _FEWEST_DOFS or not n_mode:
+        return np.full(n_mode, np.nan), np.full(n_mode, np.nan)
+    frequency, matched = reference
+    own = frequency[matched]
+    groups = _planes(own, np.exp(after.frequency[0]))
+    angle, variance, assembly = np.zeros((3, n_mode))
+    for group in groups:
+        others = np.delete(frequency, matched[group])
+        gap = np.abs(own[group][:, None] / others - others / own[group][:, None])
+        mixed = 2.0 * np.sum((stated.frequency / np.maximum(gap, 2.0 * _CLOSEST)) ** 2, axis=1)
+        assembly[group] = np.sum(stated.shape**2 + mixed)
+        angle[group] = np.arcsin(sine(before.mean_shape[:, group], after.mean_shape[:, group]))
+        for side in (before, after):
+            n = np.min(np.count_nonzero(np.isfinite(side.shape_noise[:, group]), axis=0))
+            variance[group] += (assembly[group] + np.sum(np.nanmean(side.shape_noise[:, group], axis=0))) / n
+    seen = [
+        sine(side.shape[0][:, group], repeat[:, group]) ** 2 / (2.0 * assembly[group[0]])
+        for side in (before, after)
+        for repeat in side.shape[1:]
+        for group in groups
+        if np.all(np.isfinite(repeat[:, group]))
+    ]
+    return angle, np.sqrt(variance * max(1.0, float(np.mean(seen)) if seen else 1.0))
+
+
+def _planes(first: NDArray[np.float64], second: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Group modes that are close in either of two states."""
+    number = np.arange(first.size)
+    for group in (*clusters(first), *clusters(second)):
+        number[np.isin(number, number[group])] = number[group].min()
+    return [np.flatnonzero(number == k) for k in np.unique(number)]
+
+
+def _adjusted(tail: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Adjust probabilities (n_mode, 3) for their number, so that each can be judged at the level of all (Holm)."""
+    weight = np.broadcast_to(_WEIGHT / max(len(tail), 1), tail.shape).ravel()
+    single = np.nan_to_num(tail.ravel(), nan=1.0)
+    order = np.argsort(single / weight)
+    # weights of this test and of those that come out less clearly
+    left = np.cumsum(weight[order][::-1])[::-1]
+    adjusted = np.empty(single.size)
+    adjusted[order] = np.maximum.accumulate(single[order] / weight[order] * left)
+    return np.minimum(adjusted, 1.0).reshape(tail.shape)
+
+
+def _only(
+    own: Sequence[ModalModel],
+    own_modes: Sequence[Modes],
+    others: Sequence[ModalModel],
+    other_modes: Sequence[Modes],
+) -> NDArray[np.int64]:
+    """Return numbers of modes that all repeats of one side have and none of the other, well within all bands."""
+    first = own_modes[0]
+    kept = np.ones(first[0].size, dtype=bool)
+    for repeat in own_modes[1:]:
+        kept &= np.isin(np.arange(kept.size), match(first, repeat)[0])
+    for other in other_modes:
+        kept &= ~np.isin(np.arange(kept.size), match(first, other)[0])
+    lower = max(model.band[0] for model in (*own, *others)) * (1.0 + _EDGE)
+    upper = min(model.band[1] for model in (*own, *others)) * (1.0 - _EDGE)
+    return np.flatnonzero(kept & (first[0] > lower) & (first[0] < upper))
+
+
+def _like(
+    modes: Modes, single: NDArray[np.int64], matched: NDArray[np.int64], number: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1."""
+    frequency, shape = modes
+    found = np.full(single.size, -1)
+    if not matched.size or shape.shape[0] < _FEWEST_DOFS:
+        return found
+    alike = mac(shape[:, single], shape[:, matched]) if single.size else np.empty((0, matched.size))
+    for k, r in enumerate(single):
+        near = np.abs(np.log(frequency[matched] / frequency[r])) < CLOSE
+        likeness = np.where(near, alike[k], 0.0)
+        if likeness.max() > _TWIN:
+            found[k] = number[int(np.argmax(likeness))]
+    return found
+
+
+def _places(model: ModalModel, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return where DOFs of a model are, m, (n_dof, 3); NaN of points without coordinates."""
+    where = dict(zip(model.geometry.node.tolist(), model.geometry.coordinate, strict=True))
+    return np.array([where.get(n, np.full(3, np.nan)) for n in model.node[dofs].tolist()]).reshape(-1, 3)

@@ -1,0 +1,155 @@
+"""What a comparison of two states says, in sentences and as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.modal.change import Change
+
+_COLUMNS = (
+    "mode", "reference_mode", "frequency_Hz", "reference_frequency_Hz", "frequency_shift", "frequency_scatter",
+    "frequency_probability", "damping", "reference_damping", "damping_shift", "damping_scatter", "damping_probability",
+    "mac", "angle_deg", "angle_scatter_deg", "shape_probability", "changed",
+)  # fmt: skip
+
+
+def change_sentence(found: Change) -> str:
+    """Say in one sentence whether a state changed against its reference, which modes did, and by how much."""
+    head = f"{found.name} against {_list(found.reference)}"
+    if not found.mode.size:
+        return f"{head}: they share no mode, so nothing can be said of a change{_one_sided(found)}"
+    if not found.changed:
+        return f"{head}: {_unchanged(found)}{_one_sided(found)}"
+    parts = [*_moved(found), *_damped(found), *_turned(found)]
+    same = np.flatnonzero(~found.which.any(axis=1))
+    text = "; ".join(parts)
+    if same.size:
+        text += f"; {_modes(found, same)} did not by more than would be seen ({_seen(found, same)})"
+    return f"{head}: changed: {text}{_one_sided(found)}"
+
+
+def change_csv(found: Change) -> str:
+    """Return a comparison as CSV, one row for each mode that both have; modes are numbered from 1.
+
+    Shifts are differences of logarithms, state less reference, scatters their standard deviations without a change.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    which = found.which
+    for r in range(found.mode.size):
+        f, d, s = found.probability[r]
+        writer.writerow(
+            (
+                found.mode[r] + 1, found.reference_mode[r] + 1, found.frequency[r], found.reference_frequency[r],
+                found.frequency_shift[r], found.frequency_scatter[r], f, found.damping[r], found.reference_damping[r],
+                found.damping_shift[r], found.damping_scatter[r], d, found.mac[r], np.rad2deg(found.angle[r]),
+                np.rad2deg(np.arcsin(np.minimum(found.angle_scatter[r], 1.0))), s,
+                " ".join(name for name, own in zip(("frequency", "damping", "shape"), which[r], strict=True) if own),
+            )
+        )  # fmt: skip
+    return text.getvalue()
+
+
+def _unchanged(found: Change) -> str:
+    size = float(np.abs(np.expm1(found.frequency_shift)).max())
+    r = int(np.argmax(np.abs(found.frequency_shift) / found.frequency_scatter))
+    times = abs(found.frequency_shift[r]) / found.frequency_scatter[r]
+    return (
+        f"no change is seen: frequencies moved by at most {_percent(size)}, "
+        f"{f'{times:.1f}' if times >= 0.1 else 'less than 0.1'} times {_scatter(found)}; "
+        f"one that moved by less than {_seen(found, np.arange(found.mode.size))} would not be seen"
+    )
+
+
+def _seen(found: Change, which: NDArray[np.int64]) -> str:
+    """Write the shift of a frequency that would be called a change, in the median of some modes."""
+    return _percent(float(np.expm1(np.median(found.critical_shift[which]))))
+
+
+def _moved(found: Change) -> Iterator[str]:
+    """Say which frequencies fell and which rose."""
+    times = np.abs(found.frequency_shift) / found.frequency_scatter
+    first = True
+    for sign, word in ((-1.0, "fell"), (1.0, "rose")):
+        moved = np.flatnonzero(found.which[:, 0] & (np.sign(found.frequency_shift) == sign))
+        if moved.size:
+            size = np.abs(np.expm1(found.frequency_shift[moved]))
+            scatter = _scatter(found) if first else "that scatter"
+            yield (
+                f"{_modes(found, moved)} {word} by {_range(size)}, {_between(times[moved])} times {scatter}"
+            )
+            first = False
+
+
+def _damped(found: Change) -> Iterator[str]:
+    for sign, word in ((1.0, "more"), (-1.0, "less")):
+        moved = np.flatnonzero(found.which[:, 1] & (np.sign(found.damping_shift) == sign))
+        if moved.size:
+            yield (
+                f"the damping of {_modes(found, moved)} is {word} by "
+                f"{_range(np.abs(np.expm1(found.damping_shift[moved])))}"
+            )
+
+
+def _turned(found: Change) -> Iterator[str]:
+    turned = np.flatnonzero(found.which[:, 2])
+    if turned.size:
+        yield f"the shape of {_modes(found, turned)} is another one (MAC down to {found.mac[turned].min():.2f})"
+
+
+def _one_sided(found: Change) -> str:
+    """Say which modes only one of the two has; the level does not count them, for an identification may miss one."""
+    text = ""
+    for frequency, like, where in (
+        (found.new_frequency, found.new_like, found.name),
+        (found.gone_frequency, found.gone_like, "the reference"),
+    ):
+        if frequency.size:
+            one = frequency.size == 1
+            each = [
+                f"{f:.5g} Hz" + (f" (with the shape of mode {r + 1})" if r >= 0 else "")
+                for f, r in zip(frequency, like, strict=True)
+            ]
+            head, verb = ("a mode", "was") if one else ("modes", "were")
+            text += f"; {head} at {_list(each)} {verb} found in {where} only"
+    return text
+
+
+def _scatter(found: Change) -> str:
+    if found.freedom.max(initial=0.0) > 0:
+        return "the scatter of repeats and reassembly"
+    return "the scatter that reassembly and noise bring"
+
+
+def _modes(found: Change, which: NDArray[np.int64]) -> str:
+    numbers = [str(r + 1) for r in found.reference_mode[which]]
+    return f"{'mode' if which.size == 1 else 'modes'} {_list(numbers)}"
+
+
+def _list(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _range(size: NDArray[np.float64]) -> str:
+    lower, upper = (_two(100.0 * s) for s in (size.min(), size.max()))
+    return f"{upper} %" if lower == upper else f"{lower} to {upper} %"
+
+
+def _between(times: NDArray[np.float64]) -> str:
+    lower, upper = (_two(t) for t in (times.min(), times.max()))
+    return upper if lower == upper else f"{lower} to {upper}"
+
+
+def _percent(share: float) -> str:
+    return f"{_two(100.0 * share)} %"
+
+
+def _two(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"

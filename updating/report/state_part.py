@@ -1,0 +1,186 @@
+"""A changed state beside its reference: shifts of the modes and what they scatter by, MAC, and CoMAC of the points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.stats
+from numpy.typing import NDArray
+
+from ema import Change, change_csv, change_sentence
+from ema.modal.change import KINDS, STATED_FREEDOM
+from ema.plot.figures import mac_figure
+from updating.report.chart_part import ACCENT, MEASURED, axis, chart, legend_above, single
+from updating.report.modes_part import SHADES, mac_chart, matrix_csv
+from updating.report.part import Picture, Section, Table, as_csv, png, svg
+from updating.results.text import uncertain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def state_section(found: Change) -> Section:
+    """Show what differs between a configuration and its reference."""
+    pictures = (shift_picture(found), mac_picture(found), comac_picture(found)) if found.mode.size else ()
+    return Section(
+        title=f"{found.name} against {', '.join(found.reference)}",
+        text=(f"{change_sentence(found)}.",),
+        blocks=(change_table(found), *pictures),
+    )
+
+
+def change_table(found: Change) -> Table:
+    """List the modes of both states side by side."""
+    f_half, d_half = half_intervals(found)
+    angle = np.where(np.isnan(found.angle), "", [f"{a:.1f}" for a in np.rad2deg(found.angle)])
+    return Table(
+        title="Modes of the reference and of the changed state",
+        header=(
+            "mode", "f reference [Hz]", "f [Hz]", "shift [%]", "damping reference [%]", "damping [%]", "shift [%]",
+            "MAC", "angle of shapes [°]", "changed",
+        ),
+        rows=tuple(
+            (
+                str(found.reference_mode[r] + 1), f"{found.reference_frequency[r]:.2f}", f"{found.frequency[r]:.2f}",
+                uncertain(100 * np.expm1(found.frequency_shift[r]), 100 * f_half[r]),
+                f"{100 * found.reference_damping[r]:.3g}", f"{100 * found.damping[r]:.3g}",
+                uncertain(100 * np.expm1(found.damping_shift[r]), 100 * d_half[r]),
+                f"{found.mac[r]:.3f}", str(angle[r]),
+                ", ".join(name for name, own in zip(KINDS, found.which[r], strict=True) if own),
+            )
+            for r in range(found.mode.size)
+        ),
+        note="± is half of the interval in which the shift of one mode of an unchanged structure lies in 95 of 100 "
+        "cases, by what assemblies scatter and what noise leaves. Changed: what all tests together call changed, with "
+        f"at most {100 * found.level:g} % false alarms.",
+    )  # fmt: skip
+
+
+def half_intervals(found: Change) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return half of the 95 % intervals of the shifts of an unchanged structure, frequency and damping, (n_mode,)."""
+    factor = scipy.stats.t.isf(0.025, STATED_FREEDOM + found.freedom)
+    return factor * found.frequency_scatter, factor * found.damping_scatter
+
+
+def shift_picture(found: Change) -> Picture:
+    """Draw the shift of every frequency with what it scatters by."""
+    shift = np.expm1(found.frequency_shift)
+    return Picture(
+        name=f"change_{found.name}",
+        content=svg(shift_figure(found)),
+        form="svg",
+        data=change_csv(found),
+        alt="Shifts of the frequencies: "
+        + ", ".join(
+            f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(found.reference_mode, shift, strict=True)
+        ),
+        caption="Shift of each frequency against the reference. The bars are the interval in which an unchanged "
+        "structure lies in 95 of 100 cases; modes that changed are in red.",
+        width="half",
+        chart=shift_chart(found),
+    )
+
+
+def shift_figure(found: Change) -> Figure:
+    """Draw the shift of every frequency with what it scatters by, for print."""
+    from matplotlib.figure import Figure
+
+    half, _ = half_intervals(found)
+    figure = Figure(figsize=(5.0, 3.4), layout="constrained")
+    axes = figure.subplots()
+    at, shift, moved = np.arange(found.mode.size), np.expm1(found.frequency_shift), found.which[:, 0]
+    axes.axhline(0.0, color="0.6", linewidth=0.8)
+    for which, color in ((~moved, MEASURED), (moved, ACCENT)):
+        axes.errorbar(at[which], 100 * shift[which], 100 * half[which], fmt="o", color=color, capsize=3)
+    axes.set_xticks(at, _labels(found), rotation=45, fontsize="small")
+    axes.set(xlabel="mode, frequency of the reference [Hz]", ylabel="shift [%]")
+    return figure
+
+
+def shift_chart(found: Change) -> str:
+    """Return the shift of every frequency with what it scatters by as a chart."""
+    shift, (half, _) = np.expm1(found.frequency_shift), half_intervals(found)
+    traces = [
+        {
+            "type": "scatter", "mode": "markers", "name": name, "x": np.array(_labels(found))[which].tolist(),
+            "y": single(100 * shift[which]), "marker": {"color": color, "size": 9},
+            "error_y": {"type": "data", "array": single(100 * half[which])},
+        }
+        for which, name, color in (
+            (~found.which[:, 0], "within the scatter", MEASURED), (found.which[:, 0], "changed", ACCENT),
+        )
+    ]  # fmt: skip
+    kind = {"type": "category", "categoryorder": "array", "categoryarray": _labels(found)}
+    return chart(
+        traces,
+        {
+            "xaxis": axis("mode, frequency of the reference [Hz]", **kind),
+            "yaxis": axis("shift of the frequency [%]", zeroline=True),
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 30},
+        },
+    )
+
+
+def mac_picture(found: Change) -> Picture:
+    """Draw the MAC of the reference's modes with those of the state."""
+    rows, columns = found.matrix_row, found.matrix_column
+    return Picture(
+        name=f"change_mac_{found.name}",
+        content=png(mac_figure(found.mac_matrix, rows, columns), SHADES),
+        form="png",
+        data=matrix_csv(found.mac_matrix, rows, columns),
+        alt="MAC matrix of the reference's and the state's modes",
+        caption=f"MAC of the modes of {found.reference[0]} (rows) with those of {found.name}: 1 "
+        "where two shapes are alike, 0 where they share nothing.",
+        width="half",
+        chart=mac_chart(found.mac_matrix, rows, columns, found.name, found.reference[0]),
+    )
+
+
+def comac_picture(found: Change) -> Picture:
+    """Draw 1 - CoMAC of the matched modes over the measured points."""
+    return Picture(
+        name=f"change_comac_{found.name}",
+        content=svg(comac_figure(found)),
+        form="svg",
+        data=as_csv(
+            ("point", "direction x", "direction y", "direction z", "x [m]", "y [m]", "z [m]", "CoMAC"),
+            ((n, *d, *p, c) for n, d, p, c in zip(found.node.tolist(), found.direction, found.location, found.comac,
+                                                  strict=True)),
+        ),
+        alt="1 - CoMAC over the measured points",
+        caption="1 - CoMAC of the matched modes at every point, 0 where shapes agree. It is large where shapes "
+        "changed, and where they are small: it hints at a place, and is no proof of one.",
+        width="half",
+    )  # fmt: skip
+
+
+def comac_figure(found: Change) -> Figure:
+    """Draw 1 - CoMAC as discs over the two axes along which the points extend most."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    axes = figure.subplots()
+    known = np.all(np.isfinite(found.location), axis=1)
+    place, value = 1e3 * found.location[known], 1.0 - found.comac[known]
+    if not known.any():
+        axes.bar(np.arange(found.node.size), 1.0 - found.comac, color=ACCENT)
+        axes.set(xlabel="point, in the order of the measurement", ylabel="1 - CoMAC")
+        return figure
+    first, second = np.sort(np.argsort(-np.ptp(place, axis=0), kind="stable")[:2])
+    largest = max(float(value.max()), 1e-12)
+    discs = axes.scatter(
+        place[:, first], place[:, second], c=value, s=20.0 + 160.0 * value / largest, cmap="Reds", vmin=0.0,
+        edgecolors="0.5", linewidths=0.5,
+    )  # fmt: skip
+    if np.ptp(place[:, second]) > 0.2 * np.ptp(place[:, first]):
+        axes.set_aspect("equal")
+    axes.set(xlabel=f"{'xyz'[first]} [mm]", ylabel=f"{'xyz'[second]} [mm]")
+    figure.colorbar(discs, label="1 - CoMAC")
+    return figure
+
+
+def _labels(found: Change) -> list[str]:
+    return [f"{r + 1}: {f:.1f}" for r, f in zip(found.reference_mode, found.reference_frequency, strict=True)]
