@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.measurement import Measurement
+from ema.quality.delay import delay, negative_share
 from ema.quality.identical import repeated
-from ema.quality.peaks import MIN_LINES, peaks, residues
+from ema.quality.peaks import MIN_LINES, peaks
+from ema.quality.phases import phases
 from ema.quality.run_states import run_states
 from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undetectable_signs
 from ema.quality.structure import formless
@@ -33,11 +35,6 @@ _ABOVE_ONE = 0.01  # that a coherence may be above 1
 _BELIEVED = 30.0
 """Rise of the log-likelihood; sound synthetic sets of 44 channels stayed below 26 in 240 of 240 cases."""
 _SCALE_WARN, _SCALE_FAIL = 1.15, 1.4
-_IN_PHASE = 0.7
-"""Mean cosine of twice the angle between residues and a phase from which on they have that phase."""
-_FEWEST_LINES = 0.25
-"""Lines in a half-power bandwidth from which on a record is long enough for phases: its end turns them by 27 degrees at
-most, the angle whose sine is exp(-pi 0.25), where nothing else has faded the response out."""
 _MASSES = (1e-4, 1e6)
 _SIZES = (1e-3, 300.0)
 
@@ -331,9 +328,18 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                 continue
             omega = 2 * np.pi * np.maximum(frf.frequency, 1e-12)
             mobility = frf.value[channel, j] * (1j * omega) ** (1 - DERIVATIVE[frf.quantity])
-            real = np.sign(along) * mobility.real[frf.frequency > 0]
-            negative = float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
-            if negative > 0.5 and _fits_neighbours(measurement, sound, int(channel), j):
+            moving = frf.frequency > 0
+            mobility = np.sign(along) * mobility[moving]
+            real, negative = mobility.real, negative_share(mobility)
+            late = delay(mobility, frf.frequency[moving]) if negative > 0.5 else None
+            if late is not None:
+                message = (
+                    f"driving point turns its sign with frequency, as the response is {1e3 * late:.3g} ms late: of a "
+                    "hammer's pulse that is shorter than the sampling resolves, or channels that are not sampled at "
+                    "once; its sign is right. Sample faster, or take a softer tip"
+                )
+                yield _verdict(frf, "driving point", "warn", int(channel), message)
+            elif negative > 0.5 and _fits_neighbours(measurement, sound, int(channel), j):
                 message = (
                     f"the whole set is of the opposite sign to its driving point {frf.output.name(int(channel))}, "
                     f"whose neighbours agree with it: the direction of the force {frf.input.name(j)} is turned; "
@@ -346,7 +352,7 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                 message = "driving point of the wrong sign: turn the direction of the sensor or of the force"
                 yield _verdict(frf, "sign", "fail", int(channel), message)
             elif negative > 0.1:
-                lines = frf.frequency[frf.frequency > 0][real < 0]
+                lines = frf.frequency[moving][real < 0]
                 band = (float(lines[0]), float(lines[-1]))
                 message = (
                     f"driving point takes up negative power in {100 * negative:.0f} % of its mobility, which no "
@@ -472,35 +478,7 @@ def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdi
     if not _MASSES[0] < mass < _MASSES[1]:
         text = f"the apparent mass is {mass:.2g} kg in the median: check [measurement] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
-    yield from _phases(frf, sound)
-
-
-def _phases(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
-    """Compare the phase of the residues with that of the quantity.
-
-    Residues of real modes are imaginary in receptance and accelerance, and real in mobility, if time is counted from
-    the force. Where a resonance is narrower than the lines tell, its record ends before it has died away, and the phase
-    of its residues is that of the end of the record: it refuses nothing.
-    """
-    expected = 1.0 if frf.quantity == "mobility" else -1.0
-    wrong, resolved = [], []
-    for around in residues(frf, sound, peaks(frf, sound)):
-        square, power = np.sum(around.residue**2).real, np.sum(np.abs(around.residue) ** 2)
-        wrong.append(bool(expected * square < -_IN_PHASE * power))
-        resolved.append(around.lines > _FEWEST_LINES)
-    told = np.array(wrong)[resolved] if any(resolved) else np.array(wrong)
-    if told.size < 2 or told.sum() <= 0.75 * told.size:
-        return
-    other = "mobility" if expected < 0 else "accelerance or receptance"
-    text = f"given as {frf.quantity}, but {told.sum()} of {told.size} resonances have the phase of {other}"
-    if np.count_nonzero(resolved) >= 2:
-        yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
-    else:
-        text += (
-            "; they are narrower than the lines resolve, so that the end of the record may have turned it: check the "
-            "quantity, and take longer blocks"
-        )
-        yield Verdict(check="resolution", level="warn", channel=(), band=None, message=text)
+    yield from phases(frf, sound)
 
 
 def _resolution(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:

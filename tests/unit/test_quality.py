@@ -331,3 +331,18 @@ def test_an_impossible_coherence_is_not_used():
     frf = replace(measurement.frf, coherence=coherence)
     told = found(replace(measurement, frf=frf))
     assert told == {("coherence", "warn", (k,)) for k in range(N)}
+
+
+@pytest.mark.parametrize("samples", [-1.2, 1.2])
+def test_a_driving_point_that_is_late_is_not_of_the_wrong_sign(samples):
+    """A hammer's pulse of one to three samples has its time to a sample or so."""
+    modes = np.array([310.0, 420.0, 480.0])
+    measurement = bar(modes=modes)
+    late = np.exp(-2j * np.pi * FREQUENCY * samples / (2.56 * FREQUENCY[-1]))
+    told = [
+        v
+        for v in check(changed(measurement, 0, lambda v: v * late))
+        if v.channel == (0,) and v.level != "pass"
+    ]
+    assert ("driving point", "warn") in {(v.check, v.level) for v in told}
+    assert not any("of the wrong sign" in v.message for v in told)
