@@ -15,7 +15,7 @@ LOG = logging.getLogger("ema")
 """Where identification says what it does."""
 
 
-EVERY = 15.0
+EVERY = 30.0
 """Seconds between two lines where there is no terminal: nobody waits longer without a word, and short work has none."""
 _LONGEST = 200  # characters of a message
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
