@@ -15,6 +15,9 @@ AT_REST = 0.05
 ABOVE_NOISE = 20.0
 """Least force of a hit over the median force of the record, which a hammer at rest has."""
 
+FEWEST_SAMPLES = 4
+"""Fewer samples of a pulse tell neither its size nor its time: half a sample is 70 degrees at a usual last line."""
+
 
 def find_hits(force: NDArray[np.float64], n_block: int) -> NDArray[np.int64]:
     """Return the first sample of each hit in a record; pulses within `n_block` samples of a hit belong to it.
@@ -82,3 +85,14 @@ def second_pulse(force: NDArray[np.float64]) -> float:
     if np.median(size) > AT_REST * size.max():
         return 0.0
     return max(double_hit(force), double_hit(force[::-1]))
+
+
+def pulse_samples(force: NDArray[np.float64]) -> int:
+    """Return the samples of a hit above a tenth of its peak; 0 where the force does not rest most of the time."""
+    size = np.abs(force - np.median(force))
+    if np.median(size) > AT_REST * size.max() or size.max() == 0.0:
+        return 0
+    peak = int(np.argmax(size))
+    low = np.flatnonzero(size < LEAST_HIT * size[peak])
+    before, after = low[low < peak], low[low > peak]
+    return int((after[0] if after.size else size.size) - (before[-1] if before.size else -1) - 1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ema.campaign.estimate import Averaging, FRFEstimate, clipped_share, estimate_frf
 from ema.campaign.estimate_matrix import FRFMatrixEstimate, estimate_frf_matrix
-from ema.campaign.hits import cut_at_hits, second_pulse
+from ema.campaign.hits import FEWEST_SAMPLES, cut_at_hits, pulse_samples, second_pulse
 from ema.io.measured_function import MeasuredFunction
 from ema.io.sampling import is_uneven, said_of_rounded
 from ema.io.units import Unit, parse_unit
@@ -206,6 +206,12 @@ def _single_hits(
         )
     elif averaging.block_s is not None or averaging.window != "boxcar":
         return value
+    samples = np.array([pulse_samples(record[0]) for record in value])
+    if np.any((samples > 0) & (samples < FEWEST_SAMPLES)):
+        notes.append(
+            f"{file}: the hammer's pulse is {samples[samples > 0].min()} samples long, shorter than the sampling "
+            "resolves: phases and signs at high frequencies are doubtful; sample faster, or take a softer tip"
+        )
     second = np.array([second_pulse(record[0]) for record in value])
     for k in np.flatnonzero(second > 0.0):
         notes.append(

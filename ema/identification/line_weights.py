@@ -11,6 +11,7 @@ SMOOTHING = 5
 LARGEST_RATIO = 1e4
 """Limit on variances over their median: coherences are stored with few digits."""
 _ROUNDS = 50
+_SETTLED = 1e-9  # relative change of both parts
 _FACTOR = 5.0  # by which a part of the variance may fall in a step
 
 
@@ -61,18 +62,28 @@ def misfit_weight(fitted: NDArray[np.complex128], residual: NDArray[np.complex12
     (n_function, n_frequency) float
         Of geometric mean 1 in every function.
     """
-    weight = np.stack(
-        [_inverse_variance(*of) for of in zip(np.abs(fitted) ** 2, np.abs(residual) ** 2, strict=True)]
-    )
+    weight = _inverse_variance(np.abs(fitted) ** 2, np.abs(residual) ** 2)
     return weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
 
 
 def _inverse_variance(power: NDArray[np.float64], left: NDArray[np.float64]) -> NDArray[np.float64]:
-    power, left = power / np.mean(power), left / np.mean(left)
-    part = np.array([np.median(left), 1e-4])
+    """Return inverse variances of all functions, two unknowns each, (n_function, n_frequency)."""
+    power, left = (own / np.mean(own, axis=1, keepdims=True) for own in (power, left))
+    part = np.stack([np.median(left, axis=1), np.full(len(left), 1e-4)], axis=1)
+    moving = np.arange(len(part))
     for _ in range(_ROUNDS):
-        variance = part[0] + part[1] * power
-        relative = np.stack([1.0 / variance, power / variance], axis=1)
-        step = np.linalg.lstsq(relative, left / variance - 1.0)[0]
-        part = np.maximum(part + step, part / _FACTOR)
-    return np.asarray(1.0 / (part[0] + part[1] * power))
+        own, constant, growing = power[moving], part[moving, :1], part[moving, 1:]
+        first = 1.0 / (constant + growing * own)
+        second, target = own * first, left[moving] * first - 1.0
+        rows = np.stack([first, second], axis=1)
+        size = np.linalg.norm(rows, axis=2, keepdims=True)
+        rows /= size
+        normal = np.linalg.pinv(rows @ rows.swapaxes(1, 2), rcond=1e-12, hermitian=True)
+        step = (normal @ (rows @ target[..., None]) / size)[..., 0]
+        changed = np.maximum(part[moving] + step, part[moving] / _FACTOR)
+        still = np.any(np.abs(changed - part[moving]) > _SETTLED * part[moving], axis=1)
+        part[moving] = changed
+        moving = moving[still]
+        if not moving.size:
+            break
+    return np.asarray(1.0 / (part[:, :1] + part[:, 1:] * power))

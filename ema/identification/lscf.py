@@ -24,7 +24,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from ema.identification.polynomial_roots import nearby_roots
 from ema.types.errors import IdentificationError
+
+_MANY = 30  # roots from which on those of the order before them save time
 
 
 def lscf_poles(
@@ -63,8 +66,10 @@ def lscf_poles(
     circle = _Circle.of(frequency, half=half)
     theta = circle.angle(frequency)
     found = []
+    root = np.empty(0, dtype=complex)
     for coefficient in _denominators(theta, circle.weight(theta), value, step * order, step, real=half):
-        pole = circle.pole(_roots(coefficient))
+        root = _roots(coefficient, root)
+        pole = circle.pole(root)
         found.append(pole[pole.imag > 0.0])
     return found
 
@@ -188,12 +193,18 @@ def _solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.lstsq(matrix, right, rcond=None)[0]
 
 
-def _roots(coefficient: NDArray[Any]) -> NDArray[np.complex128]:
+def _roots(coefficient: NDArray[Any], known: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Roots of ``det(sum_k coefficient[k] z**k + I z**n)`` as eigenvalues of the block companion matrix.
 
-    The coefficients stand in the first block row, the form that LAPACK reduces fastest.
+    The coefficients stand in the first block row, the form that LAPACK reduces fastest. Many roots of one polynomial
+    are found from `known` ones, those of the order before.
     """
     n, m, _ = coefficient.shape
+    if m == 1 and n > _MANY:
+        near = nearby_roots(coefficient[:, 0, 0], known)
+        if near is not None:
+            real = np.abs(near.imag) < 1e-12 * np.abs(near)  # to rounding, which eigenvalues do not have
+            return np.where(real & np.isrealobj(coefficient), near.real, near)
     companion = np.zeros((n * m, n * m), dtype=coefficient.dtype, order="F")
     companion[:m] = -coefficient[::-1].transpose(1, 0, 2).reshape(m, n * m)
     companion[np.arange(m, n * m), np.arange((n - 1) * m)] = 1.0

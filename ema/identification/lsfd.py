@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ema.types.frf import DERIVATIVE, Quantity
 
 _BLOCK = 8192  # values that are worked on at once: more, and the system makes room for arrays again and again
+_Parts = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def mode_basis(
@@ -51,7 +52,43 @@ def mode_basis(
     return basis.reshape(2 * pole.size, 2 * n).T
 
 
-_Parts = tuple[NDArray[np.float64], NDArray[np.float64]]
+def mode_derivatives(
+    frequency: NDArray[np.float64], rows: NDArray[np.float64], quantity: Quantity
+) -> NDArray[np.float64]:
+    """Return the derivatives of modes with respect to their poles, `mode_basis` with a power of 2, from its columns.
+
+    Parameters
+    ----------
+    frequency : (n_frequency,) float
+        Lines above 0 Hz.
+    rows : (2 n_mode, 2 n_frequency) float
+        The columns of `mode_basis`, as rows.
+    quantity : {"receptance", "mobility", "accelerance"}
+
+    Returns
+    -------
+    (2 n_mode, 2 n_frequency) float
+        Rows in the same order.
+    """
+    n, omega = frequency.size, 2.0 * np.pi * frequency
+    parts, found = rows.reshape(-1, 2, 2, n), np.empty((len(rows) // 2, 2, 2, n))
+    few = max(1, _BLOCK // n)
+    # With p and q = 1 / (s - pole) and its mirror image, p**2 + q**2 and i (p**2 - q**2) from p + q and i (p - q).
+    for k in range(0, len(parts), few):
+        (a, b), (c, d) = parts[k : k + few].transpose(1, 2, 0, 3)
+        pairs = (0.5 * ((a - b) * (a + b) - (c - d) * (c + d)), a * b - c * d), (a * c - b * d, a * d + b * c)
+        for row, receptance in enumerate(pairs):
+            own = found[k : k + few, row]
+            own[:, 0], own[:, 1] = _once(omega, receptance, quantity)
+    return found.reshape(rows.shape)
+
+
+def _once(omega: NDArray[np.float64], square: _Parts, quantity: Quantity) -> _Parts:
+    """Return products of two functions of a quantity divided by ``s**p``, so that they are of the quantity again."""
+    real, imaginary = square
+    if quantity == "mobility":
+        return imaginary / omega, -real / omega
+    return (-real / omega**2, -imaginary / omega**2) if quantity == "accelerance" else square
 
 
 def _columns(omega: NDArray[np.float64], pole: NDArray[np.complex128], power: int) -> tuple[_Parts, _Parts]:

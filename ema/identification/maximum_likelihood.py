@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
-from ema.identification.lsfd import mode_basis, residual_basis, split_coefficients
+from ema.identification.lsfd import mode_basis, mode_derivatives, residual_basis, split_coefficients
 from ema.types.frf import Quantity
 
 MAX_STEP = 60
@@ -116,9 +117,19 @@ class _Target:
             ),
         )
 
-    def modes(self, pole: NDArray[np.complex128], power: int = 1) -> NDArray[np.float64]:
-        """Modes or, with a power of 2, their derivatives, ``(2 n_mode, 2 n_frequency)``; see `mode_basis`."""
-        return mode_basis(self.frequency, pole, self.quantity, power).T
+    def modes(self, pole: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Modes, ``(2 n_mode, 2 n_frequency)``; see `mode_basis`."""
+        return mode_basis(self.frequency, pole, self.quantity).T
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Basis:
+    """An orthonormal basis, as what makes it of other rows: products with these are small beside making it."""
+
+    near: bool  # whether the rows are nearly orthogonal by themselves, so that they are left as they are
+    rows: NDArray[np.float64]  # (2 n_mode + 4, 2 n_frequency)
+    turn: NDArray[np.float64]  # of them into orthonormal ones, (2 n_mode + 4, 2 n_mode + 4), lower triangle
+    onto: NDArray[np.float64]  # the same for the modes and residual terms themselves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,8 +138,8 @@ class _Projection:
 
     pole: NDArray[np.complex128]  # those that move, (n_mode,)
     coefficient: NDArray[np.float64]  # (2 n_mode + 4, n_function)
-    orthogonal: NDArray[np.float64]  # orthonormal basis, (2 n_mode + 4, 2 n_frequency)
-    onto: NDArray[np.float64]  # what makes it of the basis, (2 n_mode + 4, 2 n_mode + 4), lower triangle
+    modes: NDArray[np.float64]  # the rows of the basis that are of the modes, (2 n_mode, 2 n_frequency)
+    basis: _Basis
     inverse: NDArray[np.float64]  # of the weighted normal equations in it, one or (n_function, ...)
     remainder: NDArray[np.float64]  # (n_function, 2 n_frequency)
     variance: NDArray[np.float64]  # (n_function,), complex noise variance
@@ -216,9 +227,7 @@ def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Pro
     curved = information - (2.0 / target.value.shape[1]) * pull.T @ pull
     scaled = (curved if _positive(curved) else information) / np.outer(scale, scale)
     while damping < 1e8:
-        step = scipy.linalg.solve(
-            scaled + damping * np.eye(scale.size), gradient / scale, assume_a="sym", check_finite=False
-        )
+        step = np.linalg.solve(scaled + damping * np.eye(scale.size), gradient / scale)
         proposed = _project(target, _moved(state.pole, step / scale))
         if proposed.objective <= state.objective:
             return proposed, damping
@@ -237,27 +246,28 @@ def _moved(pole: NDArray[np.complex128], step: NDArray[np.float64]) -> NDArray[n
 
 def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     """Fit what is linear at fixed poles."""
-    orthogonal, onto = _orthonormal(np.concatenate([target.modes(pole), target.fixed]))
+    modes = target.modes(pole)
+    basis = _orthonormal(np.concatenate([modes, target.fixed]))
     value, weight = target.value, target.weight
     if weight.size == 1:
-        inverse = np.eye(len(orthogonal))[None]
-        part = orthogonal @ value.T
+        inverse = np.eye(len(basis.rows))[None]
+        part = basis.turn @ (basis.rows @ value.T)
     else:
-        normal = np.stack([_gram(orthogonal * root) for root in np.sqrt(weight)])
-        inverse = np.asarray(np.linalg.inv(normal))
-        part = (inverse @ (orthogonal @ (weight * value).T).T[..., None])[..., 0].T
-    remainder = value - part.T @ orthogonal
+        normal = np.stack([_gram(basis.rows * root) for root in np.sqrt(weight)])
+        inverse = np.asarray(np.linalg.inv(basis.turn @ normal @ basis.turn.T))
+        part = (inverse @ (basis.turn @ (basis.rows @ (weight * value).T)).T[..., None])[..., 0].T
+    remainder = value - (basis.turn.T @ part).T @ basis.rows
     n_function, n_row = value.shape
     # Each function spends its own linear unknowns and its share of the poles.
-    freedom = max(n_row - len(orthogonal) - 2.0 * pole.size / n_function, 1.0)
+    freedom = max(n_row - len(basis.rows) - 2.0 * pole.size / n_function, 1.0)
     floor = (1e-14 * np.linalg.norm(value, axis=1)) ** 2 + np.finfo(float).tiny
     weighted = remainder if weight.size == 1 else weight * remainder
     square = np.einsum("on,on->o", weighted, remainder) + floor
     return _Projection(
         pole=pole,
-        coefficient=onto.T @ part,
-        orthogonal=orthogonal,
-        onto=onto,
+        coefficient=basis.onto.T @ part,
+        modes=modes,
+        basis=basis,
         inverse=inverse,
         remainder=remainder,
         variance=2.0 * square / freedom,
@@ -265,12 +275,12 @@ def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     )
 
 
-def _orthonormal(basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return orthonormal rows, and the lower triangle that makes them of a basis of a few long rows.
+def _orthonormal(basis: NDArray[np.float64]) -> _Basis:
+    """Return what makes orthonormal rows of a basis of a few long rows, and the lower triangle that does.
 
-    One round of Cholesky makes them orthogonal to rounding where the basis nearly is, two up to a condition of about
-    1e7 (Yamamoto, Nakatsukasa, Yanagisawa and Fukaya, ETNA 44, 2015); bases that come near it are left to Householder.
-    Either is several times faster than that.
+    One round of Cholesky makes them orthogonal to rounding where the basis nearly is. That need not be done then: the
+    small products are turned. Two do up to a condition of about 1e7 (Yamamoto, Nakatsukasa, Yanagisawa and
+    Fukaya, ETNA 44, 2015); bases that come near it are left to Householder. Each is several times faster than the next.
     """
     gram = _gram(basis)
     length = np.sqrt(np.diag(gram))
@@ -284,18 +294,21 @@ def _orthonormal(basis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
     onto = _inverse(first)
     # The square of its norm over their number bounds the square of the condition.
     near, onto = np.sum(onto**2) < _NEARLY * len(basis), onto / length
-    orthogonal = onto @ basis
     if near:
-        return orthogonal, onto
+        return _Basis(near=True, rows=basis, turn=onto, onto=onto)
+    orthogonal = onto @ basis
     second = _inverse(np.asarray(np.linalg.cholesky(_gram(orthogonal))))
-    return second @ orthogonal, second @ onto
+    return _Basis(near=False, rows=second @ orthogonal, turn=np.eye(len(basis)), onto=second @ onto)
 
 
-def _by_householder(
-    basis: NDArray[np.float64], length: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _by_householder(basis: NDArray[np.float64], length: NDArray[np.float64]) -> _Basis:
     orthogonal, triangle = np.linalg.qr((basis / length[:, None]).T)
-    return np.ascontiguousarray(orthogonal.T), _inverse(triangle.T) / length
+    return _Basis(
+        near=False,
+        rows=np.ascontiguousarray(orthogonal.T),
+        turn=np.eye(len(basis)),
+        onto=_inverse(triangle.T) / length,
+    )
 
 
 def _gram(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -304,27 +317,31 @@ def _gram(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _inverse(lower: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inverse of a lower triangle."""
-    found = scipy.linalg.solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
-    return np.asarray(found)
+    if not lower.size:
+        return lower
+    return np.tril(lapack.dtrtri(lower, lower=1)[0])
 
 
 def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     """Return what Gauss-Newton on the poles, and their covariance, need at a projection."""
-    derivative, n_basis = target.modes(state.pole, power=2), len(state.orthogonal)
-    along = state.orthogonal @ derivative.T
-    tangent = derivative - along.T @ state.orthogonal
+    basis, derivative = state.basis, mode_derivatives(target.frequency, state.modes, target.quantity)
+    n_basis = len(basis.rows)
     if target.weight.size == 1:
-        gram, along = _gram(tangent)[None], along[None]
-        seen = tangent @ state.remainder.T  # (2 n_mode, n_function)
+        along = basis.turn @ (basis.rows @ derivative.T)
+        if not basis.near:
+            # Modes that are nearly alike leave little of the derivatives, which differences of products would lose.
+            gram = _gram(derivative - along.T @ basis.rows)[None]
+        else:
+            gram = (_gram(derivative) - along.T @ along)[None]
+        along = along[None]
+        seen = derivative @ state.remainder.T  # (2 n_mode, n_function)
     else:
-        # The tangents are orthogonal to the basis; what weighting makes of that is projected out here.
-        both = np.concatenate([state.orthogonal, tangent])
+        both = np.concatenate([basis.rows, derivative])
         whole = np.stack([_gram(both * root) for root in np.sqrt(target.weight)])
-        cross = whole[:, :n_basis, n_basis:]
-        more = state.inverse @ cross
-        gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ more
-        along = along + more
-        seen = tangent @ (target.weight * state.remainder).T
+        cross = basis.turn @ whole[:, :n_basis, n_basis:]
+        along = state.inverse @ cross
+        gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ along
+        seen = derivative @ (target.weight * state.remainder).T
     n_mode, n_function = state.pole.size, len(target.value)
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
     # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
@@ -342,18 +359,14 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
 
 
 def _positive(matrix: NDArray[np.float64]) -> bool:
-    try:
-        scipy.linalg.cholesky(matrix, check_finite=False)
-    except scipy.linalg.LinAlgError:
-        return False
-    return True
+    return not matrix.size or lapack.dpotrf(matrix, lower=1)[1] == 0
 
 
 def _finish(target: _Target, state: _Projection) -> Fit:
     """Return the fit at the poles of a projection, with its covariance."""
     equations = _normal_equations(target, state)
     information = equations.information
-    triangle = state.onto.T[: 2 * state.pole.size]
+    triangle = state.basis.onto.T[: 2 * state.pole.size]
     residue, lower, upper = split_coefficients(state.coefficient)
     n_frequency = target.frequency.size
     residual = state.remainder[:, :n_frequency] + 1j * state.remainder[:, n_frequency:]

@@ -28,6 +28,8 @@ APART = 0.35
 """Half bandwidths beside any other at which it may be: two poles nearer to each other are what one that moves by as
 little in some runs looks like to first order."""
 
+_KNOWN = 0.01  # of the logarithm of the likelihood, of which some ten decide
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunEvidence:
@@ -72,13 +74,15 @@ def run_evidence(data: Functions, fit: Fit, mode: int, candidates: NDArray[np.co
     for k, number in enumerate(numbers):
         its = own[data.run == number]
         alone = linear_fit(frequency, its, shared.pole, data.quantity)
-        moved = refine(frequency, its, shared.pole[:1], data.quantity, held=shared.pole[1:])
+        moved = refine(frequency, its, shared.pole[:1], data.quantity, held=shared.pole[1:], tolerance=_KNOWN)
         gain[k], noise[k] = 2.0 * (alone.objective - moved.objective), inflation(moved.whitened)
     if not np.any(gain > noise.max() * special.chdtri(2, FALSE_ALARM / numbers.size)):
         return RunEvidence(moves=False, beside=None)
     start = [pole - 1j * aside * pole.real for aside in ASIDE]
     start += [c for c in candidates if 0.5 * -pole.real < np.abs(c - pole) < reach]
-    tried = [refine(frequency, own, np.append(shared.pole, s), data.quantity) for s in start]
+    tried = [
+        refine(frequency, own, np.append(shared.pole, s), data.quantity, tolerance=_KNOWN) for s in start
+    ]
     apart = [t for t in tried if np.abs(t.pole[-1] - t.pole[:-1]).min() > -APART * pole.real]
     if not apart:
         return RunEvidence(moves=True, beside=None)

@@ -34,6 +34,8 @@ and one pole serves all."""
 WORTH = 0.5
 """Share of what common poles leave of the power that poles of each run may leave, to be worth their number."""
 _ROUNDS = 4
+_MOST_TRIED = 12  # poles of other runs that a mode is tried at which a run does not show
+_AROUND, _AROUND_LINES = 5.0, 16.0  # half bandwidths and lines around these on which they are compared
 _FEWEST = 2  # runs that show a mode by themselves
 
 
@@ -203,13 +205,38 @@ def _filled(
         missing = np.isnan(track[k])
         filled[k, missing] = centre[missing]
         for r in np.flatnonzero(missing):
-            tried = track[~np.isnan(track[:, r]), r]
-            misfit = []
-            for pole in tried:
-                filled[k, r] = pole
-                misfit.append(own.linear_fit(filled[k]).objective)
-            filled[k, r] = tried[int(np.argmin(misfit))]
+            filled[k, r] = _likeliest(own, filled[k], int(r), _spread(track[~np.isnan(track[:, r]), r]))
     return filled
+
+
+def _spread(pole: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return some of many poles, from the lowest to the highest frequency: more runs are to cost no more than a run."""
+    if pole.size <= _MOST_TRIED:
+        return pole
+    rank = np.argsort(np.abs(pole))
+    return pole[rank[np.linspace(0, pole.size - 1, _MOST_TRIED).round().astype(int)]]
+
+
+def _likeliest(
+    own: Functions, pole: NDArray[np.complex128], mode: int, tried: NDArray[np.complex128]
+) -> complex:
+    """Return which of some poles of a mode explains the functions of a run best on the lines around all of them."""
+    spacing = 2.0 * np.pi * float(own.frequency[1] - own.frequency[0])
+    reach = max(_AROUND * float(-tried.real.min()), _AROUND_LINES * spacing)
+    omega = 2.0 * np.pi * own.frequency
+    lines = (omega > tried.imag.min() - reach) & (omega < tried.imag.max() + reach)
+    near = (pole.imag > tried.imag.min() - reach) & (pole.imag < tried.imag.max() + reach)
+    near[mode] = True
+    target = own.value[:, lines]
+    if not near.all():
+        others = own.linear_fit(pole).residue[:, ~near]
+        target = target - response(own, pole[~near], others)[:, lines]
+    misfit = []
+    for trial in tried:
+        trials = pole.copy()
+        trials[mode] = trial
+        misfit.append(linear_fit(own.frequency[lines], target, trials[near], own.quantity).objective)
+    return complex(tried[int(np.argmin(misfit))])
 
 
 def _mean(runs: RunPoles) -> NDArray[np.complex128]:

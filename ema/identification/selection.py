@@ -64,11 +64,12 @@ def select_modes(
     fit = _without_images(data, _refined(data, _screen(data, candidates), band), band, none)
     before = fit.pole
     threshold = significance_threshold(*data.value.shape)
-    searching = True
+    searching, start = True, None
     while searching:
         _LOG.debug("look for further modes beside %d poles", fit.pole.size)
         searching = False
-        for more in _proposals(data, fit, candidates, band):
+        proposals, start = _proposals(data, fit, candidates, band, start)
+        for more in proposals:
             trial = np.append(fit.pole, more)
             if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
                 continue
@@ -94,6 +95,8 @@ def _run_by_run_borne_out(
     fit, runs = _finished(data, fit, band)
     while True:
         doubtful = np.flatnonzero((runs.probability < FALSE_ALARM).any(axis=0) & resonant(fit.pole, band))
+        if doubtful.size:
+            _LOG.info("ask whether %d modes move from run to run of %d", doubtful.size, runs.run.size)
         found = {int(r): run_evidence(data, fit, int(r), candidates) for r in doubtful}
         extended = _with_modes_beside(data, fit, found.values(), band)
         if extended is None:
@@ -159,15 +162,23 @@ def fit_chosen(
 
 
 def _proposals(
-    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
-) -> NDArray[np.complex128]:
-    """Poles worth a trial: what stands out of the residuals, candidates that no pole of the fit is near, and flanks."""
+    data: Functions,
+    fit: Fit,
+    candidates: NDArray[np.complex128],
+    band: tuple[float, float],
+    start: NDArray[np.complex128] | None,
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    """Poles worth a trial: what stands out of the residuals, candidates that no pole of the fit is near, and flanks.
+
+    Returned are these, and the poles of each run for the next time: a run need not find again what it has found.
+    """
     flanks = _flanks(fit, band)
     if likeliest_poles(data.frequency, fit).size == 0:
-        return flanks
+        return flanks, start
     distance = np.abs(candidates[:, None] - fit.pole)
     unused = candidates[np.all(distance > -candidates.real[:, None], axis=1)]
-    return np.concatenate([likeliest_poles(data.frequency, _run_by_run(data, fit)), unused, flanks])
+    apart, start = _run_by_run(data, fit, start)
+    return np.concatenate([likeliest_poles(data.frequency, apart), unused, flanks]), start
 
 
 def _flanks(fit: Fit, band: tuple[float, float]) -> NDArray[np.complex128]:
@@ -220,7 +231,9 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
         # Poles far from the one that is missing are those of the run with it.
         far = np.delete(~close[i], i)
         starts = [np.where(far, np.delete(own.pole, i), rest) for own in each]
-        alone = sum(_roughly(data, *own).objective for own in zip(runs, starts, strict=True))
+        alone = _alone_without(data, fit, runs, each, starts, int(i))
+        if alone is None:
+            continue
         # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
         if alone + 2 * rest.size * (numbers.size - 1) >= fit.objective + 2:
             continue
@@ -233,22 +246,59 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
     return None
 
 
+def _alone_without(
+    data: Functions,
+    fit: Fit,
+    runs: list[NDArray[np.complex128]],
+    each: list[Fit],
+    starts: list[NDArray[np.complex128]],
+    mode: int,
+) -> float | None:
+    """Objective of all runs, each with poles of its own but one; None as soon as it can be no image any more.
+
+    A pole less is never likelier. So the runs that are not fitted yet leave at least what they leave with it, and those
+    that show it best, which come first, mostly end the question.
+    """
+    with_it = sum(own.objective for own in each)
+    most = max(NEEDED * (fit.objective - with_it), MANY * 2 * (len(runs) + data.value.shape[0]))
+    most = min(most, fit.objective + 2 - 2 * starts[0].size * (len(runs) - 1) - with_it)
+    lost, alone = 0.0, 0.0
+    for k in np.argsort([-np.sum(np.abs(own.residue[:, mode] / own.noise) ** 2) for own in each]):
+        without = _roughly(data, runs[k], starts[k]).objective
+        alone += without
+        lost += max(without - each[k].objective, 0.0)
+        if lost >= most:
+            return None
+    return alone
+
+
 def _roughly(data: Functions, value: NDArray[np.complex128], pole: NDArray[np.complex128]) -> Fit:
     """Refine poles on the functions of a run until its likelihood is known as well as it is asked for."""
     return refine(data.frequency, value, pole, data.quantity, tolerance=_KNOWN)
 
 
-def _run_by_run(data: Functions, fit: Fit) -> Fit:
-    """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one."""
-    runs = run_poles(data, fit)
+def _run_by_run(
+    data: Functions, fit: Fit, start: NDArray[np.complex128] | None
+) -> tuple[Fit, NDArray[np.complex128] | None]:
+    """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one.
+
+    Returned is with it where the poles of the runs are sought next time. They begin where they were, `start`, and new
+    ones at those of the fit.
+    """
+    if start is not None:
+        n = np.unique(data.run).size
+        start = np.hstack([start, np.tile(fit.pole[start.shape[1] :], (n, 1))])
+        start = np.where(np.abs(start - fit.pole) < -fit.pole.real, start, fit.pole)
+    runs = run_poles(data, fit, start)
+    known = np.where(np.isfinite(runs.frequency_std), runs.pole, fit.pole)
     if not runs.disagree():
-        return fit
+        return fit, known
     residual, noise = np.empty_like(fit.residual), np.empty_like(fit.noise)
     for number, pole in zip(runs.run, runs.pole, strict=True):
         own = data.run == number
         alone = linear_fit(data.frequency, data.value[own], pole, data.quantity)
         residual[own], noise[own] = alone.residual, alone.noise
-    return replace(fit, residual=residual, noise=noise)
+    return replace(fit, residual=residual, noise=noise), known
 
 
 def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:

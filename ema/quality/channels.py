@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.measurement import Measurement
+from ema.quality.delay import delay, negative_share
 from ema.quality.identical import repeated
 from ema.quality.peaks import MIN_LINES, peaks
+from ema.quality.phases import phases
 from ema.quality.run_states import run_states
 from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undetectable_signs
 from ema.quality.structure import formless
@@ -294,8 +296,12 @@ def _coherence(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
         above = np.flatnonzero((moving & (coherence > 1.0 + _ABOVE_ONE)).any(axis=0))
         if above.size:
             most = float(coherence[:, above].max())
-            message = f"coherence is up to {most:.3g}, where none can be above 1: it was computed from other records"
+            message = (
+                f"coherence is up to {most:.3g}, where none can be above 1: it was computed from other records, and is "
+                "not used"
+            )
             yield _verdict(frf, "coherence", "warn", int(channel), message, _ends(frf, above))
+            continue
         mean = float(np.sum(power * np.minimum(coherence, 1.0)) / np.sum(power))
         if mean < 0.9 or not np.isfinite(mean):
             strong = power > np.median(power)
@@ -322,9 +328,18 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                 continue
             omega = 2 * np.pi * np.maximum(frf.frequency, 1e-12)
             mobility = frf.value[channel, j] * (1j * omega) ** (1 - DERIVATIVE[frf.quantity])
-            real = np.sign(along) * mobility.real[frf.frequency > 0]
-            negative = float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
-            if negative > 0.5 and _fits_neighbours(measurement, sound, int(channel), j):
+            moving = frf.frequency > 0
+            mobility = np.sign(along) * mobility[moving]
+            real, negative = mobility.real, negative_share(mobility)
+            late = delay(mobility, frf.frequency[moving]) if negative > 0.5 else None
+            if late is not None:
+                message = (
+                    f"driving point turns its sign with frequency, as the response is {1e3 * late:.3g} ms late: of a "
+                    "hammer's pulse that is shorter than the sampling resolves, or channels that are not sampled at "
+                    "once; its sign is right. Sample faster, or take a softer tip"
+                )
+                yield _verdict(frf, "driving point", "warn", int(channel), message)
+            elif negative > 0.5 and _fits_neighbours(measurement, sound, int(channel), j):
                 message = (
                     f"the whole set is of the opposite sign to its driving point {frf.output.name(int(channel))}, "
                     f"whose neighbours agree with it: the direction of the force {frf.input.name(j)} is turned; "
@@ -337,7 +352,7 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                 message = "driving point of the wrong sign: turn the direction of the sensor or of the force"
                 yield _verdict(frf, "sign", "fail", int(channel), message)
             elif negative > 0.1:
-                lines = frf.frequency[frf.frequency > 0][real < 0]
+                lines = frf.frequency[moving][real < 0]
                 band = (float(lines[0]), float(lines[-1]))
                 message = (
                     f"driving point takes up negative power in {100 * negative:.0f} % of its mobility, which no "
@@ -463,16 +478,7 @@ def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdi
     if not _MASSES[0] < mass < _MASSES[1]:
         text = f"the apparent mass is {mass:.2g} kg in the median: check [measurement] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
-    # At a resonance a real mode is imaginary in receptance and accelerance, and real in mobility.
-    lines_of_peaks = [p.line for p in peaks(frf, sound)]
-    value = frf.value[sound][..., lines_of_peaks]
-    phase = (value**2).sum(axis=(0, 1)).real / (np.abs(value) ** 2).sum(axis=(0, 1))
-    expected = 1.0 if frf.quantity == "mobility" else -1.0
-    wrong = np.count_nonzero(expected * phase < -0.7)
-    if len(lines_of_peaks) >= 2 and wrong > 0.75 * len(lines_of_peaks):
-        other = "mobility" if expected < 0 else "accelerance or receptance"
-        text = f"given as {frf.quantity}, but {wrong} of {len(lines_of_peaks)} resonances have the phase of {other}"
-        yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
+    yield from phases(frf, sound)
 
 
 def _resolution(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:

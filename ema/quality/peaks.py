@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,10 @@ MIN_LINES = 4.0
 CLEAR = 10.0
 """Prominence of a clear resonance over the valleys beside it, dB."""
 _NARROW_OVER_NOISE = 50.0
+_REACH = 8
+"""Lines on each side of a peak, and at least twice its bandwidth, on which its residues are fitted."""
+_ROUNDS = 8
+_NARROWEST = 0.02  # lines of a half bandwidth below which the fit cannot tell it from none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +36,22 @@ class Peak:
     frequency: float
     bandwidth: float
     line: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LocalFit:
+    """A resonance as the lines around its peak have it.
+
+    Attributes
+    ----------
+    residue : (n_function,) complex
+        Residues, in the unit of the functions times rad/s.
+    lines : float
+        Lines in its half-power bandwidth.
+    """
+
+    residue: NDArray[np.complex128]
+    lines: float
 
 
 def summed_power(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -69,3 +90,57 @@ def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> l
             bandwidth = 2 * float(np.sqrt(max(least, 0.0) / curvature)) * step
         found.append(Peak(frequency=frequency, bandwidth=max(bandwidth, 1e-3 * step), line=int(line)))
     return found
+
+
+def residues(frf: FRF, channels: NDArray[np.int64], found: list[Peak]) -> Iterator[LocalFit]:
+    """Fit a mode beside a straight part to the lines around each of some peaks, those of a peak between others apart.
+
+    All functions share the pole, so that a resonance that falls between two lines is seen from its flanks.
+    """
+    step = float(np.median(np.diff(frf.frequency)))
+    value = frf.value[channels].reshape(-1, frf.frequency.size)
+    lines = np.array([peak.line for peak in found])
+    for peak in found:
+        reach = int(max(_REACH, np.ceil(2.0 * peak.bandwidth / step)))
+        below, above = lines[lines < peak.line], lines[lines > peak.line]
+        first = max(peak.line - reach, (peak.line + below.max(initial=-peak.line)) // 2 + 1, 0)
+        last = min(peak.line + reach, (peak.line + above.min(initial=2 * frf.frequency.size)) // 2 - 1)
+        fit = _local_fit(value[:, first : last + 1], peak.line - first)
+        if fit is not None:
+            pole, residue = fit
+            # With s = 2 pi i f, a residue over lines is one over s times 2 pi i steps.
+            yield LocalFit(residue=2j * np.pi * step * residue, lines=2.0 * abs(pole.imag))
+
+
+def _local_fit(value: NDArray[np.complex128], peak: int) -> tuple[complex, NDArray[np.complex128]] | None:
+    """Fit ``residue / (x - pole) + straight part`` over line numbers x from a peak; None where lines are too few.
+
+    Equations that are multiplied by ``x - pole`` are linear in the pole; divided by that of the round before, they end
+    at the fit of the functions themselves (Sanathanan and Koerner, IEEE Trans. Autom. Control 8, 1963).
+    """
+    size = np.linalg.norm(value, axis=1, keepdims=True)
+    value = (value / np.where(size > 0.0, size, 1.0))[size[:, 0] > 0.0]
+    x = np.arange(value.shape[1], dtype=float) - peak
+    if x.size < 5 or not len(value):
+        return None
+    powers, pole = np.stack([np.ones(x.size), x, x**2]), 0.5j
+    for _ in range(_ROUNDS):
+        weight = 1.0 / (x - pole)
+        basis = np.linalg.qr((powers * weight).T)[0]
+
+        def rough(
+            rows: NDArray[np.complex128], basis: NDArray[np.complex128] = basis
+        ) -> NDArray[np.complex128]:
+            return np.asarray(rows - (rows @ basis.conj()) @ basis.T)
+
+        without, times = rough(value * weight), rough(value * weight * x)
+        denominator = float(np.sum(np.abs(without) ** 2))
+        if denominator == 0.0:
+            return None
+        pole = complex(np.vdot(without, times) / denominator)
+        pole = complex(pole.real, max(abs(pole.imag), _NARROWEST))
+    columns = np.stack([1.0 / (x - pole), np.ones(x.size), x])
+    coefficient = np.linalg.lstsq(columns.T, value.T, rcond=None)[0]
+    if not x[0] < pole.real < x[-1]:
+        return None
+    return pole, coefficient[0] * size[size > 0.0]

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from scipy import signal
 
 from ema.campaign.estimate import Averaging
-from ema.campaign.hits import cut_at_hits, find_hits, second_pulse
+from ema.campaign.hits import cut_at_hits, find_hits, pulse_samples, second_pulse
 from ema.campaign.records import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import MeasurementError
@@ -94,3 +94,11 @@ def test_blocks_begin_before_the_hit():
 def test_what_does_not_go_with_hits_is_refused(wrong):
     with pytest.raises(ValidationError, match="before_hit_s, of hits, needs"):
         Averaging(**({"window": "boxcar", "block_s": 1.0, "before_hit_s": 0.05} | wrong))
+
+
+@pytest.mark.parametrize(("width", "samples"), [(1, 1), (3, 3), (12, 12)])
+def test_the_samples_of_a_pulse(width, samples):
+    force = np.zeros(500)
+    force[100 : 100 + width] = 1.0
+    assert pulse_samples(force) == samples
+    assert pulse_samples(np.sin(np.arange(500.0))) == 0

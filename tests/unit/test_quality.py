@@ -310,3 +310,39 @@ def test_a_channel_with_noise_above_what_the_hammer_excites_is_live():
     quiet = np.arange(FREQUENCY.size) > 0.4 * FREQUENCY.size
     drowned = changed(few, 1, lambda v: np.where(quiet, 3 * np.std(v) * noise(v.shape), v))
     assert not [v for v in check(drowned) if v.check == "dead" and v.level != "pass"]
+
+
+@pytest.mark.parametrize("damping", [2e-5, 2e-4, 1e-3])
+@pytest.mark.parametrize("offset", [0.0, 0.3, 0.5])
+def test_a_resonance_narrower_than_the_lines_is_not_of_another_quantity(damping, offset):
+    """At its peak line alone it has any phase: three sound sets of five were refused."""
+    lines, modes = np.arange(20.0, 500.0), np.array([120.0, 210.0, 380.0]) + offset
+    measurement = bar(damping=damping, modes=modes, frequency=lines, noise=1e-4)
+    assert not {f for f in found(measurement) if f[0] == "unit"}
+    wrong = replace(measurement.frf.convert("mobility"), quantity="accelerance")
+    told = [v for v in check(replace(measurement, frf=wrong)) if "have the phase of mobility" in v.message]
+    assert [v.level for v in told] == ["fail" if damping > 5e-4 else "warn"]
+
+
+def test_an_impossible_coherence_is_not_used():
+    coherence = np.full((N, 1, FREQUENCY.size), 0.3)
+    coherence[:, 0, 5] = 2.2
+    measurement = bar()
+    frf = replace(measurement.frf, coherence=coherence)
+    told = found(replace(measurement, frf=frf))
+    assert told == {("coherence", "warn", (k,)) for k in range(N)}
+
+
+@pytest.mark.parametrize("samples", [-1.2, 1.2])
+def test_a_driving_point_that_is_late_is_not_of_the_wrong_sign(samples):
+    """A hammer's pulse of one to three samples has its time to a sample or so."""
+    modes = np.array([310.0, 420.0, 480.0])
+    measurement = bar(modes=modes)
+    late = np.exp(-2j * np.pi * FREQUENCY * samples / (2.56 * FREQUENCY[-1]))
+    told = [
+        v
+        for v in check(changed(measurement, 0, lambda v: v * late))
+        if v.channel == (0,) and v.level != "pass"
+    ]
+    assert ("driving point", "warn") in {(v.check, v.level) for v in told}
+    assert not any("of the wrong sign" in v.message for v in told)

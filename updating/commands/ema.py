@@ -170,21 +170,21 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
         table.add_column(name, justify="right")
     columns = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
     for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True)):
-        around, least = _explained(explained.share[:, r], explained.channel)
+        around, least = _explained(explained.around[r], explained.share[:, r], explained.channel)
         table.add_row(
             str(r + 1), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}", around, least
         )
-    whole, least = _explained(explained.whole, explained.channel)
+    whole, least = _explained(explained.mean, explained.whole, explained.channel)
     table.add_row("all", "", "", "", "", whole, least)
     return table
 
 
-def _explained(share: NDArray[np.float64], channel: tuple[str, ...]) -> tuple[str, str]:
-    """Mean share over the channels, %, and the least one with its channel; dashes where a band holds no line."""
+def _explained(mean: float, share: NDArray[np.float64], channel: tuple[str, ...]) -> tuple[str, str]:
+    """Share over all channels, %, and the least one with its channel; dashes where a band holds no line."""
     if np.isnan(share).any():
         return "-", "-"
     least = int(np.argmin(share))
-    return f"{100 * share.mean():.1f}", f"{100 * share[least]:.0f}, {channel[least]}"
+    return f"{100 * mean:.1f}", f"{100 * share[least]:.0f}, {channel[least]}"
 
 
 def _band(measured: ModalModel) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
@@ -14,6 +15,8 @@ LOG = logging.getLogger("ema")
 """Where identification says what it does."""
 
 
+EVERY = 30.0
+"""Seconds between two lines where there is no terminal: nobody waits longer without a word, and short work has none."""
 _LONGEST = 200  # characters of a message
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
 
@@ -33,6 +36,28 @@ class _Shown(logging.Handler):
         else:
             text = f"{self._last}: {text}"
         self._bar.update(self._bar.task_ids[0], description=text.translate(_CONTROL))
+
+
+class _Written(logging.Handler):
+    """Writes the last message as a line from time to time: a file or a pipe has no place where one replaces another."""
+
+    def __init__(self, text: str, bar: Progress, console: Console) -> None:
+        super().__init__(logging.DEBUG)
+        self._text, self._bar, self._console = text, bar, console
+        self._start = self._last = time.monotonic()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a message if the last one is long past."""
+        now = time.monotonic()
+        if now - self._last < EVERY:
+            return
+        self._last = now
+        task = self._bar.tasks[0]
+        line = (
+            f"{self._text}: {record.getMessage()} ({task.completed:.0f} of {task.total:.0f} done, "
+            f"{now - self._start:.0f} s)"
+        )
+        self._console.print(line.translate(_CONTROL), markup=False, highlight=False, soft_wrap=True)
 
 
 class _Sent(logging.Handler):
@@ -59,7 +84,7 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
     n_task : int
         Number of tasks; `Progress.advance` of the only one says that one more is done.
     console : Console
-        Where; nothing is shown on one that is no terminal.
+        Where; on one that is no terminal the last message is written as a line every `EVERY` seconds.
     """
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -70,7 +95,7 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
     level = LOG.level
     with Progress(*columns, console=console, transient=True) as bar:
         bar.add_task(text, total=n_task)
-        handler = _Shown(text, bar)
+        handler = _Shown(text, bar) if console.is_terminal else _Written(text, bar, console)
         LOG.addHandler(handler)
         LOG.setLevel(logging.DEBUG)
         try:

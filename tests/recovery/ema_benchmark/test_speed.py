@@ -28,16 +28,16 @@ frf = ema.FRF(
     run=np.zeros(n, dtype=int), source=("generated",) * n,
 )
 geometry = ema.Geometry(node=np.arange(n), coordinate=np.outer(np.arange(n), [0.1, 0, 0]), line=np.zeros((0, 2)))
-start = time.perf_counter()
+start = time.process_time()
 assert ema.identify_frf(frf, geometry, name="set").frequency.size == 6
-seconds = time.perf_counter() - start
+seconds = time.process_time() - start
 # the peak that getrusage tells would be that of the process this one was started from
 print(seconds, int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]) / 1024)
 """
 
 
 def whole_identification(value: NDArray, folder: Path) -> tuple[float, float]:
-    """Seconds and peak memory (MB) of a process that imports Lamella, loads the functions and identifies."""
+    """Processor seconds of an identification, and peak memory (MB) of the process that loads and identifies."""
     np.save(folder / "value.npy", value)
     command = [sys.executable, "-c", ALONE, str(folder / "value.npy")]
     seconds, peak = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
@@ -61,15 +61,15 @@ def test_speed_beside_sdypy(sets, peers, report, tmp_path: Path):
     value = frf.value[:, 0]
     ours, theirs = [], []
     for _ in range(5):
-        start = time.perf_counter()
+        start = time.process_time()
         poles = lscf_poles(sets.lines, value[:, None], 100)[-1]
-        ours.append(time.perf_counter() - start)
+        ours.append(time.process_time() - start)
         padded = np.concatenate([np.zeros((sets.n, 1)), value, np.zeros((sets.n, 1))], axis=1)
         axis = 0.5 * np.arange(padded.shape[1])
         model = Model(padded, axis, lower=0.5, upper=axis[-1], pol_order_high=100)
-        start = time.perf_counter()
+        start = time.process_time()
         model.get_poles(show_progress=False)
-        theirs.append(time.perf_counter() - start)
+        theirs.append(time.process_time() - start)
     peer = np.asarray(model.all_poles[-1])
     difference = max(
         float(np.min(np.abs(peer - p)) / np.abs(p))
@@ -78,7 +78,7 @@ def test_speed_beside_sdypy(sets, peers, report, tmp_path: Path):
     ratio = min(theirs) / min(ours)
     report(
         "poles at order 100",
-        "2.5 x faster than sdypy-EMA, same to 1e-8",
+        "3 x faster than sdypy-EMA, same to 1e-8",
         f"{min(ours):.2f} s, {ratio:.2f} x faster, {difference:.1e}",
         f"{min(theirs):.2f} s",
         polypy_seconds(sets, peers, value),
@@ -86,12 +86,12 @@ def test_speed_beside_sdypy(sets, peers, report, tmp_path: Path):
     seconds, peak = whole_identification(value, tmp_path)
     report(
         "whole identification, intervals included",
-        "10 s, 300 MB",
+        "what sdypy-EMA takes for poles alone, 300 MB",
         f"{seconds:.2f} s, {peak:.0f} MB in a process of its own",
         "not automatic",
         "not automatic",
     )
-    assert ratio >= 2.5
+    assert ratio >= 3.0
     assert difference < 1e-8
-    assert seconds < 10.0
+    assert seconds < min(theirs)
     assert peak < 300.0
