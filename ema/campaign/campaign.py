@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from ema.campaign.campaign_file import (
 from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
 from ema.io.form import did_you_mean, read_form
+from ema.io.found_modes import ModesStd
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import read_uff_geometry
 from ema.io.units import Unit, parse_unit
@@ -114,6 +115,8 @@ class Configuration:
         Level of the force, N; None where not stated.
     force_levels : tuple of Configuration
         The same state at other forces, to see whether the structure is linear; not identified.
+    has_modes : bool
+        Whether its files hold modes that another program identified, in place of functions.
     """
 
     name: str
@@ -124,6 +127,7 @@ class Configuration:
     files: tuple[Files, ...]
     force: float | None = None
     force_levels: tuple[Configuration, ...] = ()
+    has_modes: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +186,8 @@ class Campaign:
         Corrections of single functions.
     notes : tuple of str
         What was odd about the points and how it was resolved.
+    modes_std : ModesStd
+        How sure the modes are of configurations whose files hold modes and do not say it.
     """
 
     name: str
@@ -202,6 +208,7 @@ class Campaign:
     sensor_mass: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    modes_std: ModesStd = field(default_factory=ModesStd)
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -244,7 +251,7 @@ def read_campaign(path: str | Path) -> Campaign:
         window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
         force_unit = "N"                       # units of text files, in place of 'unit' above
         [[configuration]]
-        name = "M1"
+        name = "M1"                            # beside it modes = "file" where 'files' hold modes, not FRFs
         stack = 4                              # which stack; this and the next four may be left out
         torque_Nm = 1.5
         pressure_kPa = 160
@@ -304,9 +311,8 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         raise CampaignError(message)
     configurations = tuple(_configuration(path, folder, c) for c in content.configuration)
     read = [state for c in configurations for state in (c, *c.force_levels)]
-    _require_description(
-        path, content.measurement, [f for s in read for group in s.files for f in group.files]
-    )
+    described = [f for s in read if not s.has_modes for group in s.files for f in group.files]
+    _require_description(path, content.measurement, described)
     if content.measurement.time is None and any(group.beside > 1 for s in read for group in s.files):
         message = f"{path}: files in inner brackets, side by side, are of time histories: they need [measurement.time]"
         raise CampaignError(message)
@@ -330,6 +336,11 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
+        modes_std=ModesStd(
+            frequency=content.modes.frequency_std,
+            damping=content.modes.damping_std,
+            shape=content.modes.shape_std,
+        ),
     )
 
 
@@ -363,6 +374,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
             for group in groups
         ),
         force=given.force_N,
+        has_modes=given.modes is not None,
     )
     levels = tuple(
         replace(

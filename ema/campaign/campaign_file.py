@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -162,10 +162,19 @@ class ForceLevelSection(Section):
     input: DofEntries = ()
 
 
+class ModesSection(Section):
+    """How sure modes are that another program identified, where their files do not say it; relative."""
+
+    frequency_std: float | None = Field(default=None, gt=0, lt=1)
+    damping_std: float | None = Field(default=None, gt=0)
+    shape_std: float | None = Field(default=None, gt=0, lt=1)
+
+
 class ConfigurationSection(Section):
     """One state of the structure and its files."""
 
     name: str
+    modes: Literal["file"] | None = None
     stack: str | int | None = None
     torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
@@ -184,6 +193,12 @@ class ConfigurationSection(Section):
             raise ValueError(message)
         if self.run and (self.output or self.input):
             message = "'output' and 'input' belong into each [[configuration.run]] table"
+            raise ValueError(message)
+        if self.modes is not None and (self.run or self.force_level or self.output or len(self.input) > 1):
+            message = (
+                "modes = \"file\" takes 'files' and one 'input', the DOF of the force; 'output', run and "
+                "force_level are of functions"
+            )
             raise ValueError(message)
         return self
 
@@ -235,5 +250,6 @@ class CampaignFile(Section):
     points: PointsSection
     measurement: MeasurementSection = MeasurementSection()
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
+    modes: ModesSection = ModesSection()
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
