@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +118,6 @@ def modal_model_of(
     pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
     inputs = _at(force)
     n_dof, n_mode = shape.shape
-    unknown = np.full((n_dof, 1), np.nan)
     return ModalModel(
         name=name,
         frequency=frequency,
@@ -128,10 +128,6 @@ def modal_model_of(
         residue=_residues(
             Dofs(node=found.node, direction=found.direction), inputs, pole, shape, known.scaled
         ),
-        lower=np.zeros((n_dof, 1), complex),
-        upper=np.zeros((n_dof, 1), complex),
-        outside_pole=np.empty(0, complex),
-        outside_residue=np.empty((n_dof, 1, 0), complex),
         shape=shape,
         shape_std=np.broadcast_to(known.shape_std * rms, shape.shape),
         scaled=known.scaled,
@@ -143,17 +139,29 @@ def modal_model_of(
         geometry=geometry,
         quantity="accelerance",
         covariance=_covariance(known),
-        residue_std=np.zeros((n_dof, 1, n_mode)),
-        noise=unknown,
-        correlation=unknown,
-        error=unknown,
         run=np.array([0]),
         run_pole=pole[None, :],
         run_frequency_std=known.frequency_std[None, :],
         run_damping_std=known.damping_std[None, :],
         run_probability=np.ones((1, n_mode)),
         read_from=found.source,
+        **_without_functions(n_dof, n_mode),
     )
+
+
+def _without_functions(n_dof: int, n_mode: int) -> dict[str, Any]:
+    """Return the parts of a modal model that only functions give: none, or not a number."""
+    zero, unknown = np.zeros((n_dof, 1), complex), np.full((n_dof, 1), np.nan)
+    return {
+        "lower": zero,
+        "upper": zero,
+        "outside_pole": np.empty(0, complex),
+        "outside_residue": np.empty((n_dof, 1, 0), complex),
+        "residue_std": np.zeros((n_dof, 1, n_mode)),
+        "noise": unknown,
+        "correlation": unknown,
+        "error": unknown,
+    }
 
 
 def _read(files: tuple[Path, ...], geometry: Geometry) -> FoundModes:
