@@ -428,6 +428,20 @@ name = "M1"
 modal_model = "earlier/M1/modal_model.json"
 """
 SCATTER = "\n".join(f"{name} = 0.02" for name in ScatterFile.model_fields)
+CAMPAIGN_MODES = f"""
+[campaign]
+name = "modes that another program identified"
+{POINTS}
+[modes]
+frequency_std = 0.002
+damping_std = 0.2
+shape_std = 0.03
+[[configuration]]
+name = "M1"
+modes = "file"
+files = ["found.csv"]
+input = "1+z"
+"""
 DIAGNOSED = CAMPAIGN_TABLE.replace("height_mm = 64.8", "height_mm = 40")
 
 
@@ -446,6 +460,7 @@ FILES = {
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
     "arrays of histories": Used(CampaignFile, CAMPAIGN_ARRAYS, "ema"),
     "files side by side": Used(CampaignFile, CAMPAIGN_BESIDE, "ema"),
+    "read modes": Used(CampaignFile, CAMPAIGN_MODES, "ema"),
     "hits": Used(CampaignFile, CAMPAIGN_HITS, "ema", slow=True),
     "blocks": Used(CampaignFile, CAMPAIGN_BLOCKS, "ema", slow=True),
     "variables": Used(CampaignFile, variables('frf = "H"', "axis_start = 60\naxis_step = 0.5"), "ema"),
@@ -557,6 +572,7 @@ def folder(tmp_path, monkeypatch):
         file["f"], file["H"], file["re"], file["im"] = FREQUENCY, value.T, value.T.real, value.T.imag
         file["coherence"], file["points"] = np.full(value.T.shape, 0.99), np.arange(1, N + 1)
     record(tmp_path)
+    (tmp_path / "found.csv").write_text("frequency_Hz,damping,1+z,2+z\n110,0.01,1,0.5\n190,0.01,1,-0.5\n")
     paper = DATA / "pirnat2013"
     for name in ("table1_stacks.csv", "table6_contact_parameters.csv"):
         (tmp_path / name).write_bytes((paper / name).read_bytes())
