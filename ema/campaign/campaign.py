@@ -168,7 +168,7 @@ class Campaign:
         In the order of the file.
     identification : IdentificationOptions
         Band and order.
-    format : {"uff", "csv", "mat", "hdf5", "numpy", "tdms"} or None
+    format : {"uff", "csv", "mat", "hdf5", "numpy", "tdms", "wav"} or None
         Format of the FRF files; None decides by the suffix.
     unit : Unit or None
         Unit of the FRFs, which overrides what the files say.
@@ -186,6 +186,8 @@ class Campaign:
         Corrections of single functions.
     notes : tuple of str
         What was odd about the points and how it was resolved.
+    full_scale : tuple of float
+        What full scale means in each channel of sound files, or in all, in the units of `averaging`; else empty.
     modes_std : ModesStd
         How sure the modes are of configurations whose files hold modes and do not say it.
     """
@@ -208,6 +210,7 @@ class Campaign:
     sensor_mass: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    full_scale: tuple[float, ...] = ()
     modes_std: ModesStd = field(default_factory=ModesStd)
 
     def configuration(self, name: str) -> Configuration:
@@ -336,6 +339,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
+        full_scale=content.measurement.full_scale,
         modes_std=ModesStd(
             frequency=content.modes.frequency_std,
             damping=content.modes.damping_std,
@@ -348,6 +352,12 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
     """Refuse files that do not describe themselves and that the campaign file does not describe."""
     formats = {format_of(file, given.format) for file in files}
     stated = given.unit is not None or given.time is not None
+    if ("wav" in formats) != bool(given.full_scale) or ("wav" in formats and given.time is None):
+        message = (
+            f"{path}: measurement: sound files (.wav) hold time histories and need 'full_scale', the value of each "
+            "channel at full scale in its unit, and [measurement.time] with force_unit and response_unit"
+        )
+        raise CampaignError(message)
     if "csv" in formats and (given.table is None or not stated):
         message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
         raise CampaignError(message)

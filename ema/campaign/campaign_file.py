@@ -82,6 +82,7 @@ RecordNames = Annotated[
     tuple[str, ...] | tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...],
     BeforeValidator(_several_records),
 ]
+FullScale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
 
@@ -114,6 +115,7 @@ class MeasurementSection(Section):
     table: TableLayout | None = None
     variables: VariableLayout | None = None
     time: Averaging | None = None
+    full_scale: Annotated[tuple[FullScale, ...], BeforeValidator(_several)] = ()
     exponential_window_s: float = Field(default=math.inf, gt=0.0)
     sensor_mass_g: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
 

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from pydantic import BaseModel
+from scipy.io import wavfile
 from typer.testing import CliRunner
 
 from ema.campaign.campaign_file import CampaignFile
@@ -155,6 +156,26 @@ CAMPAIGN_ARRAYS = CAMPAIGN_TIME.replace(
     '[measurement.variables]\nhistory = "blows"\naxes = ["hit", "time", "channel"]\ntime = "first channel"\n'
     "sampling_Hz = 600\n",
 ).replace('["blow_1.csv", "blow_2.csv"]', '"blows.npz"')
+CAMPAIGN_WAV = f"""
+[campaign]
+name = "sound files"
+{POINTS}
+[measurement]
+full_scale = 5
+[measurement.time]
+window = "boxcar"
+force_unit = "N"
+response_unit = "m/s2"
+[[configuration]]
+name = "M1"
+[[configuration.run]]
+files = ["blow_1.wav", "blow_2.wav"]
+output = [{OUTPUT}]
+input = ["1+z"]
+[identification]
+band_Hz = [60, 240]
+order = 8
+"""
 CAMPAIGN_BESIDE = CAMPAIGN_TIME.replace('["blow_1.csv", "blow_2.csv"]', '[["force_*.csv", "response_*.csv"]]')
 
 
@@ -460,6 +481,7 @@ FILES = {
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
     "arrays of histories": Used(CampaignFile, CAMPAIGN_ARRAYS, "ema"),
     "files side by side": Used(CampaignFile, CAMPAIGN_BESIDE, "ema"),
+    "sound files": Used(CampaignFile, CAMPAIGN_WAV, "ema"),
     "read modes": Used(CampaignFile, CAMPAIGN_MODES, "ema"),
     "hits": Used(CampaignFile, CAMPAIGN_HITS, "ema", slow=True),
     "blocks": Used(CampaignFile, CAMPAIGN_BLOCKS, "ema", slow=True),
@@ -551,6 +573,7 @@ def record(folder):
     table = np.column_stack([np.arange(n) / rate, force, *response])
     for name, rows in (("record", table), ("blow_1", table[:1200]), ("blow_2", table[1200:2400])):
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",")
+        wavfile.write(folder / f"{name}.wav", int(rate), rows[:, 1:] / 5.0)
     for name, rows in (("1", table[:1200]), ("2", table[1200:2400])):
         np.savetxt(folder / f"force_{name}.csv", rows[:, :2], delimiter=",")
         np.savetxt(folder / f"response_{name}.csv", np.delete(rows, 1, axis=1), delimiter=",")
