@@ -10,13 +10,17 @@ from ema.identification.identify import Failure, Identification, identify, ident
 from ema.identification.poles_file import read_poles, write_poles
 from ema.identification.resonance import Resonances, resonances
 from ema.identification.ring_down import RingDown, ring_down
+from ema.identification.sdypy import from_sdypy, to_sdypy
 from ema.identification.stabilization import StabilizationDiagram, stabilization
+from ema.io.found_modes import ModesStd
 from ema.io.uff import write_uff
 from ema.modal.change import Change, change
 from ema.modal.change_text import change_csv, change_sentence
 from ema.modal.comparison import Comparison, compare
+from ema.modal.complexity import Complexity, check_complexity, complexity
 from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
+from ema.modal.read_modes import ReadModes, read_modes
 from ema.modal.repeats import Repeats, repeats
 from ema.modal.stated import contradicted
 from ema.plot.modal_model import turnable
@@ -39,6 +43,7 @@ __all__ = [
     "CampaignError",
     "Change",
     "Comparison",
+    "Complexity",
     "Configuration",
     "Dof",
     "Dofs",
@@ -54,6 +59,8 @@ __all__ = [
     "MeasurementError",
     "ModalModel",
     "Reassembly",
+    "ModesStd",
+    "ReadModes",
     "Repeats",
     "Resonances",
     "RingDown",
@@ -64,15 +71,18 @@ __all__ = [
     "change_csv",
     "change_sentence",
     "check",
+    "check_complexity",
     "check_force_levels",
     "check_linearity",
     "cmif",
     "comac",
     "compare",
+    "complexity",
     "content_digests",
     "contradicted",
     "estimate_frf",
     "frac",
+    "from_sdypy",
     "identify",
     "identify_force_levels",
     "identify_frf",
@@ -85,6 +95,7 @@ __all__ = [
     "read_campaign",
     "read_force_levels",
     "read_measurement",
+    "read_modes",
     "read_poles",
     "real_shape",
     "repeats",
@@ -94,6 +105,7 @@ __all__ = [
     "stabilization",
     "synthesize",
     "synthesized_frf",
+    "to_sdypy",
     "try_identify",
     "turnable",
     "usable",

@@ -20,6 +20,7 @@ from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
 from ema.campaign.references import Reassembly, reference_faults
 from ema.io.form import did_you_mean, read_form
+from ema.io.found_modes import ModesStd
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import read_uff_geometry
 from ema.io.units import Unit, parse_unit
@@ -119,6 +120,8 @@ class Configuration:
         Names of the reference that the state is compared with, and of repeats of it; empty where it has none.
     repeat_of : str or None
         Name of the configuration that this one measures again.
+    has_modes : bool
+        Whether its files hold modes that another program identified, in place of functions.
     """
 
     name: str
@@ -131,6 +134,7 @@ class Configuration:
     force_levels: tuple[Configuration, ...] = ()
     compare_to: tuple[str, ...] = ()
     repeat_of: str | None = None
+    has_modes: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,7 +175,7 @@ class Campaign:
         In the order of the file.
     identification : IdentificationOptions
         Band and order.
-    format : {"uff", "csv", "mat", "hdf5", "numpy", "tdms"} or None
+    format : {"uff", "csv", "mat", "hdf5", "numpy", "tdms", "wav"} or None
         Format of the FRF files; None decides by the suffix.
     unit : Unit or None
         Unit of the FRFs, which overrides what the files say.
@@ -191,6 +195,10 @@ class Campaign:
         What was odd about the points and how it was resolved.
     reassembly : Reassembly
         How far a state scatters that is assembled anew.
+    full_scale : tuple of float
+        What full scale means in each channel of sound files, or in all, in the units of `averaging`; else empty.
+    modes_std : ModesStd
+        How sure the modes are of configurations whose files hold modes and do not say it.
     """
 
     name: str
@@ -212,6 +220,8 @@ class Campaign:
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
     reassembly: Reassembly = field(default_factory=Reassembly)
+    full_scale: tuple[float, ...] = ()
+    modes_std: ModesStd = field(default_factory=ModesStd)
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -252,7 +262,7 @@ def read_campaign(path: str | Path) -> Campaign:
         window = "boxcar"                      # all files of a run averaged; see `ema.campaign.estimate.Averaging`
         force_unit = "N"                       # units of text files, in place of 'unit' above
         [[configuration]]
-        name = "M1"
+        name = "M1"                            # beside it modes = "file" where 'files' hold modes, not FRFs
         compare_to = "M0"                      # its reference, or a list with repeats of it; may be left out
         stack = 4                              # which stack; this and the next four may be left out
         torque_Nm = 1.5
@@ -317,9 +327,8 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
     if faults:
         raise CampaignError("\n".join(faults))
     read = [state for c in configurations for state in (c, *c.force_levels)]
-    _require_description(
-        path, content.measurement, [f for s in read for group in s.files for f in group.files]
-    )
+    described = [f for s in read if not s.has_modes for group in s.files for f in group.files]
+    _require_description(path, content.measurement, described)
     if content.measurement.time is None and any(group.beside > 1 for s in read for group in s.files):
         message = f"{path}: files in inner brackets, side by side, are of time histories: they need [measurement.time]"
         raise CampaignError(message)
@@ -344,6 +353,12 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
         reassembly=Reassembly(**content.reassembly.model_dump()),
+        full_scale=content.measurement.full_scale,
+        modes_std=ModesStd(
+            frequency=content.modes.frequency_std,
+            damping=content.modes.damping_std,
+            shape=content.modes.shape_std,
+        ),
     )
 
 
@@ -351,6 +366,12 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
     """Refuse files that do not describe themselves and that the campaign file does not describe."""
     formats = {format_of(file, given.format) for file in files}
     stated = given.unit is not None or given.time is not None
+    if ("wav" in formats) != bool(given.full_scale) or ("wav" in formats and given.time is None):
+        message = (
+            f"{path}: measurement: sound files (.wav) hold time histories and need 'full_scale', the value of each "
+            "channel at full scale in its unit, and [measurement.time] with force_unit and response_unit"
+        )
+        raise CampaignError(message)
     if "csv" in formats and (given.table is None or not stated):
         message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
         raise CampaignError(message)
@@ -379,6 +400,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
         force=given.force_N,
         compare_to=given.compare_to,
         repeat_of=given.repeat_of,
+        has_modes=given.modes is not None,
     )
     levels = tuple(
         replace(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -83,6 +83,7 @@ RecordNames = Annotated[
     tuple[str, ...] | tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...],
     BeforeValidator(_several_records),
 ]
+FullScale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
 
@@ -115,6 +116,7 @@ class MeasurementSection(Section):
     table: TableLayout | None = None
     variables: VariableLayout | None = None
     time: Averaging | None = None
+    full_scale: Annotated[tuple[FullScale, ...], BeforeValidator(_several)] = ()
     exponential_window_s: float = Field(default=math.inf, gt=0.0)
     sensor_mass_g: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
 
@@ -163,12 +165,21 @@ class ForceLevelSection(Section):
     input: DofEntries = ()
 
 
+class ModesSection(Section):
+    """How sure modes are that another program identified, where their files do not say it; relative."""
+
+    frequency_std: float | None = Field(default=None, gt=0, lt=1)
+    damping_std: float | None = Field(default=None, gt=0)
+    shape_std: float | None = Field(default=None, gt=0, lt=1)
+
+
 class ConfigurationSection(Section):
     """One state of the structure and its files."""
 
     name: str
     compare_to: FileNames = ()
     repeat_of: str | None = None
+    modes: Literal["file"] | None = None
     stack: str | int | None = None
     torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
@@ -187,6 +198,12 @@ class ConfigurationSection(Section):
             raise ValueError(message)
         if self.run and (self.output or self.input):
             message = "'output' and 'input' belong into each [[configuration.run]] table"
+            raise ValueError(message)
+        if self.modes is not None and (self.run or self.force_level or self.output or len(self.input) > 1):
+            message = (
+                "modes = \"file\" takes 'files' and one 'input', the DOF of the force; 'output', run and "
+                "force_level are of functions"
+            )
             raise ValueError(message)
         return self
 
@@ -246,6 +263,7 @@ class CampaignFile(Section):
     points: PointsSection
     measurement: MeasurementSection = MeasurementSection()
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
+    modes: ModesSection = ModesSection()
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
     reassembly: ReassemblySection = ReassemblySection()

@@ -123,6 +123,12 @@ def _not_understood(folder: Path) -> list[str]:
 def _contents(file: Path, left_out: list[str]) -> Contents | None:
     """Return what a file holds, None where it is no measurement."""
     suffix = file.suffix.lower()
+    if suffix == ".wav":
+        left_out.append(
+            f"{file}: a sound file: write [measurement] with full_scale, the value of each channel at full scale, and "
+            "[measurement.time], and name it in files"
+        )
+        return None
     if suffix in NOT_READ:
         left_out.append(f"{file}: is {NOT_READ[suffix]}")
     if file.name.startswith(".") or suffix not in (*SUFFIXES, *_TEXT_SUFFIXES):

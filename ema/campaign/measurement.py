@@ -92,7 +92,14 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
         A file cannot be read, does not say what the campaign file leaves open, or measures at a point that is
         not in the list of points.
     """
-    return _merged(campaign, campaign.configuration(name))
+    configuration = campaign.configuration(name)
+    if configuration.has_modes:
+        message = (
+            f'{campaign.path}: configuration {name!r} has modes = "file": its files hold modes, and there are no '
+            "functions to identify or to pick poles in; read them with ema.read_modes"
+        )
+        raise CampaignError(message)
+    return _merged(campaign, configuration)
 
 
 def read_force_levels(campaign: Campaign, name: str) -> tuple[Measurement, ...]:

@@ -9,7 +9,7 @@ from typing import Literal
 
 from ema.types.errors import CampaignError
 
-Format = Literal["uff", "csv", "mat", "hdf5", "numpy", "tdms"]
+Format = Literal["uff", "csv", "mat", "hdf5", "numpy", "tdms", "wav"]
 Names = tuple[str, ...] | tuple[tuple[str, ...], ...]
 """Names of files, or lists of names of which each gives files that belong side by side."""
 SUFFIXES: dict[str, Format] = {
@@ -18,6 +18,7 @@ SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".h5", ".hdf5", ".hdf", ".he5"), "hdf5"),
     **dict.fromkeys((".npy", ".npz"), "numpy"),
     ".tdms": "tdms",
+    ".wav": "wav",
 }  # fmt: skip
 """Formats by suffix; whatever has another one is text."""
 _SHOWN = 60  # characters of a name that is none

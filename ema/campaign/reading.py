@@ -14,6 +14,7 @@ from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import read_variables
+from ema.io.wav import read_wav
 from ema.types.errors import CampaignError, MeasurementError
 
 _Channels = tuple[MeasuredFunction, ...]
@@ -87,11 +88,13 @@ def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_C
 
 
 def _plain(campaign: Campaign, file: Path, notes: list[str]) -> _Channels:
-    """Return the functions of a universal file or a table."""
+    """Return the functions of a universal file, a table or a sound file."""
     if format_of(file, campaign.format) == "uff":
         functions, odd = read_uff_functions(file, campaign.unit)
         notes += odd
         return functions
+    if format_of(file, campaign.format) == "wav":
+        return read_wav(file, campaign.full_scale)
     if campaign.table is None:
         message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
         raise CampaignError(message)

@@ -27,6 +27,7 @@ from ema.identification.resolution import decay_variance
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
 from ema.identification.shapes import shapes_from_residues
 from ema.identification.stabilization import highest_order, stabilization
+from ema.modal.complexity import check_complexity
 from ema.modal.mac import frac
 from ema.modal.over_runs import over_runs
 from ema.modal.run_changes import run_changes
@@ -167,6 +168,7 @@ def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | No
         *check_explained(explained, modal_model),
         *check_modes(identified, modal_model),
         *check_references(identified, modal_model),
+        *check_complexity(modal_model),
     )
     verdicts += at_points(further, identified.output)
     return Identification(measurement=kept, verdicts=verdicts, modal_model=modal_model, explained=explained)

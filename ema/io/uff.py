@@ -159,6 +159,20 @@ def write_uff(
             file.write(blocks)
 
 
+def mass_unit(sets: list[DataSet]) -> float:
+    """Return the unit of masses of a universal file, kg, by its data set 164; 1 where it has none.
+
+    Raises
+    ------
+    MeasurementError
+        Data set 164 cannot be read.
+    """
+    units = _file_units(_parsed([s for s in sets if s.kind == "164"]), [])
+    return (
+        units.force / units.length
+    )  # a mass of one is moved by a force of one by a length of one in a second
+
+
 def _listed(sets: list[DataSet]) -> str:
     return "data sets " + ", ".join(sorted({s.kind for s in sets}))
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ema.io.files import whole
 from ema.io.uff import write_uff
+from ema.modal.complexity import complexity
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
@@ -55,7 +56,7 @@ def write_modes_uff(path: Path, modal_model: ModalModel, step: float) -> None:
 
 
 def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
-    """Write a row for each mode: frequency, damping, their standard deviations, whether its shape has a scale."""
+    """Write a row for each mode: frequency, damping, their standard deviations, scale, and how complex its shape is."""
     rows = zip(
         modal_model.frequency,
         modal_model.frequency_std,
@@ -63,9 +64,17 @@ def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
         modal_model.damping_std,
         strict=True,
     )
-    header = ("mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "mass_normalised")
+    header = (
+        "mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "mass_normalised", "MPC", "MPD_deg",
+        "MCF", "phase_scatter_deg",
+    )  # fmt: skip
     scaled = ["yes" if s else "no" for s in modal_model.scaled]
-    table = [(r + 1, *map(repr, map(float, row)), scaled[r]) for r, row in enumerate(rows)]
+    own = complexity(modal_model)
+    measures = zip(own.mpc, own.mpd, own.mcf, own.phase_scatter, strict=True)
+    table = [
+        (r + 1, *map(repr, map(float, row)), scaled[r], *(f"{value:.6g}" for value in measure))
+        for r, (row, measure) in enumerate(zip(rows, measures, strict=True))
+    ]
     _write_rows(path, header, table)
 
 

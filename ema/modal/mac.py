@@ -83,7 +83,7 @@ def mcf(shape: ArrayLike) -> NDArray[np.float64]:
 def mpd(shape: ArrayLike) -> NDArray[np.float64]:
     """Mean phase deviation of each column from its own line of best fit, rad, weighted by magnitude."""
     phi = _shapes("shape", shape)
-    angle = _best_angle(phi)
+    angle = line_angle(phi)
     turned = phi * np.exp(-1j * angle)
     magnitude = np.abs(phi)
     _squares("shape", phi)
@@ -98,7 +98,7 @@ def real_shape(shape: ArrayLike) -> NDArray[np.float64]:
     1995). The sign is that of the complex shape's largest component along the line.
     """
     phi = _shapes("shape", shape)
-    turned = (phi * np.exp(-1j * _best_angle(phi))).real
+    turned = (phi * np.exp(-1j * line_angle(phi))).real
     return turned * np.linalg.norm(phi, axis=0) / np.linalg.norm(turned, axis=0)
 
 
@@ -151,7 +151,7 @@ def _squares(name: str, shape: NDArray[Any]) -> NDArray[np.float64]:
     return square
 
 
-def _best_angle(shape: NDArray[Any]) -> NDArray[np.float64]:
+def line_angle(shape: NDArray[Any]) -> NDArray[np.float64]:
     """Phase of the line through the origin that fits each column best, towards its largest component."""
     angle = 0.5 * np.angle(np.sum(np.asarray(shape, dtype=complex) ** 2, axis=0))
     largest = shape[np.argmax(np.abs(shape), axis=0), np.arange(shape.shape[1])]

@@ -126,6 +126,10 @@ class ModalModel(Shown):
         Where runs are so far apart that modes were followed from run to run: poles that each run has of the modes just
         outside. Residues are then those of each run at its own poles, made those of the mean poles (`synthesize_runs`).
         None where one set of poles serves all runs.
+    read_from : str
+        The file that the modes were read from where another program identified them; empty where they were identified
+        here. There are then no functions: `noise`, `correlation` and `error` are NaN, and residues are zero but those
+        that mass-normalised shapes give.
     """
 
     name: str
@@ -164,6 +168,7 @@ class ModalModel(Shown):
     sensor_shift: tuple[float, ...] = ()
     sensor_mass: float = 0.0
     run_outside_pole: NDArray[np.complex128] | None = None
+    read_from: str = ""
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)

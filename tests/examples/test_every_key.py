@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from pydantic import BaseModel
+from scipy.io import wavfile
 from typer.testing import CliRunner
 
 from ema.campaign.campaign_file import CampaignFile
@@ -182,6 +183,26 @@ CAMPAIGN_ARRAYS = CAMPAIGN_TIME.replace(
     '[measurement.variables]\nhistory = "blows"\naxes = ["hit", "time", "channel"]\ntime = "first channel"\n'
     "sampling_Hz = 600\n",
 ).replace('["blow_1.csv", "blow_2.csv"]', '"blows.npz"')
+CAMPAIGN_WAV = f"""
+[campaign]
+name = "sound files"
+{POINTS}
+[measurement]
+full_scale = 5
+[measurement.time]
+window = "boxcar"
+force_unit = "N"
+response_unit = "m/s2"
+[[configuration]]
+name = "M1"
+[[configuration.run]]
+files = ["blow_1.wav", "blow_2.wav"]
+output = [{OUTPUT}]
+input = ["1+z"]
+[identification]
+band_Hz = [60, 240]
+order = 8
+"""
 CAMPAIGN_BESIDE = CAMPAIGN_TIME.replace('["blow_1.csv", "blow_2.csv"]', '[["force_*.csv", "response_*.csv"]]')
 
 
@@ -459,6 +480,20 @@ name = "M1"
 modal_model = "earlier/M1/modal_model.json"
 """
 SCATTER = "\n".join(f"{name} = 0.02" for name in ScatterFile.model_fields)
+CAMPAIGN_MODES = f"""
+[campaign]
+name = "modes that another program identified"
+{POINTS}
+[modes]
+frequency_std = 0.002
+damping_std = 0.2
+shape_std = 0.03
+[[configuration]]
+name = "M1"
+modes = "file"
+files = ["found.csv"]
+input = "1+z"
+"""
 DIAGNOSED = CAMPAIGN_TABLE.replace("height_mm = 64.8", "height_mm = 40")
 
 
@@ -478,6 +513,8 @@ FILES = {
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
     "arrays of histories": Used(CampaignFile, CAMPAIGN_ARRAYS, "ema"),
     "files side by side": Used(CampaignFile, CAMPAIGN_BESIDE, "ema"),
+    "sound files": Used(CampaignFile, CAMPAIGN_WAV, "ema"),
+    "read modes": Used(CampaignFile, CAMPAIGN_MODES, "ema"),
     "hits": Used(CampaignFile, CAMPAIGN_HITS, "ema", slow=True),
     "blocks": Used(CampaignFile, CAMPAIGN_BLOCKS, "ema", slow=True),
     "variables": Used(CampaignFile, variables('frf = "H"', "axis_start = 60\naxis_step = 0.5"), "ema"),
@@ -568,6 +605,7 @@ def record(folder):
     table = np.column_stack([np.arange(n) / rate, force, *response])
     for name, rows in (("record", table), ("blow_1", table[:1200]), ("blow_2", table[1200:2400])):
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",")
+        wavfile.write(folder / f"{name}.wav", int(rate), rows[:, 1:] / 5.0)
     for name, rows in (("1", table[:1200]), ("2", table[1200:2400])):
         np.savetxt(folder / f"force_{name}.csv", rows[:, :2], delimiter=",")
         np.savetxt(folder / f"response_{name}.csv", np.delete(rows, 1, axis=1), delimiter=",")
@@ -589,6 +627,7 @@ def folder(tmp_path, monkeypatch):
         file["f"], file["H"], file["re"], file["im"] = FREQUENCY, value.T, value.T.real, value.T.imag
         file["coherence"], file["points"] = np.full(value.T.shape, 0.99), np.arange(1, N + 1)
     record(tmp_path)
+    (tmp_path / "found.csv").write_text("frequency_Hz,damping,1+z,2+z\n110,0.01,1,0.5\n190,0.01,1,-0.5\n")
     paper = DATA / "pirnat2013"
     for name in ("table1_stacks.csv", "table6_contact_parameters.csv"):
         (tmp_path / name).write_bytes((paper / name).read_bytes())

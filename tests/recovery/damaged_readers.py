@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from nptdms import ChannelObject, TdmsWriter
-from scipy.io import savemat
+from scipy.io import savemat, wavfile
 
 import model
 from ema.campaign.campaign import read_campaign
@@ -17,10 +17,15 @@ from ema.identification.poles_file import read_poles, write_poles
 from ema.io.array_histories import read_histories
 from ema.io.guess_table import guess_table
 from ema.io.guess_variables import guess_variables
+from ema.io.modes_numpy import read_modes_numpy
+from ema.io.modes_table import read_modes_table
+from ema.io.modes_uff import read_modes_uff
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.io.units import parse_unit
 from ema.io.variables import VariableLayout, read_variables
+from ema.io.wav import read_wav
+from ema.modal.read_modes import modal_model_of
 from ema.quality.channels import check
 from ema.types.errors import EmaError, IdentificationError
 from ema.types.frf import FRF
@@ -60,6 +65,28 @@ def write_files(folder: Path, copy: Callable[[str, str], object] = shutil.copy2)
     (made / "histories.csv").write_text("\n".join(["t,force [N],a", *rows]), encoding="utf-8")
     _write_functions(made)
     _write_histories(made)
+    _write_modes(made)
+
+
+def _write_modes(made: Path) -> None:
+    """Write modes in the forms of other programs."""
+    geometry, _ = own_frf()
+    shapes = (
+        "node,x,y,z,mode_1_real,mode_1_imag,mode_2_real,mode_2_imag\n1,0,0,1,1,0.1,1,0\n2,0,0,1,-1,0,1,0.2\n"
+    )
+    (made / "modes.csv").write_text("frequency_Hz,damping,shape_std\n100,0.01,0.02\n200,0.02,0.02\n")
+    (made / "shapes.csv").write_text(shapes)
+    found = read_modes_table((made / "modes.csv", made / "shapes.csv"))
+    own = modal_model_of(found, name="M", geometry=geometry, force=None)
+    write_uff(made / "modes.uff", geometry, modal_model=own)
+    kind = [("frequency", "f8"), ("damping", "f8"), ("coordinate", [("node", "u8"), ("direction", "i1")], (2,)),
+            ("shape_matrix", "f8", (2,)), ("modal_mass", "f8")]  # fmt: skip
+    array = np.zeros(2, kind)
+    array["frequency"], array["damping"], array["modal_mass"] = [100.0, 200.0], 0.01, 1.0
+    array["coordinate"]["node"], array["coordinate"]["direction"] = [1, 2], 3
+    array["shape_matrix"] = [[1.0, -1.0], [1.0, 1.0]]
+    np.save(made / "shapes.npy", array)
+    wavfile.write(made / "blow.wav", 2560, (1e4 * np.sin(np.arange(300.0))).astype(np.int16).reshape(150, 2))
 
 
 def own_frf() -> tuple[Geometry, FRF]:
@@ -177,6 +204,23 @@ READERS = {
         "made/blows.tdms",
         EmaError,
     ),
+    "sound file": (lambda file: read_wav(file, (2.0,)), "made/blow.wav", EmaError),
+    "modes of a universal file": (
+        lambda file: read_modes_uff(file, own_frf()[0]),
+        "made/modes.uff",
+        EmaError,
+    ),
+    "modes of a table": (
+        lambda file: read_modes_table((file, file.with_name("shapes.csv"))),
+        "made/modes.csv",
+        EmaError,
+    ),
+    "shapes of a table": (
+        lambda file: read_modes_table((file.with_name("modes.csv"), file)),
+        "made/shapes.csv",
+        EmaError,
+    ),
+    "shapes of SDynPy": (lambda file: read_modes_numpy(file, own_frf()[0]), "made/shapes.npy", EmaError),
     "points": (lambda file: read_points(file, parse_unit("mm")), "demo_stack/points.csv", EmaError),
     "campaign": (read_campaign, "demo_stack/campaign.toml", EmaError),
     "campaign of tables": (read_campaign, "hidden_effect/b/campaign.toml", EmaError),

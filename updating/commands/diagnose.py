@@ -110,6 +110,7 @@ def diagnose_campaign(
         raise FitError(message)
     assigned = assignments(campaign, output, keep=keep)
     tests = every_identified(assigned, "identify", console, cluster)
+    _require_force(campaign_file, tests)
     over = [over_amplitude(own, found) for own, found in zip(assigned, tests, strict=True)]
     tested, levels = by_level(states, tests, over)
 
@@ -138,6 +139,21 @@ def diagnose_campaign(
     found = make()
     write_result(path, found, inputs=inputs, options=options)
     return found
+
+
+def _require_force(campaign_file: Path, tests: Sequence[Identified]) -> None:
+    """Refuse modes of another program without the place of the force, where the shaker hangs."""
+    unknown = [
+        found.configuration.name
+        for found in tests
+        if found.configuration.has_modes and not any(group.input for group in found.configuration.files)
+    ]
+    if unknown:
+        message = (
+            f"{campaign_file}: configuration {unknown[0]!r}: a diagnosis needs to know where the force acted; write "
+            'input = "12+z" with its point and direction into each [[configuration]] with modes = "file"'
+        )
+        raise FitError(message)
 
 
 def by_level(

@@ -22,12 +22,14 @@ from ema import (
     ModalModel,
     change_sentence,
     compare,
+    complexity,
     read_campaign,
     repeats,
     stabilization,
 )
 from ema.identification.amplitude import AmplitudeDependence
 from ema.identification.poles_file import write_poles
+from ema.io.uff import write_uff
 from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.amplitude import amplitude_figure
@@ -147,35 +149,53 @@ def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
     last = folder / f"shape_{modes.frequency.size:02d}.png"
     if last.exists() and last.stat().st_mtime_ns >= (folder / "modal_model.json").stat().st_mtime_ns:
         return  # all of them are there, made from this model
+    if modes.read_from:
+        write_uff(folder / "modes.uff", modes.geometry, modal_model=modes)
+    else:
+        _write_functions(folder, modes, keep_poles=keep_poles)
+    write_modes_csv(folder / "modes.csv", modes)
+    write_shapes_csv(folder / "shapes.csv", modes)
+    for r in range(modes.frequency.size):
+        write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
+
+
+def _write_functions(folder: Path, modes: ModalModel, *, keep_poles: bool) -> None:
+    """Write what is made of functions with their modes."""
     frf = read_frf(folder / "measurement.npz")
     write_bytes(folder / "frf.png", as_png(frf_figure(frf, modes)))
     write_bytes(
         folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band))))
     )
     write_modes_uff(folder / "modes.uff", modes, step=float(frf.frequency[1] - frf.frequency[0]))
-    write_modes_csv(folder / "modes.csv", modes)
-    write_shapes_csv(folder / "shapes.csv", modes)
     if not keep_poles or not (folder / "poles.txt").exists():
         write_poles(folder / "poles.txt", modes.pole)
-    for r in range(modes.frequency.size):
-        write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
 
 
 def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
-    """List identified frequencies and damping ratios with their standard deviations, and the power explained around."""
+    """List frequencies and damping ratios with standard deviations, and the power explained around them.
+
+    Where a shape is too complex to be compared as real, a column has the MPC of all.
+    """
     table = Table(
-        title=f"{measured.name}: {measured.frequency.size} modes in {_band(measured)}", title_justify="left"
+        title=f"{measured.name}: {measured.frequency.size} modes in {_band(measured)}"
+        + (f", read from {Path(measured.read_from).name}" if measured.read_from else ""),
+        title_justify="left",
     )
-    for name in ("mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]", "explained [%]", "least, channel"):
+    found = complexity(measured)
+    notable = bool(np.any(found.is_complex))
+    columns = ["mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"]
+    columns += [] if measured.read_from else ["explained [%]", "least, channel"]
+    for name in (*columns, *(("MPC",) if notable else ())):
         table.add_column(name, justify="right")
-    columns = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
-    for r, (f, f_std, xi, xi_std) in enumerate(zip(*columns, strict=True)):
-        around, least = _explained(explained.around[r], explained.share[:, r], explained.channel)
-        table.add_row(
-            str(r + 1), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}", around, least
-        )
-    whole, least = _explained(explained.mean, explained.whole, explained.channel)
-    table.add_row("all", "", "", "", "", whole, least)
+    numbers = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
+    for r, (f, f_std, xi, xi_std) in enumerate(zip(*numbers, strict=True)):
+        cells = [str(r + 1), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
+        if not measured.read_from:
+            cells += _explained(explained.around[r], explained.share[:, r], explained.channel)
+        table.add_row(*cells, *((f"{found.mpc[r]:.3f}",) if notable else ()))
+    if not measured.read_from:
+        whole = _explained(explained.mean, explained.whole, explained.channel)
+        table.add_row("all", "", "", "", "", *whole)
     return table
 
 

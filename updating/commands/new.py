@@ -9,6 +9,7 @@ import typer
 
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, write_draft
+from ema.campaign.draft_modes import draft_modes, modes_draft_file
 from updating.commands.terminal import OUT
 
 EXAMPLE = "lamella new my_test"
@@ -22,12 +23,16 @@ def new(
     """Look at the files in a folder and write a first campaign file there, campaign.toml.
 
     Format, columns, points, directions and units come from the files, their headers and their names; each subfolder
-    with measurements is one configuration. A comment stands wherever something is guessed, and "?" where it cannot be
-    known: fill it in, and reading the campaign names what is left. A campaign file that is there is not overwritten.
+    with measurements is one configuration, and in a folder that holds modes alone each file of them. A comment stands
+    wherever something is guessed, and "?" where it cannot be known: fill it in, and reading the campaign names what is
+    left. A campaign file that is there is not overwritten.
     """
-    found = draft(folder)
-    file = draft_file(found)
+    modes = draft_modes(folder)
+    found = draft(folder) if modes is None else modes.found
+    file = draft_file(found) if modes is None else modes_draft_file(modes)
     path = write_draft(found, file)
+    for name, files in ({} if modes is None else modes.files).items():
+        OUT.print(f"  {name}: modes in {', '.join(f.name for f in files)}", markup=False, highlight=False)
     for name, contents in found.configurations.items():
         n_frf = sum(len(c.dofs) for c in contents)
         held = "time histories" if any(c.is_time for c in contents) else f"{n_frf} functions"

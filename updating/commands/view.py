@@ -122,8 +122,11 @@ def window(tested: Tested, *, off_screen: bool = False) -> pyvista.Plotter:
         )
     shapes = _Shapes(plotter, pairs)
     plotter.subplot(1, 0)
-    figure = stabilization_figure(stabilization(tested.frf().band(*tested.measured.band)))
-    plotter.add_chart(pv.ChartMPL(figure))
+    if tested.has_functions:
+        figure = stabilization_figure(stabilization(tested.frf().band(*tested.measured.band)))
+        plotter.add_chart(pv.ChartMPL(figure))
+    else:
+        plotter.add_text(f"No stabilisation chart: {tested.no_functions}.", font_size=10)
     plotter.subplot(0, 0)
     plotter.link_views([0, 1, 2])
     shapes.choose(1.0)

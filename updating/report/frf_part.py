@@ -19,6 +19,8 @@ from updating.report.stabilization_part import stabilization_blocks
 
 def frf_section(tested: Tested) -> Section:
     """Show functions with the synthesised ones over them and the stabilisation chart."""
+    if not tested.has_functions:
+        return Section(title=frf_title(tested), text=(f"None: {tested.no_functions}.",))
     m, frf = tested.measured, tested.frf()
     n_function = m.node.size * m.input.node.size
     text = (

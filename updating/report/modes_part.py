@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.modal.complexity import LEAST_MPC, complexity
 from ema.modal.mac import mac
 from ema.plot.figures import mac_figure
 from updating.correlation.correlation import correlate
@@ -33,9 +35,18 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
     `added` holds of each mode, by its number from 1, the relative frequency error with what was added to the model.
     """
     if tested.fit is None:
-        blocks: tuple[Table, ...] = (identified_table(tested), quality_table(tested))
+        blocks: tuple[Table, ...] = (
+            identified_table(tested),
+            complexity_table(tested),
+            quality_table(tested),
+        )
     else:
-        blocks = (pair_table(tested, tested.fit, added), parameter_table(tested.fit), quality_table(tested))
+        blocks = (
+            pair_table(tested, tested.fit, added),
+            parameter_table(tested.fit),
+            complexity_table(tested),
+            quality_table(tested),
+        )
     return Section(title=f"Modes of {tested.name}", blocks=blocks)
 
 
@@ -44,14 +55,44 @@ def identified_table(tested: Tested) -> Table:
     m = tested.measured
     columns = zip(m.frequency, m.frequency_std, 100 * m.damping, 100 * m.damping_std, strict=True)
     return Table(
-        title="Identified modes",
+        title="Identified modes" if tested.has_functions else f"Modes read from {Path(m.read_from).name}",
         header=("mode", "frequency [Hz]", "damping [%]"),
         rows=tuple(
             (str(r), uncertain(f, Z95 * fs), uncertain(x, Z95 * xs))
             for r, (f, fs, x, xs) in enumerate(columns, start=1)
         ),
-        note="± is half the 95 % interval that the noise of the measurement leaves.",
+        note="± is half the 95 % interval that the noise of the measurement leaves."
+        if tested.has_functions
+        else "± is half the 95 % interval that the file, or the campaign, states; else a usual one (see the notes).",
     )
+
+
+def complexity_table(tested: Tested) -> Table:
+    """List how complex the shapes are, and which of them cannot be compared as real."""
+    found = complexity(tested.measured)
+    columns = zip(
+        tested.measured.frequency,
+        found.mpc,
+        found.mpd,
+        found.mcf,
+        found.phase_scatter,
+        found.is_complex,
+        strict=True,
+    )
+    return Table(
+        title="Complexity of the shapes",
+        header=("mode", "frequency [Hz]", "MPC", "MPD [°]", "MCF", "phase scatter [°]", "finding"),
+        rows=tuple(
+            (
+                str(r), f"{f:.2f}", f"{p:.3f}", f"{d:.1f}", f"{c:.3f}", f"{s:.1f}",
+                "too complex to be compared as real" if wrong else "",
+            )
+            for r, (f, p, d, c, s, wrong) in enumerate(columns, start=1)
+        ),
+        note="A real shape has MPC 1 and MCF 0: all components in phase or against it. MPD and phase scatter are the "
+        "mean and the root mean square of how far phases are off their line. Modes with an MPC below "
+        f"{LEAST_MPC:g} are too complex (Pappa, Elliott and Schenk, NASA TM-107607, 1992).",
+    ).without_empty_columns()  # fmt: skip
 
 
 def pair_table(tested: Tested, fit: Fit, added: Mapping[int, float]) -> Table:

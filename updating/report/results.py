@@ -60,8 +60,28 @@ class Tested:
     fit: Fit | None
     change: Change | None = None
 
+    @property
+    def has_functions(self) -> bool:
+        """Whether modes were identified from functions here, not read from another program's file."""
+        return not self.measured.read_from
+
+    @property
+    def no_functions(self) -> str:
+        """Say why there are no functions, where there are none."""
+        name = Path(self.measured.read_from).name
+        return f"its modes were read from {name}, not identified here, so there are no functions to show"
+
     def frf(self) -> FRF:
-        """Read the measured functions; they are not kept, so that a report of many configurations stays small."""
+        """Read the measured functions; they are not kept, so that a report of many configurations stays small.
+
+        Raises
+        ------
+        StoreError
+            There are none, as the modes were read, or they cannot be read.
+        """
+        if not self.has_functions:
+            message = f"{self.name}: {self.no_functions}"
+            raise StoreError(message)
         return read_frf(self.folder / "measurement.npz")
 
 

@@ -29,7 +29,9 @@ def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:
         return ()
     models = [found.modal_model for found in results]
     digests = {
-        found.modal_model.name: content_digests(read_frf(found.folder / MEASUREMENT)) for found in results
+        found.modal_model.name: content_digests(read_frf(found.folder / MEASUREMENT))
+        for found in results
+        if not found.modal_model.read_from
     }
     stated = contradicted([found.configuration for found in results], models, compare(models))
     return (*shared_functions(digests), *stated)

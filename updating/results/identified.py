@@ -10,16 +10,18 @@ from typing import TypeVar
 
 from rich.console import Console
 
-from ema import Campaign, Configuration, ModalModel, identify
+from ema import Campaign, Configuration, ModalModel, identify, read_modes
 from ema.identification.poles_file import read_poles
 from ema.types.errors import EmaError
 from model.stack.errors import ModelError
 from updating.errors import FitError, PairingError, StoreError
-from updating.results.quality import Quality, quality
+from updating.results.quality import Quality, quality, quality_of_read
 from updating.results.store import folder_name, read_current, write_frf, write_result
 from updating.workers.workers import in_parallel
 
 R = TypeVar("R")
+READ = "read, not identified"
+"""What the provenance says of modes that another program identified."""
 MEASUREMENT = "measurement.npz"
 """File of the functions that were identified, in the folder of a configuration."""
 
@@ -33,7 +35,7 @@ class Identified:
     configuration : Configuration
         As the campaign file has it.
     folder : Path
-        Where its results are; `measurement.npz` there holds the functions that were identified.
+        Where its results are; `measurement.npz` there holds the functions that were identified, if any were.
     modal_model : ModalModel
         The modes.
     quality : Quality
@@ -136,6 +138,8 @@ def identified(assigned: Assignment) -> Identified:
     earlier = read_back(assigned)
     if earlier is not None:
         return earlier
+    if assigned.configuration.has_modes:
+        return _read(assigned)
     folder, poles, configuration = assigned.folder, assigned.poles, assigned.configuration
     by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
     (found,) = identify(assigned.campaign, by_hand)
@@ -147,6 +151,18 @@ def identified(assigned: Assignment) -> Identified:
     inputs = (*inputs, folder / MEASUREMENT)
     write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
     return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
+
+
+def _read(assigned: Assignment) -> Identified:
+    """Read the modes of a configuration whose files hold modes, and write them as an identification is written."""
+    folder = assigned.folder
+    found = read_modes(assigned.campaign, assigned.configuration.name)
+    modes, checks = found.modal_model, quality_of_read(found)
+    inputs, options = made_from(assigned)
+    (folder / MEASUREMENT).unlink(missing_ok=True)  # of functions that an earlier campaign file named
+    write_result(folder / "quality.json", checks, inputs=inputs, options=options)
+    write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
+    return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)
 
 
 def attempted(task: Callable[[Assignment], R], assigned: Assignment) -> R | Failed:
@@ -227,12 +243,11 @@ def read_back(assigned: Assignment) -> Identified | None:
         folder / "quality.json", Quality, inputs=inputs, options=options, keep=assigned.keep
     )
     measurement = folder / MEASUREMENT
-    if checks is None or not measurement.exists():
+    has_functions = not assigned.configuration.has_modes
+    if checks is None or measurement.exists() != has_functions:
         return None
-    inputs = (
-        *inputs,
-        measurement,
-    )  # what was truncated, edited or put there from elsewhere has another digest
+    if has_functions:  # what was truncated, edited or put there from elsewhere has another digest
+        inputs = (*inputs, measurement)
     modes = read_current(
         folder / "modal_model.json", ModalModel, inputs=inputs, options=options, keep=assigned.keep
     )
@@ -247,7 +262,10 @@ def made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]
     states = (configuration, *configuration.force_levels)
     files = [file for state in states for group in state.files for file in group.files]
     files += [] if assigned.poles is None else [assigned.poles]
-    asked = {"band_Hz": campaign.identification.band, "order": campaign.identification.order}
+    asked: dict[str, object] = {
+        "band_Hz": campaign.identification.band, "order": campaign.identification.order,
+        "modes": READ if configuration.has_modes else None,
+    }  # fmt: skip
     return (
         (campaign.path, campaign.points, *files),
         {name: value for name, value in asked.items() if value is not None},

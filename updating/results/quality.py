@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ema import ExplainedPower, Identification, Verdict
+import numpy as np
+
+from ema import ExplainedPower, Identification, ReadModes, Verdict
 from ema.modal.run_changes import run_changes
 
 
@@ -47,3 +49,16 @@ def quality(found: Identification) -> Quality:
         notes=(*found.measurement.notes, *((changes.finding,) if changes.finding else ())),
         explained=found.explained,
     )
+
+
+def quality_of_read(found: ReadModes) -> Quality:
+    """Collect what reading modes and the checks of them found; of functions, which there are none, nothing."""
+    n_mode = found.modal_model.frequency.size
+    explained = ExplainedPower(
+        channel=(),
+        edge=np.full(n_mode + 1, np.nan),
+        share=np.empty((0, n_mode)),
+        whole=np.empty(0),
+        quantity=found.modal_model.quantity,
+    )
+    return Quality(verdicts=found.verdicts, notes=found.notes, explained=explained)

@@ -82,6 +82,13 @@ class _Picking:
     def begin(self) -> None:
         """Begin with the poles that are written, or those that were identified."""
         self._tested = tested = self.opened.tested(self.state.configuration)
+        if not tested.has_functions:
+            self._tested = self._lines = None
+            self.state.update(
+                {"stabilization": empty(), "synthesis": empty(), "auto_mac": empty(), "poles": []}
+            )
+            self.state.poles_text = f"{tested.name}: {tested.no_functions}."
+            return
         frf, measured = tested.frf(), tested.measured
         file = tested.folder / "poles.txt"
         self._pole = read_poles(file) if file.exists() else np.array(measured.pole)

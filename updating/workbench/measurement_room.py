@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.modal.complexity import complexity
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from updating.correlation.frf_plot import synthesized
@@ -166,6 +167,20 @@ def findings(tested: Tested, point: int) -> tuple[list[str], list[str]]:
     return about, [*others, *tested.quality.notes]
 
 
+def modes_rows(tested: Tested) -> list[dict[str, str]]:
+    """Return the table of modes: frequency, damping, how complex each shape is, and whether it is too complex."""
+    m, found = tested.measured, complexity(tested.measured)
+    return [
+        {
+            "mode": str(r + 1), "frequency": f"{m.frequency[r]:.2f}", "damping": f"{100 * m.damping[r]:.3g}",
+            "mpc": f"{found.mpc[r]:.3f}", "mpd": f"{found.mpd[r]:.1f}", "mcf": f"{found.mcf[r]:.3f}",
+            "scatter": f"{found.phase_scatter[r]:.1f}",
+            "finding": "too complex to be compared as real" if found.is_complex[r] else "",
+        }
+        for r in range(m.frequency.size)
+    ]  # fmt: skip
+
+
 def sources(frf: FRF, point: int) -> list[str]:
     """Return which file each function of a point comes from."""
     own = np.flatnonzero(frf.output.node == point)
@@ -184,6 +199,7 @@ def room(server: Any, opened: Opened) -> None:
             "about": [],
             "others": [],
             "files": [],
+            "modes": [],
         }
     )
 
@@ -191,6 +207,7 @@ def room(server: Any, opened: Opened) -> None:
     def choose_configuration(configuration: str, **_: Any) -> None:
         tested = opened.tested(configuration)
         numbers = point_numbers(tested)
+        state.modes = modes_rows(tested)
         state.point_list = numbers
         if state.point not in numbers:
             state.point = numbers[0] if numbers else 0
@@ -206,9 +223,12 @@ def room(server: Any, opened: Opened) -> None:
         if not state.point_list:
             return
         state.points = figure(points_chart(tested, point))
-        frf = tested.frf()
-        state.functions = figure(functions_chart(tested, frf, point))
-        state.files = sources(frf.by_reciprocity(), point)
+        if tested.has_functions:
+            frf = tested.frf()
+            state.functions = figure(functions_chart(tested, frf, point))
+            state.files = sources(frf.by_reciprocity(), point)
+        else:
+            state.functions, state.files = empty(), [f"None: {tested.no_functions}"]
         state.about, state.others = findings(tested, point)
 
 
@@ -239,6 +259,22 @@ def show(server: Any) -> None:
     _list("Files of this point", "files", "Its functions are not stored.")
     _list("About this point", "about", "Nothing was found about this point.")
     _list("About the measurement", "others", "Nothing was found about the rest.")
+    html.H3("Modes", classes="text-subtitle-1 mt-2")
+    with vuetify3.VTable(density="compact", id="modes"):
+        names = (
+            "mode",
+            "frequency [Hz]",
+            "damping [%]",
+            "MPC",
+            "MPD [°]",
+            "MCF",
+            "phase scatter [°]",
+            "finding",
+        )
+        html.Thead(f"<tr>{''.join(f'<th>{name}</th>' for name in names)}</tr>")
+        keys = ("mode", "frequency", "damping", "mpc", "mpd", "mcf", "scatter", "finding")
+        cells = "".join(f"<td>{{{{ row.{key} }}}}</td>" for key in keys)
+        html.Tbody(f'<tr v-for="row in modes" :key="row.mode">{cells}</tr>')
 
 
 def _list(title: str, key: str, none: str) -> Sequence[Any]:

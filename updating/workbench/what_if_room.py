@@ -46,7 +46,7 @@ class _Tried:
     prepared: Prepared
     knobs: tuple[Knob, ...]
     before: Outcome
-    lines: FRF
+    lines: FRF | None
     force: Observed | None
 
 
@@ -111,11 +111,18 @@ class _WhatIf:
                 }
                 for own in tried.knobs
             ]  # fmt: skip
-            names = [
-                f"{tried.lines.output.name(o)} over {tried.lines.input.name(0)}"
-                for o in range(tried.lines.output.node.size)
-            ]
-            at_point = np.flatnonzero(tried.lines.output.node == state.point)
+            lines = tried.lines
+            names = (
+                []
+                if lines is None
+                else [
+                    f"{lines.output.name(o)} over {lines.input.name(0)}"
+                    for o in range(lines.output.node.size)
+                ]
+            )
+            at_point = (
+                np.flatnonzero(lines.output.node == state.point) if lines is not None else np.empty(0, int)
+            )
             state.channels = [{"title": name, "value": o} for o, name in enumerate(names)]
             state.channel = int(at_point[0]) if at_point.size else 0
             self._draw(tried)
@@ -130,7 +137,7 @@ class _WhatIf:
             prepared=made,
             knobs=own,
             before=outcome(made, {knob.name: knob.start for knob in own}),
-            lines=tested.frf().band(*tested.measured.band),
+            lines=tested.frf().band(*tested.measured.band) if tested.has_functions else None,
             force=driven(tested, made),
         )
 
@@ -173,6 +180,7 @@ class _WhatIf:
             tried is None
             or now is None
             or tried.force is None
+            or tried.lines is None
             or not 0 <= output < tried.lines.output.node.size
         ):
             return

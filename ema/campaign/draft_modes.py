@@ -1,0 +1,181 @@
+"""A first campaign file for a folder that holds modes which another program identified, and no functions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ema.campaign.draft import Draft, PointsFound
+from ema.campaign.draft_file import DraftFile
+from ema.campaign.named_files import format_of, natural
+from ema.io.modes_numpy import is_shape_array
+from ema.io.modes_table import is_table_of_modes, is_table_of_shapes
+from ema.io.modes_uff import holds
+from ema.io.table import read_points
+from ema.io.uff import read_uff_geometry
+from ema.io.units import parse_unit
+from ema.types.errors import MeasurementError
+
+_OTHERS = (".mat", ".h5", ".hdf5", ".tdms", ".lvm")  # which hold functions
+_TEXTS = (".csv", ".txt", ".dat", ".asc", ".tsv")
+_LONGEST = 10.0  # m; points that span more than this number of their unit are in mm
+_RESULT = "modal_model.json"  # in a folder of results
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModesDraft:
+    """What a folder of modes holds.
+
+    Attributes
+    ----------
+    found : Draft
+        Its points and stack file; without configurations of functions.
+    files : dict of str to tuple of Path
+        The files of each configuration.
+    """
+
+    found: Draft
+    files: dict[str, tuple[Path, ...]]
+
+
+def draft_modes(folder: Path) -> ModesDraft | None:
+    """Look for files of modes in a folder; None where it holds none, or functions beside them.
+
+    Each universal file, each array of SDynPy and each table of modes is one configuration; a table has the shapes of
+    the table of shapes beside it.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    """
+    if not folder.is_dir():
+        return None
+    every = sorted((f for f in folder.rglob("*") if f.is_file()), key=natural)
+    every = [f for f in every if not f.name.startswith(".") and not (f.parent / _RESULT).exists()]
+    if any(f.suffix.lower() in _OTHERS for f in every):
+        return None
+    tables = [f for f in every if f.suffix.lower() in _TEXTS]
+    modes = [f for f in tables if is_table_of_modes(f)]
+    shapes = [f for f in tables if is_table_of_shapes(f)]
+    points = [f for f in tables if f not in (*modes, *shapes)]
+    universal = [f for f in every if format_of(f) == "uff"]
+    arrays = [f for f in every if format_of(f) == "numpy"]
+    held = {f: holds(f) for f in universal}
+    if any(functions for _, functions in held.values()):
+        return None
+    of_modes = [f for f, (shapes_there, _) in held.items() if shapes_there]
+    whole = [*of_modes, *(f for f in arrays if is_shape_array(f))]
+    if not (whole or modes) or len(whole) < len(arrays) + len(of_modes):
+        return None
+    listed = _points([*points, *(f for f in universal if f not in of_modes), *of_modes])
+    if [f for f in points if listed is None or f != listed.file]:
+        return None  # other tables, which may hold functions
+    files: dict[str, tuple[Path, ...]] = {_name(folder, f): (f,) for f in whole}
+    files |= {_name(folder, f): (f, *_beside(f, modes, shapes)) for f in modes}
+    stack = folder / "stack.toml"
+    found = Draft(
+        folder=folder,
+        points=listed,
+        stack=stack if stack.exists() else None,
+        configurations={},
+        left_out=(),
+    )
+    return ModesDraft(found=found, files=files)
+
+
+def modes_draft_file(drafted: ModesDraft) -> DraftFile:
+    """Return the campaign file of a folder of modes, with "?" and comments where something is to be filled in."""
+    found, missing = drafted.found, list[str]()
+    lines = ["[campaign]", f"name = {_toml(found.folder.resolve().name)}", "", "[structure]"]
+    if found.stack is None:
+        missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
+        lines.append(
+            '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
+        )
+    else:
+        lines.append(f"stack = {_toml(found.stack.name)}")
+    lines += [
+        "",
+        "[points]",
+        *_points_lines(found, missing),
+        "",
+        "[modes]  # how sure the modes are, relative",
+    ]
+    lines += [
+        "# frequency_std = 0.001  # to be filled in where the files do not state it; these are usual values",
+        "# damping_std = 0.1",
+        "# shape_std = 0.01       # of a component, over the root mean square of the shape",
+    ]
+    for name, files in drafted.files.items():
+        names = [file.relative_to(found.folder).as_posix() for file in files]
+        lines += [
+            "",
+            "[[configuration]]",
+            f"name = {_toml(name)}",
+            'modes = "file"           # these files hold modes that another program identified',
+            f"files = {_toml(names)}",
+            '# input = "12+z"         # to be filled in for diagnose: where the force acted',
+            "# torque_Nm =            # to be filled in for fit and diagnose: bolt torque, or",
+            "# pressure_kPa =         # the mean pressure between the sheets",
+        ]
+    listed = ", ".join(drafted.files)
+    missing.append(
+        f"input of {listed}: the point and direction of the force, such as 12+z, which diagnose needs"
+    )
+    missing.append(
+        f"torque_Nm or pressure_kPa of {listed}: the state of the stack, which fit and diagnose need"
+    )
+    return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
+
+
+def _points_lines(found: Draft, missing: list[str]) -> Iterator[str]:
+    if found.points is None:
+        missing.append(
+            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit"
+        )
+        yield '# file = "points.csv"    # to be filled in: columns node,x,y,z, the origin in the centre of the stack'
+        yield '# unit = "mm"            # to be filled in: unit of these coordinates'
+        return
+    yield f"file = {_toml(found.points.file.relative_to(found.folder).as_posix())}"
+    if found.points.unit is not None:
+        yield f'unit = "{found.points.unit}"  # guessed: the points span {found.points.span:g}'
+
+
+def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, ...]:
+    """Return the table of shapes that belongs to a table of modes: the one of its folder, or the one in its place."""
+    own, others = ([f for f in every if f.parent == table.parent] for every in (shapes, modes))
+    return (own[others.index(table)],) if len(own) == len(others) else ()
+
+
+def _points(candidates: list[Path]) -> PointsFound | None:
+    """Return the first file that lists points."""
+    for file in candidates:
+        try:
+            if format_of(file) == "uff":
+                geometry, _ = read_uff_geometry(file)
+                return PointsFound(file=file, unit=None, span=0.0, node=tuple(geometry.node.tolist()))
+            geometry = read_points(file, parse_unit("m"))
+        except MeasurementError:
+            continue
+        span = float(np.ptp(geometry.coordinate, axis=0).max())
+        unit = "mm" if span > _LONGEST else "m"
+        return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
+    return None
+
+
+def _name(folder: Path, file: Path) -> str:
+    """Name a configuration by its file, or by its folder where the file's name says nothing but that it holds modes."""
+    inside = file.relative_to(folder).with_suffix("").parts
+    return "_".join(
+        inside[:-1] if len(inside) > 1 and inside[-1].casefold() in ("modes", "shapes") else inside
+    )
+
+
+def _toml(value: object) -> str:
+    """Return a text or a list as TOML writes it, which is what JSON does, too."""
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,184 @@
+"""Modal models to and from sdypy-EMA, whose `Model` is taken as it is: the package itself is not needed here.
+
+Both programs write a receptance as the sum of residues over ``s - pole`` with their conjugates, and two residual terms
+for the modes below and above the band, so that numbers go from one to the other unchanged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.identification.shapes import shapes_from_residues
+from ema.io.found_modes import FoundModes, ModesStd
+from ema.modal.read_modes import USUAL, completed, modal_model_of
+from ema.types.errors import IdentificationError
+from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.modal_model import ModalModel, synthesize
+
+Model = TypeVar("Model")
+_NAME = "sdypy-EMA"
+
+
+def from_sdypy(
+    model: Any,
+    *,
+    output: Dofs,
+    force: Dof,
+    geometry: Geometry,
+    name: str = _NAME,
+    std: ModesStd = USUAL,
+) -> ModalModel:
+    """Return the modes of a sdypy-EMA `Model` as a modal model, which `updating.fit` and the others take.
+
+    Parameters
+    ----------
+    model : sdypy.EMA.Model
+        After `select_poles` or `select_closest_poles`, and `get_constants`.
+    output : Dofs
+        The DOFs of its functions, in their order.
+    force : Dof
+        Where the force acted. With the same DOF among the outputs, shapes are mass-normalised.
+    geometry : Geometry
+        The measured points.
+    name : str
+        The configuration.
+    std : ModesStd
+        Relative standard deviations, which sdypy-EMA does not give; those that it lacks are the usual ones.
+
+    Raises
+    ------
+    IdentificationError
+        The model has no modal constants yet, or another number of functions than outputs.
+    """
+    frequency, damping, constant = _identified(model, name, output.node.size)
+    order = np.argsort(frequency)
+    residue = constant[:, order][:, None, :]
+    found = _with_shapes(frequency[order], damping[order], residue, (output, force), std)
+    made = modal_model_of(found, name=name, geometry=geometry, force=force, std=std)
+    band = (float(getattr(model, "lower", made.band[0])), float(getattr(model, "upper", made.band[1])))
+    return replace(
+        made,
+        residue=residue,
+        lower=_residual(model, "LR", output.node.size),
+        upper=_residual(model, "UR", output.node.size),
+        band=band,
+        quantity=getattr(model, "frf_form", made.quantity),
+    )
+
+
+def to_sdypy(modal_model: ModalModel, model: Model) -> Model:
+    """Give a sdypy-EMA `Model` the modes of a modal model, at its first force, and return it.
+
+    The model is then as after `get_constants`: it has `nat_freq`, `nat_xi`, `A`, `LR`, `UR`, the poles, and `H`, its
+    functions at the lines of `freq` above 0 Hz in its `frf_form`.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+        The modes.
+    model : sdypy.EMA.Model
+        Such as ``sdypy.EMA.Model(frf, freq, lower=..., upper=..., frf_form="accelerance")``; it is changed.
+
+    Raises
+    ------
+    IdentificationError
+        The modal model has no residues: its modes were read from a file, and are not mass-normalised at the force.
+    """
+    if not np.any(modal_model.residue):
+        message = (
+            f"{modal_model.name}: has no residues, which modal constants are; its modes were read from a file and are "
+            "not mass-normalised at a stated force"
+        )
+        raise IdentificationError(message)
+    given: Any = model
+    pole = modal_model.pole
+    given.nat_freq, given.nat_xi = np.abs(pole) / (2.0 * np.pi), -pole.real / np.abs(pole)
+    given.all_poles = pole[None, :].copy()
+    given.pole_ind = np.column_stack([np.zeros(pole.size, int), np.arange(pole.size)])
+    given.A = modal_model.residue[:, 0].copy()
+    given.LR, given.UR = modal_model.lower[:, 0].copy(), modal_model.upper[:, 0].copy()
+    if getattr(given, "driving_point", None) is not None:
+        given.phi = given.A / np.sqrt(given.A[given.driving_point])  # as sdypy-EMA scales its shapes
+    if getattr(given, "freq", None) is not None:
+        lines = np.asarray(given.freq, float)
+        given.H = synthesize(modal_model, lines[lines > 0.0], given.frf_form)[:, 0]
+    return model
+
+
+def _with_shapes(
+    frequency: NDArray[np.float64],
+    damping: NDArray[np.float64],
+    residue: NDArray[np.complex128],
+    dofs: tuple[Dofs, Dof],
+    std: ModesStd,
+) -> FoundModes:
+    """Return modes with the shapes of their residues, (n_output, 1, n_mode)."""
+    output, force = dofs
+    nothing = np.full(frequency.size, np.nan)
+    plain = FoundModes(
+        source=_NAME,
+        frequency=frequency,
+        damping=damping,
+        frequency_std=nothing,
+        damping_std=nothing,
+        shape=residue[:, 0],
+        shape_std=nothing,
+        scaled=np.zeros(frequency.size, bool),
+        node=output.node,
+        direction=output.direction,
+    )
+    rms = np.sqrt(np.mean(np.abs(residue) ** 2, axis=(0, 1)))
+    variance = np.broadcast_to((completed(plain, std).shape_std * rms) ** 2, residue.shape)
+    inputs = Dofs(node=np.array([force.node]), direction=np.array([force.direction]))
+    pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    shapes = shapes_from_residues(pole, residue, variance, output, inputs)
+    return replace(plain, shape=shapes.shape, scaled=shapes.scaled)
+
+
+def _identified(
+    model: Any, name: str, n_output: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
+    """Return frequencies, damping ratios and modal constants (n_output, n_mode); refuse what is not complete."""
+    missing = [own for own in ("nat_freq", "nat_xi", "A") if getattr(model, own, None) is None]
+    if missing:
+        message = (
+            f"{name}: the sdypy-EMA model has no {', '.join(missing)}; call get_poles(), select_closest_poles(...) and "
+            "get_constants() first"
+        )
+        raise IdentificationError(message)
+    frequency, damping = _poles(model)
+    constant = np.asarray(model.A, complex)
+    if constant.shape != (n_output, frequency.size):
+        message = (
+            f"{name}: the modal constants A are {' x '.join(map(str, constant.shape))}, expected {n_output} outputs x "
+            f"{frequency.size} modes; give one DOF for each function, in the order of the FRFs"
+        )
+        raise IdentificationError(message)
+    if not (np.all((damping > 0.0) & (damping < 1.0) & (frequency > 0.0)) and np.isfinite(constant).all()):
+        message = f"{name}: a pole does not decay, or a modal constant is not finite; choose other poles"
+        raise IdentificationError(message)
+    return frequency, damping, constant
+
+
+def _poles(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies, Hz, and damping ratios of the poles that the constants belong to.
+
+    `nat_freq` and `nat_xi` are those of the row of the stabilisation table beside it, off by some millionths.
+    """
+    rows = getattr(model, "pole_ind", None)
+    if rows is None or getattr(model, "all_poles", None) is None:
+        return np.atleast_1d(np.asarray(model.nat_freq, float)), np.atleast_1d(
+            np.asarray(model.nat_xi, float)
+        )
+    pole = np.array([model.all_poles[int(i)][int(j)] for i, j in np.atleast_2d(rows)], complex)
+    return np.abs(pole) / (2.0 * np.pi), -pole.real / np.abs(pole)
+
+
+def _residual(model: Any, name: str, n_output: int) -> NDArray[np.complex128]:
+    """Return a residual term of every function, (n_output, 1); zero where the model has none."""
+    own = getattr(model, name, None)
+    return np.zeros((n_output, 1), complex) if own is None else np.asarray(own, complex).reshape(n_output, 1)

@@ -1,0 +1,68 @@
+"""How complex shapes are, and when that is said."""
+
+import csv
+import dataclasses
+
+import numpy as np
+import pytest
+
+import ema
+from tests.unit.test_read_modes import model
+
+PHASES = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 0.0])
+
+
+def with_shape(shape, std=1e-3):
+    m = model(scaled=False)
+    shape = np.column_stack([shape, *m.shape.T[1:]])
+    return dataclasses.replace(m, shape=shape, shape_std=np.full(shape.shape, std))
+
+
+def test_measures_of_a_shape_of_known_phases():
+    found = ema.complexity(with_shape(np.exp(1j * PHASES)))
+    cosine = np.mean(np.cos(2 * PHASES))  # of equal magnitudes and phases symmetric about 0
+    assert found.mpc[0] == pytest.approx(cosine**2)
+    assert found.mcf[0] == pytest.approx(1.0 - cosine**2)
+    assert found.mpd[0] == pytest.approx(30.0)
+    assert found.phase_scatter[0] == pytest.approx(np.sqrt(np.mean(np.degrees(PHASES) ** 2)))
+
+
+def test_real_shape_in_any_phase_passes():
+    m = with_shape(np.array([1.0, -2.0, 0.5, 0.0, 1.0, -1.0]) * np.exp(1.1j))
+    found = ema.complexity(m)
+    assert found.mpc[0] == pytest.approx(1.0)
+    assert found.phase_scatter[0] == pytest.approx(0.0, abs=1e-6)
+    assert [v.level for v in ema.check_complexity(m)] == ["pass"]
+
+
+def test_complex_mode_is_named_with_the_mac_that_a_real_shape_can_have():
+    shape = np.exp(1j * PHASES)
+    (verdict,) = ema.check_complexity(with_shape(shape))
+    assert verdict.level == "warn"
+    assert "101.25 Hz is too complex to be compared as real" in verdict.message
+    angles = np.linspace(0.0, np.pi, 721)
+    best = max(ema.mac(shape[:, None], (shape * np.exp(-1j * a)).real[:, None])[0, 0] for a in angles)
+    assert f"above {best:.2f}" in verdict.message
+    assert "noise alone" not in verdict.message
+    (verdict,) = ema.check_complexity(with_shape(shape, std=0.5))
+    assert "noise alone explains" in verdict.message
+
+
+def test_noise_gives_the_mcf_that_is_expected_of_it():
+    rng, std, real = np.random.default_rng(0), 0.02, np.linspace(-1.0, 1.2, 6)
+    noise = std * (rng.standard_normal((6, 4000)) + 1j * rng.standard_normal((6, 4000)))
+    measured = ema.mcf(real[:, None] + noise).mean()
+    expected = ema.complexity(with_shape(real.astype(complex), std)).by_noise[0]
+    assert measured == pytest.approx(expected, rel=0.25)  # the line itself is fitted to six components
+
+
+def test_table_of_modes_has_the_measures(tmp_path):
+    m = with_shape(np.exp(1j * PHASES))
+    ema.write_modes_csv(tmp_path / "modes.csv", m)
+    with (tmp_path / "modes.csv").open() as file:
+        row = next(csv.DictReader(file))
+    found = ema.complexity(m)
+    for column, value in (
+        ("MPC", found.mpc), ("MPD_deg", found.mpd), ("MCF", found.mcf), ("phase_scatter_deg", found.phase_scatter)
+    ):  # fmt: skip
+        assert float(row[column]) == pytest.approx(value[0], rel=1e-5)
