@@ -20,7 +20,7 @@ from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
 from ema.io.form import did_you_mean, read_form
 from ema.io.table import TableLayout, read_points
-from ema.io.uff import read_uff_geometry
+from ema.io.uff import FileUnits, read_uff_geometry, read_uff_units
 from ema.io.units import Unit, parse_unit
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
@@ -182,6 +182,8 @@ class Campaign:
         Corrections of single functions.
     notes : tuple of str
         What was odd about the points and how it was resolved.
+    file_units : FileUnits or None
+        Units that a universal file of the points states, for functions whose files state none.
     """
 
     name: str
@@ -202,6 +204,7 @@ class Campaign:
     sensor_mass: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    file_units: FileUnits | None = None
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -297,6 +300,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         See `read_campaign`.
     """
     folder = path.resolve().parent
+    points = folder / content.points.file
     geometry, notes = geometry_of(path, folder, content.points)
     names = [c.name for c in content.configuration]
     if len(set(names)) < len(names):
@@ -316,7 +320,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         path=path,
         folder=folder,
         stack=None if content.structure.stack is None else folder / content.structure.stack,
-        points=folder / content.points.file,
+        points=points,
         geometry=geometry,
         without_coordinates=content.points.without_coordinates,
         configurations=configurations,
@@ -330,6 +334,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
+        file_units=read_uff_units(points) if format_of(points) == "uff" else None,
     )
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
+from ema.campaign.finite_lines import with_finite_lines
 from ema.campaign.reading import frfs_of, records_of
 from ema.campaign.records import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
@@ -66,6 +68,7 @@ class _Entry:
     input: Dof
     run: int
     source: str
+    component: str = ""
     overload: float = 0.0
     decay_rate: float = 0.0
 
@@ -119,7 +122,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     _require_not_negative(entries)
     entries = _with_axis(entries, notes)
     entries = _one_quantity(entries, notes)
-    entries = _one_axis(entries, notes)
+    entries = with_finite_lines(_one_axis(entries, notes), campaign.identification.band, notes)
     pairs = _without_duplicates(entries, notes)
     outputs, inputs = _full_block(pairs, notes)
     frf, overload = _block(pairs, outputs, inputs, notes)
@@ -138,7 +141,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
 
 def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
-    found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]] = []
+    found: list[_Found] = []
     for group in [files.sets] if files.together else [(one,) for one in files.sets]:
         if campaign.averaging is not None:
             position = 1
@@ -152,6 +155,8 @@ def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> 
             functions = frfs_of(campaign, file, notes)
             found += [(*f, 0.0, campaign.decay_rate, n_run, i) for i, f in enumerate(functions, start=1)]
         n_run += 1
+    if not campaign.corrections and not (files.output or files.input):
+        found = _with_dofs(found, notes)
     outputs = _listed(campaign, "output", files, files.output, len(found))
     inputs = _listed(campaign, "input", files, files.input, len(found))
     entries = []
@@ -162,6 +167,22 @@ def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> 
         if entry is not None:
             entries.append(replace(entry, overload=overload, decay_rate=decay_rate))
     return entries, n_run
+
+
+_Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]
+
+
+def _with_dofs(found: list[_Found], notes: list[str]) -> list[_Found]:
+    """Leave out functions whose file states no DOF, such as point -1, where it states those of others."""
+    stated = [f.output is not None and f.input is not None for f, *_ in found]
+    if not any(stated):
+        return found
+    notes.extend(
+        f"{one[0].source}: left out, it states no point and direction of response or force, as others do"
+        for one, good in zip(found, stated, strict=True)
+        if not good
+    )
+    return [one for one, good in zip(found, stated, strict=True) if good]
 
 
 def _listed(
@@ -192,7 +213,7 @@ def _corrected(
     """Return the function with its DOFs and corrections, or None where a correction excludes it."""
     output = output or _from_file(campaign.geometry, function.output)
     force = force or _from_file(campaign.geometry, function.input)
-    value = function.value.astype(complex)
+    value = np.asarray(function.value, complex)
     for correction in campaign.corrections:
         if not _applies(correction, function, position, output):
             continue
@@ -226,6 +247,7 @@ def _corrected(
         input=force,
         run=run,
         source=function.source,
+        component=function.component,
     )
 
 
@@ -369,6 +391,7 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
         key = (_key(entry.output), _key(entry.input))
         earlier = pairs.get(key)
         if earlier is not None:
+            _require_repeat(entry, earlier, key)
             with np.errstate(invalid="ignore", divide="ignore"):
                 change = np.linalg.norm(entry.value - earlier.value) / np.linalg.norm(entry.value)
             notes.append(
@@ -377,6 +400,17 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
             )
         pairs[key] = entry
     return pairs
+
+
+def _require_repeat(entry: _Entry, earlier: _Entry, key: tuple[Any, Any]) -> None:
+    """Refuse two parts of a structure whose points have the same numbers: neither repeats the other."""
+    if entry.component != earlier.component:
+        message = (
+            f"{entry.source} and {earlier.source} are both {_name(key[0])} over {_name(key[1])}, but of the components "
+            f"{entry.component!r} and {earlier.component!r}: give the points of one of them other numbers, by a "
+            "[[correction]] with new_output, or exclude its functions"
+        )
+        raise MeasurementError(message)
 
 
 def _full_block(
