@@ -181,9 +181,9 @@ def _universal(file: Path) -> Contents | None:
         holds_points = True
     except MeasurementError:
         holds_points = False
-    if holds_points and {s.kind for s in cut(file)} <= OF_GEOMETRY:
+    if holds_points and {s.kind for s in cut(file, heads=True)} <= OF_GEOMETRY:
         return None  # a list of points
-    functions, notes = read_uff_functions(file)
+    functions, notes = read_uff_functions(file, heads=True)
     frfs = [f for f in functions if f.kind == "frf"]
     used = frfs or [f for f in functions if f.kind == "response"]
     if not used:

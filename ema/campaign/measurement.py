@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
+from ema.campaign.common_length import Run, of_common_length
 from ema.campaign.finite_lines import with_finite_lines
 from ema.campaign.reading import frfs_of, records_of
 from ema.campaign.records import frfs_from_records
@@ -113,8 +115,9 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     notes = list(campaign.notes)
     entries: list[_Entry] = []
     n_run = 0
+    records = _records(campaign, configuration, notes)
     for files in configuration.files:
-        found, n_run = _entries(campaign, files, n_run, notes)
+        found, n_run = _entries(campaign, files, n_run, records, notes)
         entries += found
     if not entries:
         message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
@@ -139,13 +142,35 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     )
 
 
-def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
+def _groups(files: Files) -> list[tuple[tuple[Path, ...], ...]]:
+    """Return the files of each run."""
+    return [files.sets] if files.together else [(one,) for one in files.sets]
+
+
+def _records(campaign: Campaign, configuration: Configuration, notes: list[str]) -> Iterator[list[Run]]:
+    """Give the runs of time histories of each group of files; records that are one block come in a common length."""
+    if campaign.averaging is None:
+        return
+    groups = [group for files in configuration.files for group in _groups(files)]
+    of_groups = (records_of(campaign, group, notes) for group in groups)
+    if campaign.averaging.block_s is not None:
+        yield from of_groups
+        return
+    held = list(of_groups)
+    runs = iter(of_common_length([run for own in held for run in own], notes))
+    for own in held:
+        yield [next(runs) for _ in own]
+
+
+def _entries(
+    campaign: Campaign, files: Files, n_run: int, records: Iterator[list[Run]], notes: list[str]
+) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
     found: list[_Found] = []
-    for group in [files.sets] if files.together else [(one,) for one in files.sets]:
+    for group in _groups(files):
         if campaign.averaging is not None:
             position = 1
-            for contents in records_of(campaign, group, notes):
+            for contents in next(records):
                 estimated = frfs_from_records(contents, campaign.averaging, notes)
                 found += [(*f, n_run, i) for i, f in enumerate(estimated, start=position)]
                 position += len(estimated)
@@ -159,12 +184,14 @@ def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> 
         found = _with_dofs(found, notes)
     outputs = _listed(campaign, "output", files, files.output, len(found))
     inputs = _listed(campaign, "input", files, files.input, len(found))
-    entries = []
+    entries: list[_Entry] = []
     for (function, coherence, overload, decay_rate, run, position), output, force in zip(
         found, outputs, inputs, strict=True
     ):
         entry = _corrected(campaign, function, coherence, run, position, output, force, notes)
         if entry is not None:
+            if entries and np.array_equal(entry.frequency, entries[-1].frequency):
+                entry = replace(entry, frequency=entries[-1].frequency)  # held once for all
             entries.append(replace(entry, overload=overload, decay_rate=decay_rate))
     return entries, n_run
 
@@ -454,9 +481,14 @@ def _block(
     elif any(e.coherence is not None for e in entries):
         notes.append("only some functions have a coherence; it is left out")
     overload = np.array([max(e.overload for e in row) for row in table])
+    value = np.empty((len(table), len(table[0]), entries[0].frequency.size), complex)
+    for row, own in zip(value, table, strict=True):
+        for function, e in zip(row, own, strict=True):
+            function[:] = e.value
+    value.flags.writeable = False  # so that it is not copied again: it may be the larger part of the memory
     frf = FRF(
         frequency=entries[0].frequency,
-        value=np.array([[e.value for e in row] for row in table]),
+        value=value,
         quantity=entries[0].quantity,
         output=_dofs(responses),
         input=_dofs(forces),

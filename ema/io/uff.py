@@ -22,7 +22,7 @@ from ema.io.abscissa import Dimension, abscissa_factor, is_frequency
 from ema.io.contents import dofs_in
 from ema.io.files import whole
 from ema.io.measured_function import Kind, MeasuredFunction
-from ema.io.uff58 import DataSet, Record58, cut, read_58
+from ema.io.uff58 import DataSet, Record58, cut, data_sets, read_58
 from ema.io.uff_sets import encoded_frfs, geometry_sets, mode_sets, with_axes_along
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
@@ -69,12 +69,12 @@ def read_uff_units(path: Path) -> FileUnits | None:
     MeasurementError
         The file cannot be read, or the set is faulty.
     """
-    units = _file_units(_parsed([s for s in cut(path) if s.kind == "164"]), [])
+    units = _file_units(_parsed([s for s in cut(path, heads=True) if s.kind == "164"]), [])
     return units if units.stated else None
 
 
 def read_uff_functions(
-    path: Path, unit: Unit | None = None, beside: FileUnits | None = None
+    path: Path, unit: Unit | None = None, beside: FileUnits | None = None, *, heads: bool = False
 ) -> tuple[tuple[MeasuredFunction, ...], tuple[str, ...]]:
     """Read every dataset 58 and 58b of a universal file, in SI units.
 
@@ -89,6 +89,8 @@ def read_uff_functions(
         Unit of all FRFs in the file, from a user who knows better than the file.
     beside : FileUnits, optional
         Units of the points' file, for a file that has no data set 164.
+    heads : bool
+        Whether headers alone are read: the functions then hold one number, 0, in place of their values.
 
     Returns
     -------
@@ -101,17 +103,20 @@ def read_uff_functions(
     MeasurementError
         The file cannot be read; the message names file, data set and field.
     """
-    sets = cut(path)
+    sets = cut(path, heads=True)
     notes: list[str] = []
     units = _file_units(_parsed([s for s in sets if s.kind == "164"]), notes)
     if beside is not None and not units.stated:
         units = beside
-    functions = []
-    for data_set in sets:
+    functions: list[MeasuredFunction] = []
+    for data_set in sets if heads else data_sets(path):
         if data_set.kind in ("58", "58b"):
-            record = read_58(data_set)
+            record = read_58(data_set, head=heads)
             notes += record.notes
-            functions.append(_function(record, units, unit, notes))
+            function = _function(record, units, unit, notes)
+            if functions and np.array_equal(function.abscissa, functions[-1].abscissa):
+                function = replace(function, abscissa=functions[-1].abscissa)  # held once for all
+            functions.append(function)
     if not functions:
         message = f"{path}: no function (dataset 58) in the file; it holds {_listed(sets)}"
         raise MeasurementError(message)
@@ -140,7 +145,7 @@ def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geom
     MeasurementError
         The file cannot be read, or holds no points; the message names file, data set and field.
     """
-    sets = cut(path)
+    sets = cut(path, heads=True)
     parsed = _parsed([s for s in sets if s.kind in _GEOMETRY_SETS])
     notes: list[str] = []
     units = _file_units(parsed, notes)

@@ -1,5 +1,7 @@
 """Files as laboratories have them: units of axes, lines without numbers, parts with the same points, odd layouts."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -210,3 +212,51 @@ def test_fixed_sensors_and_a_roving_hammer_are_one_run(tmp_path):
     assert "roves" in text
     assert set(measured.frf.run.tolist()) == {0}
     assert measured.frf.value.shape[:2] == (3, 2)
+
+
+def peak_of(run):
+    tracemalloc.start()
+    try:
+        run()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_of_large_universal_files(tmp_path):
+    """A first campaign file needs headers alone; reading needs little more than the functions themselves."""
+    value = np.resize(VALUE, 40_000)
+    write(tmp_path, *({"response node": n} for n in range(1, 41)), value=value)
+    arrays = 40 * value.nbytes
+    campaign_file = "".join(f"{n},{n},0,0\n" for n in range(5, 41))
+    (tmp_path / "points.csv").write_text(POINTS + campaign_file)
+    assert peak_of(lambda: draft_file(draft(tmp_path))) < 0.1 * arrays
+    (tmp_path / "campaign.toml").write_text(draft_file(draft(tmp_path)).text)
+    read = read_campaign(tmp_path / "campaign.toml")
+    assert peak_of(lambda: read_measurement(read, tmp_path.name)) < 2.5 * arrays
+
+
+def test_records_of_unequal_lengths_share_their_lines(tmp_path):
+    rng = np.random.default_rng(0)
+    for run, n_sample in enumerate((912, 903, 910), start=1):
+        force = np.zeros(n_sample)
+        force[5:8] = 1.0, 2.0, 1.0
+        response = np.convolve(force, np.exp(-0.02 * np.arange(n_sample)) * rng.standard_normal(n_sample))[
+            :n_sample
+        ]
+        rows = "".join(
+            f"{k / 1000:.4f},{f:.6f},{x:.6f}\n" for k, (f, x) in enumerate(zip(force, response, strict=True))
+        )
+        (tmp_path / f"run_{run}.csv").write_text(rows)
+    more = (
+        '[measurement.table]\nlayout = "time"\n[measurement.time]\nwindow = "boxcar"\nforce_unit = "N"\n'
+        'response_unit = "m/s2"'
+    )
+    (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "campaign.toml").write_text(
+        f'[campaign]\nname = "t"\n[points]\nfile = "points.csv"\nunit = "m"\n{more}\n[[configuration]]\n'
+        'name = "A"\nfiles = ["run_*.csv"]\noutput = ["1+z", "2+z", "3+z"]\ninput = ["4+z"]\n'
+    )
+    measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), "A")
+    assert measured.frf.value.shape == (3, 1, 903 // 2 + 1)
+    assert any("903 to 912 samples" in note for note in measured.notes)
