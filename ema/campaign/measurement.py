@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
 from ema.campaign.common_length import Run, of_common_length
+from ema.campaign.even_lines import snapped
 from ema.campaign.finite_lines import with_finite_lines
 from ema.campaign.reading import frfs_of, records_of
 from ema.campaign.records import frfs_from_records
@@ -153,13 +154,8 @@ def _records(campaign: Campaign, configuration: Configuration, notes: list[str])
         return
     groups = [group for files in configuration.files for group in _groups(files)]
     of_groups = (records_of(campaign, group, notes) for group in groups)
-    if campaign.averaging.block_s is not None:
-        yield from of_groups
-        return
-    held = list(of_groups)
-    runs = iter(of_common_length([run for own in held for run in own], notes))
-    for own in held:
-        yield [next(runs) for _ in own]
+    whole = campaign.averaging.block_s is None
+    yield from of_common_length(list(of_groups), notes) if whole else of_groups
 
 
 def _entries(
@@ -266,7 +262,7 @@ def _corrected(
     assert force is not None
     _require_points(campaign, function, (output, force))
     return _Entry(
-        frequency=_snapped(function.abscissa),
+        frequency=snapped(function.abscissa),
         value=value,
         coherence=None if coherence is None else coherence.value,
         quantity=function.quantity,
@@ -310,21 +306,6 @@ def _key(dof: Dof) -> tuple[int, tuple[float, ...]]:
 
 def _name(key: tuple[int, tuple[float, ...]]) -> str:
     return _dofs([Dof(key[0], key[1])]).name(0)  # type: ignore[arg-type]  # three components
-
-
-_NEARLY_ZERO = 0.05  # of a step; put in place of 0 Hz, to divide by it
-
-
-def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
-    if frequency.size < 3:
-        return frequency
-    if 0.0 < frequency[0] < _NEARLY_ZERO * (frequency[1] - frequency[0]):
-        frequency = np.concatenate([[0.0], frequency[1:]])
-    uniform = np.linspace(frequency[0], frequency[-1], frequency.size)
-    tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))
-    tolerance = min(tolerance, 0.4 * abs(uniform[1] - uniform[0]))
-    return uniform if np.abs(frequency - uniform).max() <= tolerance else frequency
 
 
 def _require_not_negative(entries: list[_Entry]) -> None:

@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from ema.campaign.campaign import read_campaign
@@ -260,3 +261,13 @@ def test_records_of_unequal_lengths_share_their_lines(tmp_path):
     measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), "A")
     assert measured.frf.value.shape == (3, 1, 903 // 2 + 1)
     assert any("903 to 912 samples" in note for note in measured.notes)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.95])
+def test_a_tdms_file_that_is_cut_off_is_named_so(tmp_path, share):
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([ChannelObject("hit", name, np.arange(400.0)) for name in ("force", "acc")])
+    content = (tmp_path / "a.tdms").read_bytes()
+    (tmp_path / "a.tdms").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(CampaignError, match=r"a\.tdms: is cut off"):
+        draft(tmp_path)
