@@ -22,7 +22,7 @@ from ema.campaign.references import Reassembly, reference_faults
 from ema.io.form import did_you_mean, read_form
 from ema.io.found_modes import ModesStd
 from ema.io.table import TableLayout, read_points
-from ema.io.uff import read_uff_geometry
+from ema.io.uff import FileUnits, read_uff_geometry, read_uff_units
 from ema.io.units import Unit, parse_unit
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
@@ -199,6 +199,8 @@ class Campaign:
         What full scale means in each channel of sound files, or in all, in the units of `averaging`; else empty.
     modes_std : ModesStd
         How sure the modes are of configurations whose files hold modes and do not say it.
+    file_units : FileUnits or None
+        Units that a universal file of the points states, for functions whose files state none.
     """
 
     name: str
@@ -222,6 +224,7 @@ class Campaign:
     reassembly: Reassembly = field(default_factory=Reassembly)
     full_scale: tuple[float, ...] = ()
     modes_std: ModesStd = field(default_factory=ModesStd)
+    file_units: FileUnits | None = None
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -317,6 +320,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         See `read_campaign`.
     """
     folder = path.resolve().parent
+    points = folder / content.points.file
     geometry, notes = geometry_of(path, folder, content.points)
     names = [c.name for c in content.configuration]
     if len(set(names)) < len(names):
@@ -338,7 +342,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         path=path,
         folder=folder,
         stack=None if content.structure.stack is None else folder / content.structure.stack,
-        points=folder / content.points.file,
+        points=points,
         geometry=geometry,
         without_coordinates=content.points.without_coordinates,
         configurations=configurations,
@@ -359,6 +363,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
             damping=content.modes.damping_std,
             shape=content.modes.shape_std,
         ),
+        file_units=read_uff_units(points) if format_of(points) == "uff" else None,
     )
 
 

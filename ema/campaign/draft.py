@@ -14,11 +14,17 @@ from ema.io.contents import UNKNOWN, Code, Contents, point_in
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.table import read_points
-from ema.io.uff import read_uff_functions, read_uff_geometry
+from ema.io.uff import OF_GEOMETRY, UNSTATED, read_uff_functions, read_uff_geometry
+from ema.io.uff58 import cut
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
 _TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
+_NO_DATA = (
+    ".toml", ".md", ".rst", ".pdf", ".docx", ".png", ".jpg", ".jpeg", ".gif", ".svg", ".html", ".json", ".py", ".m",
+    ".ipynb", ".log", ".ini",
+)  # fmt: skip
+"""Suffixes of what stands beside measurements; nobody takes these for some."""
 _LONGEST = 10.0  # m; points that span more than this number of their unit are in mm
 _RESULT = "modal_model.json"  # in a folder of results, which are no measurements
 
@@ -88,8 +94,7 @@ def draft(folder: Path) -> Draft:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _of_one_layout(configurations, left_out)
     if not configurations:
-        left_out += _not_understood(folder)
-        said = f" ({'; '.join(left_out)})" if left_out else ""
+        said = f" ({'; '.join(_shortened(left_out))})" if left_out else ""
         message = (
             f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5, "
             f"NumPy and text files ({', '.join((*SUFFIXES, *_TEXT_SUFFIXES))})"
@@ -105,19 +110,16 @@ def draft(folder: Path) -> Draft:
     )
 
 
-def _not_understood(folder: Path) -> list[str]:
-    """Say which text files hold numbers, but nothing that tells what they are."""
-    texts = (f for f in sorted(folder.rglob("*"), key=natural) if f.suffix.lower() in _TEXT_SUFFIXES)
-    found = [
-        (f, said)
-        for f in texts
-        if f.is_file() and not _lists_points(f) and (said := not_understood(f)) is not None
+def _shortened(left_out: list[str]) -> list[str]:
+    """Return why files are not used, for files with the same reason once."""
+    files: dict[str, list[str]] = {}
+    for line in left_out:
+        file, _, reason = line.partition(": ")
+        files.setdefault(reason, []).append(file)
+    return [
+        f"{own[0]}{f' and {len(own) - 1} more' if len(own) > 1 else ''}: {reason}"
+        for reason, own in files.items()
     ]
-    if not found:
-        return []
-    file, said = found[0]
-    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    return [f"{file}{more}: {said}"]
 
 
 def _contents(file: Path, left_out: list[str]) -> Contents | None:
@@ -131,7 +133,11 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         return None
     if suffix in NOT_READ:
         left_out.append(f"{file}: is {NOT_READ[suffix]}")
-    if file.name.startswith(".") or suffix not in (*SUFFIXES, *_TEXT_SUFFIXES):
+    if file.name.startswith("."):
+        return None
+    if suffix not in (*SUFFIXES, *_TEXT_SUFFIXES):
+        if suffix not in (*NOT_READ, *_NO_DATA):
+            left_out.append(f"{file}: its suffix {suffix!r} is none of a format that is read")
         return None
     try:
         kind = format_of(file)
@@ -142,7 +148,13 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
     except MeasurementError as error:
         left_out.append(str(error))
         return None
-    return None if _lists_points(file) else _at_point(guess_table(file))
+    if _lists_points(file):
+        return None
+    contents = _at_point(guess_table(file))
+    if contents is None:
+        said = not_understood(file) or "no rows of two or more columns of numbers"
+        left_out.append(f"{file}: {said}")
+    return contents
 
 
 def _at_point(contents: Contents | None) -> Contents | None:
@@ -175,18 +187,22 @@ def _universal(file: Path) -> Contents | None:
         holds_points = True
     except MeasurementError:
         holds_points = False
-    try:
-        functions, _ = read_uff_functions(file)
-    except MeasurementError:
-        if holds_points:
-            return None  # a list of points
-        raise
+    if holds_points and {s.kind for s in cut(file, heads=True)} <= OF_GEOMETRY:
+        return None  # a list of points
+    functions, notes = read_uff_functions(file, heads=True)
     frfs = [f for f in functions if f.kind == "frf"]
     used = frfs or [f for f in functions if f.kind == "response"]
+    if not used:
+        kinds = ", ".join(sorted({f.kind for f in functions}))
+        message = (
+            f"{file}: holds neither FRFs (function type 4) nor time histories (type 1), only functions of kind "
+            f"{kinds}: spectra or other types; export FRFs"
+        )
+        raise MeasurementError(message)
     stated = {
         "output": all(f.output is not None for f in used),
         "input": all(f.input is not None for f in frfs),  # of time histories it is the DOF of the force
-        "unit": all(f.quantity is not None for f in used),
+        "unit": all(f.quantity is not None for f in used) and not any(UNSTATED in note for note in notes),
     }
     return Contents(
         file=file,
@@ -208,7 +224,9 @@ def _of_one_layout(
     usual: dict[str, Contents] = {}
     for section in ("table", "variables"):
         own = {repr(c.keys): c for c in used if c.section == section}
-        counts = Counter(repr(c.keys) for c in used if c.section == section)
+        found = [c for c in used if c.section == section and UNKNOWN not in c.keys.values()]
+        found = found or [c for c in used if c.section == section]  # what is understood outvotes what is not
+        counts = Counter(repr(c.keys) for c in found)
         if counts:
             usual[section] = own[counts.most_common(1)[0][0]]
     kept: dict[str, tuple[Contents, ...]] = {}

@@ -156,7 +156,12 @@ def _configuration(
     if any(c.is_time for c in contents):
         yield from _histories(found, name, contents, missing)
         return
-    yield f"files = {_toml(_patterns(found.folder, [c.file for c in contents]))}  # each file is one run"
+    files = _toml(_patterns(found.folder, [c.file for c in contents]))
+    if _hammer_roves(contents):
+        yield "[[configuration.run]]"
+        yield f"files = {files}  # one run: the sensors stay while the hammer roves, nothing on the structure changes"
+    else:
+        yield f"files = {files}  # each file is one run"
     for end, which in (("output", 0), ("input", 1)):
         if all(end in c.states for c in contents):
             continue
@@ -172,6 +177,14 @@ def _configuration(
             )
             comment = f"  # to be filled in: one for each of {len(dofs)} FRFs in the order of the files, or one for all"
         yield f"{end} = {_toml(_names(dofs))}{comment}"
+
+
+def _hammer_roves(contents: tuple[Contents, ...]) -> bool:
+    """Whether all files have the same responses and each has forces of its own: fixed sensors, a roving hammer."""
+    responses = {frozenset(output for output, _ in c.dofs) for c in contents}
+    forces = [frozenset(force for _, force in c.dofs) for c in contents]
+    stated = all(None not in pair for c in contents for pair in c.dofs)
+    return stated and len(contents) > 1 and len(responses) == 1 and len(set(forces)) == len(forces)
 
 
 def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]) -> Iterable[str]:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
+from ema.campaign.common_length import Run, of_common_length
+from ema.campaign.even_lines import snapped
+from ema.campaign.finite_lines import with_finite_lines
 from ema.campaign.reading import frfs_of, records_of
 from ema.campaign.records import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
@@ -66,6 +71,7 @@ class _Entry:
     input: Dof
     run: int
     source: str
+    component: str = ""
     overload: float = 0.0
     decay_rate: float = 0.0
 
@@ -117,8 +123,9 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     notes = list(campaign.notes)
     entries: list[_Entry] = []
     n_run = 0
+    records = _records(campaign, configuration, notes)
     for files in configuration.files:
-        found, n_run = _entries(campaign, files, n_run, notes)
+        found, n_run = _entries(campaign, files, n_run, records, notes)
         entries += found
     if not entries:
         message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
@@ -126,7 +133,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     _require_not_negative(entries)
     entries = _with_axis(entries, notes)
     entries = _one_quantity(entries, notes)
-    entries = _one_axis(entries, notes)
+    entries = with_finite_lines(_one_axis(entries, notes), campaign.identification.band, notes)
     pairs = _without_duplicates(entries, notes)
     outputs, inputs = _full_block(pairs, notes)
     frf, overload = _block(pairs, outputs, inputs, notes)
@@ -143,13 +150,30 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     )
 
 
-def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> tuple[list[_Entry], int]:
+def _groups(files: Files) -> list[tuple[tuple[Path, ...], ...]]:
+    """Return the files of each run."""
+    return [files.sets] if files.together else [(one,) for one in files.sets]
+
+
+def _records(campaign: Campaign, configuration: Configuration, notes: list[str]) -> Iterator[list[Run]]:
+    """Give the runs of time histories of each group of files; records that are one block come in a common length."""
+    if campaign.averaging is None:
+        return
+    groups = [group for files in configuration.files for group in _groups(files)]
+    of_groups = (records_of(campaign, group, notes) for group in groups)
+    whole = campaign.averaging.block_s is None
+    yield from of_common_length(list(of_groups), notes) if whole else of_groups
+
+
+def _entries(
+    campaign: Campaign, files: Files, n_run: int, records: Iterator[list[Run]], notes: list[str]
+) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
-    found: list[tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]] = []
-    for group in [files.sets] if files.together else [(one,) for one in files.sets]:
+    found: list[_Found] = []
+    for group in _groups(files):
         if campaign.averaging is not None:
             position = 1
-            for contents in records_of(campaign, group, notes):
+            for contents in next(records):
                 estimated = frfs_from_records(contents, campaign.averaging, notes)
                 found += [(*f, n_run, i) for i, f in enumerate(estimated, start=position)]
                 position += len(estimated)
@@ -159,16 +183,36 @@ def _entries(campaign: Campaign, files: Files, n_run: int, notes: list[str]) -> 
             functions = frfs_of(campaign, file, notes)
             found += [(*f, 0.0, campaign.decay_rate, n_run, i) for i, f in enumerate(functions, start=1)]
         n_run += 1
+    if not campaign.corrections and not (files.output or files.input):
+        found = _with_dofs(found, notes)
     outputs = _listed(campaign, "output", files, files.output, len(found))
     inputs = _listed(campaign, "input", files, files.input, len(found))
-    entries = []
+    entries: list[_Entry] = []
     for (function, coherence, overload, decay_rate, run, position), output, force in zip(
         found, outputs, inputs, strict=True
     ):
         entry = _corrected(campaign, function, coherence, run, position, output, force, notes)
         if entry is not None:
+            if entries and np.array_equal(entry.frequency, entries[-1].frequency):
+                entry = replace(entry, frequency=entries[-1].frequency)  # held once for all
             entries.append(replace(entry, overload=overload, decay_rate=decay_rate))
     return entries, n_run
+
+
+_Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]
+
+
+def _with_dofs(found: list[_Found], notes: list[str]) -> list[_Found]:
+    """Leave out functions whose file states no DOF, such as point -1, where it states those of others."""
+    stated = [f.output is not None and f.input is not None for f, *_ in found]
+    if not any(stated):
+        return found
+    notes.extend(
+        f"{one[0].source}: left out, it states no point and direction of response or force, as others do"
+        for one, good in zip(found, stated, strict=True)
+        if not good
+    )
+    return [one for one, good in zip(found, stated, strict=True) if good]
 
 
 def _listed(
@@ -199,7 +243,7 @@ def _corrected(
     """Return the function with its DOFs and corrections, or None where a correction excludes it."""
     output = output or _from_file(campaign.geometry, function.output)
     force = force or _from_file(campaign.geometry, function.input)
-    value = function.value.astype(complex)
+    value = np.asarray(function.value, complex)
     for correction in campaign.corrections:
         if not _applies(correction, function, position, output):
             continue
@@ -225,7 +269,7 @@ def _corrected(
     assert force is not None
     _require_points(campaign, function, (output, force))
     return _Entry(
-        frequency=_snapped(function.abscissa),
+        frequency=snapped(function.abscissa),
         value=value,
         coherence=None if coherence is None else coherence.value,
         quantity=function.quantity,
@@ -233,6 +277,7 @@ def _corrected(
         input=force,
         run=run,
         source=function.source,
+        component=function.component,
     )
 
 
@@ -268,21 +313,6 @@ def _key(dof: Dof) -> tuple[int, tuple[float, ...]]:
 
 def _name(key: tuple[int, tuple[float, ...]]) -> str:
     return _dofs([Dof(key[0], key[1])]).name(0)  # type: ignore[arg-type]  # three components
-
-
-_NEARLY_ZERO = 0.05  # of a step; put in place of 0 Hz, to divide by it
-
-
-def _snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
-    if frequency.size < 3:
-        return frequency
-    if 0.0 < frequency[0] < _NEARLY_ZERO * (frequency[1] - frequency[0]):
-        frequency = np.concatenate([[0.0], frequency[1:]])
-    uniform = np.linspace(frequency[0], frequency[-1], frequency.size)
-    tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))
-    tolerance = min(tolerance, 0.4 * abs(uniform[1] - uniform[0]))
-    return uniform if np.abs(frequency - uniform).max() <= tolerance else frequency
 
 
 def _require_not_negative(entries: list[_Entry]) -> None:
@@ -376,6 +406,7 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
         key = (_key(entry.output), _key(entry.input))
         earlier = pairs.get(key)
         if earlier is not None:
+            _require_repeat(entry, earlier, key)
             with np.errstate(invalid="ignore", divide="ignore"):
                 change = np.linalg.norm(entry.value - earlier.value) / np.linalg.norm(entry.value)
             notes.append(
@@ -384,6 +415,17 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
             )
         pairs[key] = entry
     return pairs
+
+
+def _require_repeat(entry: _Entry, earlier: _Entry, key: tuple[Any, Any]) -> None:
+    """Refuse two parts of a structure whose points have the same numbers: neither repeats the other."""
+    if entry.component != earlier.component:
+        message = (
+            f"{entry.source} and {earlier.source} are both {_name(key[0])} over {_name(key[1])}, but of the components "
+            f"{entry.component!r} and {earlier.component!r}: give the points of one of them other numbers, by a "
+            "[[correction]] with new_output, or exclude its functions"
+        )
+        raise MeasurementError(message)
 
 
 def _full_block(
@@ -427,9 +469,14 @@ def _block(
     elif any(e.coherence is not None for e in entries):
         notes.append("only some functions have a coherence; it is left out")
     overload = np.array([max(e.overload for e in row) for row in table])
+    value = np.empty((len(table), len(table[0]), entries[0].frequency.size), complex)
+    for row, own in zip(value, table, strict=True):
+        for function, e in zip(row, own, strict=True):
+            function[:] = e.value
+    value.flags.writeable = False  # so that it is not copied again: it may be the larger part of the memory
     frf = FRF(
         frequency=entries[0].frequency,
-        value=np.array([[e.value for e in row] for row in table]),
+        value=value,
         quantity=entries[0].quantity,
         output=_dofs(responses),
         input=_dofs(forces),

@@ -90,7 +90,7 @@ def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_C
 def _plain(campaign: Campaign, file: Path, notes: list[str]) -> _Channels:
     """Return the functions of a universal file, a table or a sound file."""
     if format_of(file, campaign.format) == "uff":
-        functions, odd = read_uff_functions(file, campaign.unit)
+        functions, odd = read_uff_functions(file, campaign.unit, campaign.file_units)
         notes += odd
         return functions
     if format_of(file, campaign.format) == "wav":

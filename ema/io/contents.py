@@ -103,7 +103,7 @@ def unit_in(text: str) -> str | None:
     """Return the first unit of a response over a force in a header; None where there is none."""
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)
     for word in (*re.split(r"[\s,;]+", text), *in_brackets):
-        label = word.strip("[]")
+        label = word.strip("[]\"'")
         try:
             if "/" in label and parse_unit(label).frf is not None:
                 return label

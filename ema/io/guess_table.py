@@ -183,7 +183,8 @@ def _cut(path: Path) -> _Text | None:
             block = numbers[start : start + _FEWEST_ROWS]
             if width > 1 and len(block) == _FEWEST_ROWS and all(len(row or ()) == width for row in block):
                 value = [row for row in numbers[start:] if row is not None and len(row) == width]
-                header = [_uncommented(row).split(_SEPARATORS[delimiter]) for row in rows[:start]]
+                # an empty row, and a "#" alone, has one empty cell, whatever separates the others
+                header = [_uncommented(row).split(_SEPARATORS[delimiter]) or [""] for row in rows[:start]]
                 return _Text(
                     encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
                     value=np.array(value),

@@ -24,10 +24,14 @@ _FRF = re.compile(
     re.IGNORECASE,
 )
 _SPECTRUM = re.compile(r"^[sgx]\d*(_\d+)?$|spec|psd|csd|cross|auto|fft|corr", re.IGNORECASE)
+_ESTIMATE = re.compile(
+    r"(?:^|[_ ])H[12v]?(?=_|\d|$)"
+)  # H1_2_1 in a name as FFT1_H1_2_1: it outweighs a word of spectra
 _COHERENCE = re.compile(r"coh|gamma|^c\d+_\d+$", re.IGNORECASE)  # C1_2 of the analysers that write H1_2
 _CIRCULAR = re.compile(r"^(w|om(ega)?)$", re.IGNORECASE)  # rad/s
 _STEP = re.compile(
-    r"^(increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$", re.IGNORECASE
+    r"^(x_?increment|increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$",
+    re.IGNORECASE,
 )
 _START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0)$", re.IGNORECASE)
 _FEWEST_LINES = 10
@@ -124,9 +128,12 @@ def _of_frfs(
 def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
     """Return the keys of the FRFs, an array in their shape, and what was guessed."""
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
-    spectra = [name for name in whole if _SPECTRUM.search(_last(name))]
+    spectra = [n for n in whole if _SPECTRUM.search(_last(n)) and not _ESTIMATE.search(_last(n))]
     called = [
-        name for name in whole if name not in spectra and any(map(_FRF.search, re.split(r"[./]", name)))
+        name
+        for name in whole
+        if name not in spectra
+        and (_ESTIMATE.search(_last(name)) or any(map(_FRF.search, re.split(r"[./]", name))))
     ]
     free = called or [name for name in whole if name not in spectra]
     if free:

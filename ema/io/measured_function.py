@@ -35,6 +35,8 @@ class MeasuredFunction:
         where the file does not state one.
     source : str
         File and data set, for messages.
+    component : str
+        Name of the part of the structure whose point the response is; empty where the file states none.
     """
 
     kind: Kind
@@ -44,6 +46,7 @@ class MeasuredFunction:
     output: tuple[int, int] | None
     input: tuple[int, int] | None
     source: str
+    component: str = ""
 
     def __post_init__(self) -> None:
         abscissa = readonly("MeasuredFunction", "abscissa", self.abscissa, (None,))

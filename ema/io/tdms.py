@@ -31,6 +31,11 @@ class _Refusal(logging.Handler):
             raise ValueError(record.getMessage())  # at an EOFError npTDMS ends in silence
 
 
+def lacks_numbers(error: Exception) -> bool:
+    """Whether an error says that a file ends before its numbers do."""
+    return isinstance(error, EOFError) or str(error).startswith(_OF_NUMBERS[:2])
+
+
 @contextmanager
 def channels_in(path: Path) -> Iterator[dict[str, Channel]]:
     """Open a TDMS file and give its channels of numbers, ``group/channel``, and their properties that are numbers.

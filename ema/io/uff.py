@@ -18,9 +18,11 @@ import numpy as np
 import pyuff
 from numpy.typing import NDArray
 
+from ema.io.abscissa import Dimension, abscissa_factor, is_frequency
+from ema.io.contents import dofs_in
 from ema.io.files import whole
 from ema.io.measured_function import Kind, MeasuredFunction
-from ema.io.uff58 import DataSet, Record58, cut, read_58
+from ema.io.uff58 import DataSet, Record58, cut, data_sets, read_58
 from ema.io.uff_sets import encoded_frfs, geometry_sets, mode_sets, with_axes_along
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
@@ -29,14 +31,21 @@ from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel
 
 _GEOMETRY_SETS = ("15", "18", "82", "164", "2411", "2412", "2420")
+OF_GEOMETRY = frozenset((*_GEOMETRY_SETS, "151"))
+"""Data sets of points and what is drawn of them, with units and header (151)."""
 _MOTION_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 _FORCE_TYPES = (9, 13)
 _LARGEST = 1e10  # point numbers have ten digits
+UNSTATED = (
+    "neither a unit label nor data set 164 states its unit, which is taken as SI; say [measurement] unit = 'g/N', or "
+    "what it is, in the campaign file"
+)
+"""What a note says of a unit that nobody stated, after the file and the data set."""
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class _FileUnits:
+class FileUnits:
     """Length and force unit of a file's values, in m and N, and whether data set 164 stated them."""
 
     length: float
@@ -52,8 +61,20 @@ class _System:
     origin: NDArray[np.float64]
 
 
+def read_uff_units(path: Path) -> FileUnits | None:
+    """Return the units that data set 164 of a universal file states; None where it has none.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or the set is faulty.
+    """
+    units = _file_units(_parsed([s for s in cut(path, heads=True) if s.kind == "164"]), [])
+    return units if units.stated else None
+
+
 def read_uff_functions(
-    path: Path, unit: Unit | None = None
+    path: Path, unit: Unit | None = None, beside: FileUnits | None = None, *, heads: bool = False
 ) -> tuple[tuple[MeasuredFunction, ...], tuple[str, ...]]:
     """Read every dataset 58 and 58b of a universal file, in SI units.
 
@@ -66,6 +87,10 @@ def read_uff_functions(
         Universal file.
     unit : Unit, optional
         Unit of all FRFs in the file, from a user who knows better than the file.
+    beside : FileUnits, optional
+        Units of the points' file, for a file that has no data set 164.
+    heads : bool
+        Whether headers alone are read: the functions then hold one number, 0, in place of their values.
 
     Returns
     -------
@@ -78,15 +103,20 @@ def read_uff_functions(
     MeasurementError
         The file cannot be read; the message names file, data set and field.
     """
-    sets = cut(path)
+    sets = cut(path, heads=True)
     notes: list[str] = []
     units = _file_units(_parsed([s for s in sets if s.kind == "164"]), notes)
-    functions = []
-    for data_set in sets:
+    if beside is not None and not units.stated:
+        units = beside
+    functions: list[MeasuredFunction] = []
+    for data_set in sets if heads else data_sets(path):
         if data_set.kind in ("58", "58b"):
-            record = read_58(data_set)
+            record = read_58(data_set, head=heads)
             notes += record.notes
-            functions.append(_function(record, units, unit, notes))
+            function = _function(record, units, unit, notes)
+            if functions and np.array_equal(function.abscissa, functions[-1].abscissa):
+                function = replace(function, abscissa=functions[-1].abscissa)  # held once for all
+            functions.append(function)
     if not functions:
         message = f"{path}: no function (dataset 58) in the file; it holds {_listed(sets)}"
         raise MeasurementError(message)
@@ -115,7 +145,7 @@ def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geom
     MeasurementError
         The file cannot be read, or holds no points; the message names file, data set and field.
     """
-    sets = cut(path)
+    sets = cut(path, heads=True)
     parsed = _parsed([s for s in sets if s.kind in _GEOMETRY_SETS])
     notes: list[str] = []
     units = _file_units(parsed, notes)
@@ -238,11 +268,11 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> _FileUnits:
+def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> FileUnits:
     """Return the units of data set 164, whose factors divide a value of the file to give SI."""
     stated = [(where, content) for where, content in parsed if content["type"] == 164]
     if not stated:
-        return _FileUnits(length=1.0, force=1.0, stated=False)
+        return FileUnits(length=1.0, force=1.0, stated=False)
     where, content = stated[0]
     length, force = content["length"], content["force"]
     if not (np.isfinite(length) and np.isfinite(force) and length > 0 and force > 0):
@@ -255,15 +285,17 @@ def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> _
             f"{where}: units code {content['units_code']} contradicts the factors "
             f"(length {length:g}, force {force:g}); the factors are used"
         )
-    return _FileUnits(length=1.0 / length, force=1.0 / force, stated=True)
+    return FileUnits(length=1.0 / length, force=1.0 / force, stated=True)
 
 
-def _function(record: Record58, units: _FileUnits, unit: Unit | None, notes: list[str]) -> MeasuredFunction:
+def _function(record: Record58, units: FileUnits, unit: Unit | None, notes: list[str]) -> MeasuredFunction:
     header = record.header
-    kind = _KINDS.get(header["function type"], "other")
+    kind = _kind(record, notes)
+    output, force_at = (_degree(record, end, notes) for end in ("response", "reference"))
     if any(abs(header[f"{end} direction"]) > 3 for end in ("response", "reference")):
         notes.append(f"{record.where}: a rotation or an unknown direction; it is not used")
         kind = "other"
+    component = "" if header["response name"].upper() == "NONE" else header["response name"]
     quantity: Quantity | None = None
     factor = 1.0
     if kind == "frf" and unit is not None:
@@ -279,20 +311,49 @@ def _function(record: Record58, units: _FileUnits, unit: Unit | None, notes: lis
         elif motion is not None and motion.motion is not None:
             denominator = force.factor if force is not None and force.is_force else units.force
             factor, quantity = motion.factor / denominator, motion.motion
+    abscissa = record.abscissa
+    if kind != "other":
+        dimension: Dimension = "frequency" if kind in ("frf", "coherence") else "time"
+        abscissa = abscissa * abscissa_factor(header["abscissa units label"], dimension, record.where)
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
         value = record.value.real if kind == "coherence" else record.value * factor
     return MeasuredFunction(
         kind=kind,
-        abscissa=record.abscissa,
+        abscissa=abscissa,
         value=value,
         quantity=quantity,
-        output=_degree(header["response node"], header["response direction"]),
-        input=_degree(header["reference node"], header["reference direction"]),
+        output=output,
+        input=force_at,
         source=record.where,
+        component=component,
     )
 
 
-def _axis_unit(record: Record58, axis: str, units: _FileUnits, notes: list[str]) -> Unit | None:
+def _kind(record: Record58, notes: list[str]) -> Kind:
+    """Return what a function is: its type, or of type 0 (general) what its abscissa and its denominator say."""
+    header = record.header
+    code = header["function type"]
+    if code != 0:
+        return _KINDS.get(code, "other")
+    label = header["ordinate denominator units label"]
+    over_force = header["ordinate denominator specific data type"] in _FORCE_TYPES or _is_force(label)
+    frequencies = is_frequency(header["abscissa specific data type"], header["abscissa units label"])
+    if frequencies and over_force and np.iscomplexobj(record.value):
+        notes.append(
+            f"{record.where}: function type 0 (general); it is taken as an FRF, complex over frequencies and a force"
+        )
+        return "frf"
+    return "other"
+
+
+def _is_force(label: str) -> bool:
+    try:
+        return parse_unit(label).is_force
+    except MeasurementError:
+        return False
+
+
+def _axis_unit(record: Record58, axis: str, units: FileUnits, notes: list[str]) -> Unit | None:
     """Return the unit of an axis from its label, else from its data type with the units of the file."""
     code = record.header[f"{axis} specific data type"]
     label = record.header[f"{axis} units label"]
@@ -303,6 +364,8 @@ def _axis_unit(record: Record58, axis: str, units: _FileUnits, notes: list[str])
     elif code in _FORCE_TYPES:
         from_type = Unit(factor=units.force, dimension=(0, 0, 1))
     if label.upper() in ("", "NONE"):
+        if from_type is not None and not units.stated:
+            notes.append(f"{record.where}: {axis}: {UNSTATED}")
         return from_type
     try:
         from_label = parse_unit(label)
@@ -317,8 +380,16 @@ def _axis_unit(record: Record58, axis: str, units: _FileUnits, notes: list[str])
     return from_label
 
 
-def _degree(node: int, direction: int) -> tuple[int, int] | None:
-    return (node, direction) if node > 0 and 1 <= abs(direction) <= 3 else None
+def _degree(record: Record58, end: str, notes: list[str]) -> tuple[int, int] | None:
+    """Return point and direction of an end, "response" or "reference"; where both are 0, what its name says alone."""
+    node, direction = record.header[f"{end} node"], record.header[f"{end} direction"]
+    if node > 0 and 1 <= abs(direction) <= 3:
+        return node, direction
+    named = dofs_in(record.header[f"{end} name"]) if node == direction == 0 else []
+    if len(named) != 1:
+        return None
+    notes.append(f"{record.where}: the {end} DOF is taken from its name, {record.header[f'{end} name']!r}")
+    return named[0]
 
 
 def _points(

@@ -8,8 +8,10 @@ fault with one message, and writes a wrong byte count into the header of 58b.
 from __future__ import annotations
 
 import codecs
+import mmap
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +22,9 @@ from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
 
+Content = bytes | mmap.mmap
 _HEADER_LINES = 11
+_LONGEST_HEADER = 4096  # bytes of these lines, which have 80 columns each
 _SIZE = {2: 4, 4: 8, 5: 4, 6: 8}
 _COMPLEX = (5, 6)
 # Field widths of the records, each as (width, name, type), after the description of dataset 58.
@@ -103,21 +107,33 @@ class Record58:
     notes: tuple[str, ...]
 
 
-def cut(path: Path) -> list[DataSet]:
+def cut(path: Path, *, heads: bool = False) -> list[DataSet]:
+    """Return what `data_sets` gives, as a list."""
+    return list(data_sets(path, heads=heads))
+
+
+def data_sets(path: Path, *, heads: bool = False) -> Iterator[DataSet]:
     """Cut a universal file into data sets; doubled or missing delimiters do not shift the following sets.
+
+    The file is not held as a whole: each set is copied out of it when it is asked for.
+
+    Parameters
+    ----------
+    path : Path
+        Universal file.
+    heads : bool
+        Whether functions (58, 58b) come with their headers alone, without their numbers.
 
     Raises
     ------
     MeasurementError
         The file cannot be read or has no data set.
     """
-    try:
-        data = path.read_bytes().removeprefix(codecs.BOM_UTF8)  # which editors put before the first delimiter
-    except (OSError, ValueError) as error:
-        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
-        raise MeasurementError(message) from error
-    sets: list[DataSet] = []
-    position = 0
+    data = _content(path)
+    n_set = 0
+    position = (
+        len(codecs.BOM_UTF8) if data[:3] == codecs.BOM_UTF8 else 0
+    )  # editors put it before the delimiter
     while position < len(data):
         line, position = _line(data, position)
         if not _is_delimiter(line):
@@ -127,20 +143,32 @@ def cut(path: Path) -> list[DataSet]:
         kind = re.match(rb" *(\d{1,6})([bB]?)", line)
         if kind is None:
             continue
+        n_set += 1
         name = (kind[1].lstrip(b"0") + kind[2].lower()).decode()
-        where = f"{path}: data set {len(sets) + 1} ({name})"
+        where = f"{path}: data set {n_set} ({name})"
         end = _binary_end(data, position, where) if name == "58b" else _text_end(data, position)
-        body = data[position : end[0]]
-        sets.append(DataSet(where=where, kind=name, kind_line=line, body=body, closed=end[1] >= 0))
+        stop = min(end[0], position + _LONGEST_HEADER) if heads and name in ("58", "58b") else end[0]
+        body = data[position:stop]
+        yield DataSet(where=where, kind=name, kind_line=line, body=body, closed=end[1] >= 0)
         position = end[1] if end[1] >= 0 else len(data)
-    if not sets:
+    if n_set == 0:
         message = f"{path}: not a universal file: no data set between delimiter lines '    -1'"
         raise MeasurementError(message)
-    return sets
 
 
-def read_58(data_set: DataSet) -> Record58:
-    """Read one dataset 58 or 58b.
+def _content(path: Path) -> Content:
+    """Return a file as bytes that are read where they are looked at."""
+    try:
+        with path.open("rb") as file:
+            empty = os.fstat(file.fileno()).st_size == 0
+            return b"" if empty else mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
+        raise MeasurementError(message) from error
+
+
+def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
+    """Read one dataset 58 or 58b; with `head` its header alone, with one number 0 in place of its values.
 
     Raises
     ------
@@ -163,6 +191,9 @@ def read_58(data_set: DataSet) -> Record58:
     if ordinate not in _SIZE:
         message = f"{data_set.where}: ordinate data type {ordinate} is not one of 2, 4, 5, 6"
         raise MeasurementError(message)
+    if head:
+        value = np.zeros(1, complex if ordinate in _COMPLEX else float)
+        return Record58(where=data_set.where, header=header, abscissa=np.zeros(1), value=value, notes=())
     uneven = header["abscissa spacing"] == 0
     per_value = (2 if ordinate in _COMPLEX else 1) + (1 if uneven else 0)
     if data_set.kind == "58b":
@@ -235,7 +266,7 @@ def _record(values: dict[str, Any], fields: _Fields, prefix: str) -> str:
     return text
 
 
-def _line(data: bytes, position: int) -> tuple[bytes, int]:
+def _line(data: Content, position: int) -> tuple[bytes, int]:
     """Return the line that starts at `position` without its end, and where the next one starts."""
     end = data.find(b"\n", position)
     end = len(data) if end < 0 else end
@@ -250,7 +281,7 @@ _DELIMITER = re.compile(rb"(?:^|\n) {0,4}-1 *\r?(?:\n|\Z)")
 _AFTER_BLOCK = re.compile(rb"[\r\n]{0,4} {0,4}-1 *\r?(?:\n|\Z)")
 
 
-def _text_end(data: bytes, position: int) -> tuple[int, int]:
+def _text_end(data: Content, position: int) -> tuple[int, int]:
     """Return where the body ends and where the next set may start (-1 without a closing delimiter)."""
     found = _DELIMITER.search(data, max(position - 1, 0))
     return (len(data), -1) if found is None else (max(found.start(), position), found.end())
@@ -265,9 +296,9 @@ def _header_lines(data: bytes) -> tuple[list[bytes], bytes]:
     return lines, data[position:]
 
 
-def _binary_end(data: bytes, position: int, where: str) -> tuple[int, int]:
+def _binary_end(data: Content, position: int, where: str) -> tuple[int, int]:
     """Find the end of a 58b by what it announces: its bytes may look like a delimiter."""
-    head = data[position : position + 4096]
+    head = data[position : position + _LONGEST_HEADER]
     lines, rest = _header_lines(head)
     start = position + len(head) - len(rest)
     try:

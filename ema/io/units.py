@@ -43,6 +43,8 @@ _UNITS: dict[str, tuple[float, int, int, int]] = {
 _FOLDED = {label.casefold(): value for label, value in reversed(_UNITS.items())}
 _SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": "*", "×": "*", "[": "(", "]": ")"})
 _TOKEN = re.compile(r"([A-Za-z]+|1)(?:\^?(-?\d+))?|([*/()])")
+_METRE_PER_SECOND = re.compile(r"(?<![A-Za-z])(mm|cm|um|nm|m|in|ft)s\^?\(?-([12])\)?")
+"""``ms-2`` is the metre per square second; per square millisecond nothing is measured."""
 _FRF: dict[tuple[int, int, int], Quantity] = {
     (1, 0, -1): "receptance",
     (1, -1, -1): "mobility",
@@ -89,7 +91,11 @@ def parse_unit(label: str) -> Unit:
     MeasurementError
         The label is not understood; the message names the part that is not.
     """
-    text = label.translate(_SPELLING).replace("**", "^").replace(" ", "")
+    text = label.strip().strip("\"'").translate(_SPELLING).replace("**", "^")
+    text = re.sub(r"(?<=[\w)]) +(?=[A-Za-z(])", "*", text.strip()).replace(
+        " ", ""
+    )  # a blank between units multiplies
+    text = _METRE_PER_SECOND.sub(r"\1*s^-\2", text)
     factor, dimension, position = _product(text, 0, label)
     if not text or position != len(text):
         raise _not_understood(label, text[position:])

@@ -1,6 +1,7 @@
 """Every reader of the program, and the file that it reads: of the shipped data, or made here as small as it can be."""
 
 import shutil
+import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,8 @@ from scipy.io import savemat, wavfile
 
 import model
 from ema.campaign.campaign import read_campaign
+from ema.campaign.draft import draft
+from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
 from ema.identification.poles_file import read_poles, write_poles
 from ema.io.array_histories import read_histories
@@ -46,6 +49,12 @@ TWO_SENSORS = TableLayout(
 )
 SHIPPED = ("demo_stack", "hidden_effect/b", "hidden_effect/pooled_a", "pirnat2013", "stator", "contact")
 
+LABVIEW = "\n".join(
+    ["LabVIEW Measurement", "Separator\tTab", "***End_of_Header***", "", "Channels\t2", "Samples\t40\t40",
+     "Y_Unit_Label\tN\tg", "Delta_X\t0.001\t0.001", "***End_of_Header***", "X_Value\tforce\tacc\tComment",
+     *(f"{k / 1000:.6f}\t{k % 7:.4e}\t{k % 5:.4e}" for k in range(40))]
+)  # fmt: skip
+
 
 def write_files(folder: Path, copy: Callable[[str, str], object] = shutil.copy2) -> None:
     """Put all files that are read into a folder: shipped ones by `copy`, of the demo stack few runs, to be quick."""
@@ -63,6 +72,9 @@ def write_files(folder: Path, copy: Callable[[str, str], object] = shutil.copy2)
     (made / "table.csv").write_text("\n".join(rows), encoding="utf-8")
     rows = [f"{k / 2560:.9f},{k / 3:.6g},{-k / 7:.4e}" for k in range(40)]
     (made / "histories.csv").write_text("\n".join(["t,force [N],a", *rows]), encoding="utf-8")
+    rows = [f"{f} {f / 3:.6g} {-f / 7:.4e}" for f in range(30)]
+    (made / "blanks.txt").write_text("\n".join(["# f re im", "", "#", *rows]), encoding="utf-8")
+    (made / "labview.lvm").write_text(LABVIEW, encoding="utf-8")
     _write_functions(made)
     _write_histories(made)
     _write_modes(made)
@@ -178,6 +190,13 @@ def histories(name, *, axes=("hit", "channel", "time"), sampling="fs", matlab=Fa
     )
 
 
+def drafted(file):
+    """Draft the campaign file of a folder with this file alone, as `lamella new` does."""
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copy(file, folder)
+        draft_file(draft(Path(folder)))
+
+
 UNIVERSAL = both(read_uff_functions, read_uff_geometry)
 # reader: how, the file, among those that stand beside it in its folder, and what may be raised
 READERS = {
@@ -221,6 +240,15 @@ READERS = {
         EmaError,
     ),
     "shapes of SDynPy": (lambda file: read_modes_numpy(file, own_frf()[0]), "made/shapes.npy", EmaError),
+    "first campaign file, of a table": (drafted, "made/table.csv", EmaError),
+    "first campaign file, of blanks": (drafted, "made/blanks.txt", EmaError),
+    "first campaign file, of histories": (drafted, "made/histories.csv", EmaError),
+    "first campaign file, of LabVIEW's text": (drafted, "made/labview.lvm", EmaError),
+    "first campaign file, of a universal file": (drafted, "made/own.uff", EmaError),
+    "first campaign file, of MATLAB": (drafted, "made/plain.mat", EmaError),
+    "first campaign file, of HDF5": (drafted, "made/blows.h5", EmaError),
+    "first campaign file, of NumPy": (drafted, "made/blows.npz", EmaError),
+    "first campaign file, of TDMS": (drafted, "made/blows.tdms", EmaError),
     "points": (lambda file: read_points(file, parse_unit("mm")), "demo_stack/points.csv", EmaError),
     "campaign": (read_campaign, "demo_stack/campaign.toml", EmaError),
     "campaign of tables": (read_campaign, "hidden_effect/b/campaign.toml", EmaError),

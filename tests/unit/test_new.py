@@ -888,3 +888,11 @@ def test_a_complex_variable_called_a_spectrum_is_named_where_frfs_are_missing(tm
     assert "complex variables 'yspec' look like spectra; name the one that holds FRFs" in " ".join(
         new(tmp_path).split()
     )
+
+
+@pytest.mark.parametrize("head", ["# f re im\n\n", "#\n# f re im\n", "title of the test\n\n#\n"])
+def test_an_empty_line_in_the_header_of_a_table_with_blanks(tmp_path, head):
+    (tmp_path / "1+z_2+z.txt").write_text(head + columns(VALUE[:, 0].real, VALUE[:, 0].imag, delimiter=" "))
+    new(tmp_path)
+    fill(tmp_path, ('"?"', '"g/N"'))
+    np.testing.assert_allclose(frf(tmp_path, tmp_path.name).value[0, 0], 9.80665 * VALUE[:, 0])

@@ -1,0 +1,273 @@
+"""Files as laboratories have them: units of axes, lines without numbers, parts with the same points, odd layouts."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat
+
+from ema.campaign.campaign import read_campaign
+from ema.campaign.draft import draft
+from ema.campaign.draft_file import draft_file
+from ema.campaign.measurement import read_measurement
+from ema.io.contents import unit_in
+from ema.io.uff import read_uff_functions
+from ema.io.uff58 import encode_58b
+from ema.io.units import parse_unit
+from ema.types.errors import CampaignError, MeasurementError
+
+VALUE = np.arange(1.0, 41.0) + 2j
+HEADER = {
+    "function type": 4,
+    "response node": 1,
+    "response direction": 3,
+    "reference node": 2,
+    "reference direction": 3,
+    "abscissa specific data type": 18,
+    "abscissa units label": "Hz",
+    "ordinate numerator specific data type": 12,
+    "ordinate numerator units label": "m/s^2",
+    "ordinate denominator specific data type": 13,
+    "ordinate denominator units label": "N",
+}
+POINTS = "node,x,y,z\n1,0,0,0\n2,1,0,0\n3,2,0,0\n4,3,0,0\n"
+UNITS_OF_INCHES = (
+    b"    -1\n   164\n         7Inch, lbf                   2\n"
+    b"    3.93700787401574803D+01    2.24808943099710480D-01    1.80000000000000000D+00\n"
+    b"    4.59670000000000020D+02\n    -1\n"
+)
+POINTS_OF_INCHES = b"    -1\n    15\n" + b"".join(
+    b"%10d%10d%10d%10d%13.5E%13.5E%13.5E\n" % (n, 0, 0, 0, n, 0, 0) for n in (1, 2)
+) + b"    -1\n"  # fmt: skip
+
+
+def write(folder, *headers, name="a.uff", step=0.5, value=VALUE, before=b""):
+    """Write a universal file with a function for each header."""
+    content = before + b"".join(encode_58b(HEADER | header, 0.0, step, value) for header in headers)
+    (folder / name).write_bytes(content)
+    return folder / name
+
+
+def campaign(folder, files="a.uff", more="", points='file = "points.csv"\nunit = "m"'):
+    (folder / "points.csv").write_text(POINTS)
+    text = f'[campaign]\nname = "t"\n[points]\n{points}\n{more}\n[[configuration]]\nname = "A"\nfiles = ["{files}"]\n'
+    (folder / "campaign.toml").write_text(text)
+    return read_measurement(read_campaign(folder / "campaign.toml"), "A")
+
+
+@pytest.mark.parametrize(
+    ("label", "kind", "factor"),
+    [("kHz", 4, 1e3), ("rad/s", 4, 0.5 / np.pi), ("RPM", 4, 1 / 60), ("mHz", 4, 1e-3), ("NONE", 4, 1.0),
+     ("kHz", 6, 1e3), ("ms", 1, 1e-3), ("usec", 1, 1e-6), ("min", 1, 60.0), ("s", 1, 1.0)],
+)  # fmt: skip
+def test_the_unit_of_the_abscissa_is_read(tmp_path, label, kind, factor):
+    value = VALUE if kind == 4 else VALUE.real
+    file = write(tmp_path, {"function type": kind, "abscissa units label": label}, value=value)
+    (function,), _ = read_uff_functions(file)
+    np.testing.assert_allclose(function.abscissa, 0.5 * factor * np.arange(40))
+
+
+@pytest.mark.parametrize(("label", "kind"), [("ms", 4), ("furlong", 4), ("kHz", 1)])
+def test_an_abscissa_of_another_unit_is_refused_with_its_label(tmp_path, label, kind):
+    file = write(tmp_path, {"function type": kind, "abscissa units label": label})
+    with pytest.raises(
+        MeasurementError, match=rf"data set 1 \(58b\): field 'abscissa units label' is '{label}'"
+    ):
+        read_uff_functions(file)
+
+
+def test_spectra_over_anything_do_not_matter(tmp_path):
+    file = write(tmp_path, {}, {"function type": 2, "abscissa units label": "orders"})
+    assert [f.kind for f in read_uff_functions(file)[0]] == ["frf", "other"]
+
+
+def test_units_beside_the_points_hold_for_functions_that_state_none(tmp_path):
+    (tmp_path / "geo.uff").write_bytes(UNITS_OF_INCHES + POINTS_OF_INCHES)
+    write(tmp_path, {"ordinate numerator units label": "NONE", "ordinate denominator units label": "NONE"})
+    measured = campaign(tmp_path, points='file = "geo.uff"')
+    np.testing.assert_allclose(measured.frf.value[0, 0], 0.0254 / 4.4482216 * VALUE, rtol=1e-6)
+
+
+def test_units_that_nobody_stated_are_asked_for(tmp_path):
+    write(tmp_path, {"ordinate numerator units label": "NONE", "ordinate denominator units label": "NONE"})
+    assert any("takes" in n or "taken as SI" in n for n in campaign(tmp_path).notes)
+    (tmp_path / "campaign.toml").unlink()
+    assert any(line.startswith("measurement.unit") for line in draft_file(draft(tmp_path)).missing)
+
+
+def test_a_general_function_over_frequencies_and_a_force_is_an_frf(tmp_path):
+    file = write(tmp_path, {"function type": 0})
+    (function,), notes = read_uff_functions(file)
+    assert (function.kind, function.quantity) == ("frf", "accelerance")
+    assert any("function type 0" in note for note in notes)
+
+
+def test_a_dof_that_only_the_name_states(tmp_path):
+    file = write(
+        tmp_path,
+        {"response node": 0, "response direction": 0, "response name": "12:-Z"},
+        {"response node": 0},
+    )
+    functions, _ = read_uff_functions(file)
+    assert [f.output for f in functions] == [(12, -3), None]
+
+
+def test_a_set_of_no_point_among_good_ones_is_left_out(tmp_path):
+    write(tmp_path, {}, {"response node": -1}, {"response node": 3})
+    measured = campaign(tmp_path)
+    assert measured.frf.output.node.tolist() == [1, 3]
+    assert any("data set 2" in n and "left out" in n for n in measured.notes)
+
+
+def test_two_parts_with_the_same_point_numbers_are_not_merged(tmp_path):
+    write(tmp_path, {"response name": "WING"}, {"response name": "TAIL"})
+    with pytest.raises(MeasurementError, match=r"'TAIL' and 'WING'.*new_output"):
+        campaign(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("lost", "band"), [([0], None), ([20], None), ([0, 1, 2, 39], (5.0, 15.0)), ([0, 20], None)]
+)
+def test_lines_without_numbers_do_not_spoil_a_function(tmp_path, lost, band):
+    value = VALUE.copy()
+    value[lost] = np.nan
+    write(tmp_path, {}, value=value)
+    more = "" if band is None else f"[identification]\nband_Hz = {list(band)}"
+    measured = campaign(tmp_path, more=more)
+    assert np.isfinite(measured.frf.value).all()
+    np.testing.assert_allclose(np.diff(measured.frf.frequency), 0.5)
+    np.testing.assert_allclose(
+        measured.frf.value[0, 0], (1.0 + 2.0 * measured.frf.frequency) + 2j
+    )  # a straight line
+    assert any("no numbers" in n or "numbers there" in n for n in measured.notes)
+
+
+def test_a_function_that_lacks_many_numbers_is_left_to_the_check(tmp_path):
+    value = VALUE.copy()
+    value[10:20] = np.inf
+    write(tmp_path, {}, value=value)
+    assert np.count_nonzero(~np.isfinite(campaign(tmp_path).frf.value)) == 10
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("a.nc4", b"CDF", "its suffix '.nc4' is none of"),
+        ("a.txt", b"1.0\n2.0\n3.0\n" * 9, "no rows of two or more columns"),
+        ("a.uff", b"    -1\n    55\nNONE\n    -1\n", "it holds data sets 55"),
+        ("b.uff", POINTS_OF_INCHES + b"    -1\n    55\nNONE\n    -1\n", "it holds data sets 15, 55"),
+        ("a.uff", POINTS_OF_INCHES + b"    -1\n    58\nNONE\n    -1\n", "the header has 1 lines"),
+        (
+            "a.uff",
+            encode_58b(HEADER | {"function type": 12}, 0.0, 0.5, VALUE),
+            "neither FRFs .* nor time histories",
+        ),
+    ],
+)
+def test_why_a_file_is_no_measurement(tmp_path, name, content, reason):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(CampaignError, match=rf"{name}.*{reason}"):
+        draft(tmp_path)
+
+
+def test_files_with_frfs_outvote_more_files_of_coherences(tmp_path):
+    axis = {"f": np.arange(1.0, 41.0)}
+    for k in (1, 2):
+        savemat(tmp_path / f"H{k}.mat", axis | {"H": VALUE})
+    for k in (1, 2, 3):
+        savemat(tmp_path / f"C{k}.mat", axis | {"coh": np.linspace(0.5, 1.0, 40)})
+    found = draft(tmp_path)
+    assert [c.file.name for c in found.contents] == ["H1.mat", "H2.mat"]
+
+
+def test_h1_in_a_name_outweighs_fft(tmp_path):
+    savemat(
+        tmp_path / "a.mat", {"FFT1_H1_2_1_Y_ReIm": VALUE, "FFT1_AP_1_Y_ReIm": 2 * VALUE, "xIncrement": 0.5}
+    )
+    (contents,) = draft(tmp_path).contents
+    assert (contents.keys["frf"], contents.keys["axis_step"]) == ("FFT1_H1_2_1_Y_ReIm", 0.5)
+
+
+@pytest.mark.parametrize("label", ["m s^-2/N", "ms-2/N", "m s-2 N-1", '"m/s2/N"', "ms^-2 N^-1", "mm s^-2/mN"])
+def test_units_with_negative_powers(label):
+    unit = parse_unit(label)
+    assert (unit.factor, unit.frf) == (1.0, "accelerance")
+
+
+def test_a_unit_in_quotes():
+    assert unit_in('"Frequency" "Hz" "g/N"') == "g/N"
+
+
+def test_fixed_sensors_and_a_roving_hammer_are_one_run(tmp_path):
+    for force in (1, 2, 3):
+        write(
+            tmp_path,
+            *({"response node": n, "reference node": force} for n in (3, 4)),
+            name=f"hit_{force}.uff",
+        )
+    (tmp_path / "points.csv").write_text(POINTS)
+    text = draft_file(draft(tmp_path)).text
+    (tmp_path / "campaign.toml").write_text(text)
+    measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), tmp_path.name)
+    assert "roves" in text
+    assert set(measured.frf.run.tolist()) == {0}
+    assert measured.frf.value.shape[:2] == (3, 2)
+
+
+def peak_of(run):
+    tracemalloc.start()
+    try:
+        run()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_of_large_universal_files(tmp_path):
+    """A first campaign file needs headers alone; reading needs little more than the functions themselves."""
+    value = np.resize(VALUE, 40_000)
+    write(tmp_path, *({"response node": n} for n in range(1, 41)), value=value)
+    arrays = 40 * value.nbytes
+    campaign_file = "".join(f"{n},{n},0,0\n" for n in range(5, 41))
+    (tmp_path / "points.csv").write_text(POINTS + campaign_file)
+    assert peak_of(lambda: draft_file(draft(tmp_path))) < 0.1 * arrays
+    (tmp_path / "campaign.toml").write_text(draft_file(draft(tmp_path)).text)
+    read = read_campaign(tmp_path / "campaign.toml")
+    assert peak_of(lambda: read_measurement(read, tmp_path.name)) < 2.5 * arrays
+
+
+def test_records_of_unequal_lengths_share_their_lines(tmp_path):
+    rng = np.random.default_rng(0)
+    for run, n_sample in enumerate((912, 903, 910), start=1):
+        force = np.zeros(n_sample)
+        force[5:8] = 1.0, 2.0, 1.0
+        response = np.convolve(force, np.exp(-0.02 * np.arange(n_sample)) * rng.standard_normal(n_sample))[
+            :n_sample
+        ]
+        rows = "".join(
+            f"{k / 1000:.4f},{f:.6f},{x:.6f}\n" for k, (f, x) in enumerate(zip(force, response, strict=True))
+        )
+        (tmp_path / f"run_{run}.csv").write_text(rows)
+    more = (
+        '[measurement.table]\nlayout = "time"\n[measurement.time]\nwindow = "boxcar"\nforce_unit = "N"\n'
+        'response_unit = "m/s2"'
+    )
+    (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "campaign.toml").write_text(
+        f'[campaign]\nname = "t"\n[points]\nfile = "points.csv"\nunit = "m"\n{more}\n[[configuration]]\n'
+        'name = "A"\nfiles = ["run_*.csv"]\noutput = ["1+z", "2+z", "3+z"]\ninput = ["4+z"]\n'
+    )
+    measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), "A")
+    assert measured.frf.value.shape == (3, 1, 903 // 2 + 1)
+    assert any("903 to 912 samples" in note for note in measured.notes)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.95])
+def test_a_tdms_file_that_is_cut_off_is_named_so(tmp_path, share):
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([ChannelObject("hit", name, np.arange(400.0)) for name in ("force", "acc")])
+    content = (tmp_path / "a.tdms").read_bytes()
+    (tmp_path / "a.tdms").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(CampaignError, match=r"a\.tdms: is cut off"):
+        draft(tmp_path)
