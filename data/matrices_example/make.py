@@ -42,15 +42,26 @@ def deck(outer: float = 1.0, springs: bool = False, step: str = "*FREQUENCY, SOL
             name = "STRIP" if i >= OUTER else "INNER"
             label = str(i * N_Y + j + 1)
             elements[name].append(", ".join([label, *nodes[:9]]) + ",\n" + ", ".join(nodes[9:]))
-    place = {n: (i * LENGTH / N_X / 2, j * WIDTH / N_Y / 2, k * THICKNESS / 2) for (i, j, k), n in number.items()}
+    place = {
+        n: (i * LENGTH / N_X / 2, j * WIDTH / N_Y / 2, k * THICKNESS / 2) for (i, j, k), n in number.items()
+    }
     root = [n for (i, _, _), n in number.items() if i == 0]
     lines = ["*NODE, NSET=ALL", *(f"{n}, {x:.6g}, {y:.6g}, {z:.6g}" for n, (x, y, z) in place.items())]
     for name, own in elements.items():
         lines += [f"*ELEMENT, TYPE=C3D20R, ELSET={name}", *own]
     lines += ["*NSET, NSET=ROOT", *(f"{n}," for n in root)]
-    lines += ["*NSET, NSET=TOP", *(f"{n}," for (i, j, k), n in number.items() if k == 2 and i % 2 == j % 2 == 0)]
+    lines += [
+        "*NSET, NSET=TOP",
+        *(f"{n}," for (i, j, k), n in number.items() if k == 2 and i % 2 == j % 2 == 0),
+    ]
     for name, factor in (("INNER", 1.0), ("STRIP", outer)):
-        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC", f"{factor * YOUNG}, {POISSON}", "*DENSITY", f"{DENSITY}"]
+        lines += [
+            f"*MATERIAL, NAME={name}",
+            "*ELASTIC",
+            f"{factor * YOUNG}, {POISSON}",
+            "*DENSITY",
+            f"{DENSITY}",
+        ]
         lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     if springs:
         for axis in (1, 2, 3):
@@ -77,7 +88,10 @@ def main() -> None:
         for file in ("plate.inp", "plate.dof"):
             shutil.copy(folder / file, HERE / file)
         for file in ("plate.sti", "plate.mas", "strip_doubled.sti"):
-            with (HERE / f"{file}.gz").open("wb") as raw, gzip.GzipFile(fileobj=raw, mode="wb", mtime=0) as packed:
+            with (
+                (HERE / f"{file}.gz").open("wb") as raw,
+                gzip.GzipFile(fileobj=raw, mode="wb", mtime=0) as packed,
+            ):
                 packed.write((folder / file).read_bytes())
 
 

@@ -122,7 +122,8 @@ def _entries(path: Path, table: NDArray[np.float64], labels: Path | None) -> Ent
         raise MatricesError(message)
     node, dof = read_labels(labels)
     row, column = (table[:, i].astype(np.int64) - 1 for i in (0, 1))
-    lowest, highest = (int(f(np.append(row, column))) + 1 for f in (np.min, np.max))
+    every = np.append(row, column) + 1
+    lowest, highest = int(every.min(initial=1)), int(every.max(initial=1))
     if lowest < 1 or highest > node.size:
         message = (
             f"{path}: has rows {lowest} to {highest}, and {labels} labels 1 to {node.size}; they do not match"

@@ -30,6 +30,7 @@ _SHIFT = 1 / 4  # of the band: low against its modes, and far above what roundin
 _FIRST = 20  # modes that are sought first
 _TOLERANCE = 1e-11  # relative, of eigenvalues
 _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
+_NEGATIVE = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
 _RIGID = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
 _ORDER = 2  # powers of a change that responses stand for: what is left is of the third
 _COLUMNS = 64  # right-hand sides at once
@@ -168,29 +169,16 @@ def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | Non
     MatricesError
         The structure is not held together, or motions of a rigid body cost energy though it is stated to be free.
     """
-    theta, top = {**structure.theta, **(theta or {})}, 2.0 * np.pi * structure.band_Hz
+    theta = {**structure.theta, **(theta or {})}
     stiffness, mass = (structure.matrix(target, theta) for target in ("K", "M"))
-    shift = (_SHIFT * top) ** 2
-    try:
-        factor = CholeskyFactor(stiffness + shift * mass, structure.location)
-    except NotPositiveError as error:
-        where = name_of(int(structure.node[error.index]), int(structure.dof[error.index]))
-        message = (
-            f"{structure.name}: the stiffness is not positive near {where}: parts without mass hang loose there, or "
-            "rows are Lagrange multipliers"
-        )
-        raise MatricesError(message) from error
+    shift = (_SHIFT * 2.0 * np.pi * structure.band_Hz) ** 2
+    factor = _factored(structure, stiffness + shift * mass)
     modes, value = _modes(mass, factor, shift, structure.band_Hz)
+    if value[0] < -_NEGATIVE * shift:
+        message = f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?"
+        raise MatricesError(message)
     _check_rigid(structure, stiffness, mass, value)
-    loads = [_unit_loads(structure)]
-    answers = [_solved(factor, loads[0])]
-    below = value < top**2
-    for one in structure.factors:
-        answer = modes[:, below]
-        for _ in range(_ORDER):
-            loads.append(_changed(structure, one, answer, value[below]))
-            answer = _solved(factor, loads[-1])
-            answers.append(answer)
+    loads, answers = _responses(structure, factor, modes, value)
     basis = np.hstack([modes, _beside(modes, answers, loads, mass, shift)])
     terms = tuple(
         ReducedTerm(
@@ -212,6 +200,41 @@ def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | Non
     return replace(found, left=Left(frequency=left, compliance=compliance))
 
 
+def _factored(structure: MatrixStructure, matrix: Any) -> CholeskyFactor:
+    """Return the factor of the shifted stiffness.
+
+    Raises
+    ------
+    MatricesError
+        It is not positive definite; the message names a node.
+    """
+    try:
+        return CholeskyFactor(matrix, structure.location)
+    except NotPositiveError as error:
+        where = name_of(int(structure.node[error.index]), int(structure.dof[error.index]))
+        message = (
+            f"{structure.name}: the stiffness is not positive near {where}: parts without mass hang loose there, or "
+            "rows are Lagrange multipliers"
+        )
+        raise MatricesError(message) from error
+
+
+def _responses(
+    structure: MatrixStructure, factor: CholeskyFactor, modes: Vectors, value: Vectors
+) -> tuple[list[Vectors], list[Vectors]]:
+    """Return forces, those at points first, and their static responses, each (n, k)."""
+    loads = [_unit_loads(structure)]
+    answers = [_solved(factor, loads[0])]
+    below = value < (2.0 * np.pi * structure.band_Hz) ** 2
+    for one in structure.factors:
+        answer = modes[:, below]
+        for _ in range(_ORDER):
+            loads.append(_changed(structure, one, answer, value[below]))
+            answer = _solved(factor, loads[-1])
+            answers.append(answer)
+    return loads, answers
+
+
 def _even(matrix: Vectors) -> Vectors:
     return np.asarray((matrix + matrix.T) / 2.0)
 
@@ -227,7 +250,8 @@ def _modes(mass: Any, factor: CholeskyFactor, shift: float, band_Hz: float) -> t
     moving = int(np.count_nonzero(mass.diagonal()))
     n, random = min(_FIRST, moving), np.random.default_rng(0)
     while True:
-        start = factor.solve(random.standard_normal((mass.shape[0], n)))
+        # the mass goes first: only then do rows without mass follow the others
+        start = factor.solve(mass @ random.standard_normal((mass.shape[0], n)))
         value, vector = lowest_modes(factor.solve, lambda x: mass @ x, shift, start, n, _TOLERANCE)
         if value[-1] > limit or n == moving:
             break
