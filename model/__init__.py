@@ -4,6 +4,8 @@ import model.plot.stack  # noqa: F401  # registers how a stack shows itself
 from model.contact.slip_law import SlipLaw
 from model.effects.catalogue import catalogue, find_effects, printed_effects, read_effect
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
+from model.matrices.reduced import ReducedMatrices, reduce_matrices
+from model.matrices.structure import MatrixStructure, read_matrices
 from model.modes.backbone import Backbone, backbone
 from model.modes.contact_strain import ContactStrain, contact_strain
 from model.modes.enrichment import enriched, with_attachment_modes
@@ -18,7 +20,7 @@ from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem, reduce, reduced_terms
 from model.reduction.truncation import Sampled, truncated
 from model.stack.effect import Effect, Parameter, shared_parameters
-from model.stack.errors import EffectError, ModelError, SolveError, StackError
+from model.stack.errors import EffectError, MatricesError, ModelError, SolveError, StackError
 from model.stack.material import Material
 from model.stack.parts import Clamp, Contact, Instruments, Mesh
 from model.stack.stack import Stack
@@ -36,6 +38,8 @@ __all__ = [
     "Instruments",
     "Kron",
     "Material",
+    "MatricesError",
+    "MatrixStructure",
     "Mesh",
     "ModelError",
     "Modes",
@@ -45,6 +49,7 @@ __all__ = [
     "Parameter",
     "ParameterFactor",
     "ReducedEquations",
+    "ReducedMatrices",
     "ReducedSystem",
     "Refined",
     "Sampled",
@@ -68,8 +73,10 @@ __all__ = [
     "observe",
     "printed_effects",
     "read_effect",
+    "read_matrices",
     "read_stack",
     "reduce",
+    "reduce_matrices",
     "reduced_terms",
     "refine",
     "sample_points",

@@ -2,6 +2,7 @@
 
 ModelError
 ├── StackError   the stack file or description: an unknown key, an impossible value
+├── MatricesError  matrices of another program: unreadable, or not those of a vibrating structure
 ├── EffectError  a physical effect: unknown, contradictory, or not possible on this stack
 └── SolveError   the numerical solution: a singular system, no convergence
 """
@@ -15,6 +16,10 @@ class ModelError(Exception):
 
 class StackError(ModelError):
     """The description of the stack is incomplete or impossible."""
+
+
+class MatricesError(ModelError):
+    """The matrices of another program, or their structure file, cannot be read or cannot be right."""
 
 
 class EffectError(ModelError):

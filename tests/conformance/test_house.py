@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 FORBIDDEN = {"ema": {"model", "updating"}, "model": {"ema", "updating"}, "updating": set()}
 FOLDERS = {
     "ema": ("types", "io", "campaign", "quality", "modal", "identification", "plot"),
-    "model": ("stack", "elements", "contact", "solvers", "reduction", "modes", "effects", "plot"),
+    "model": ("stack", "elements", "contact", "solvers", "reduction", "matrices", "modes", "effects", "plot"),
     "updating": (
         "workers", "correlation", "fitting", "results", "diagnosis", "pooled", "virtual", "blind", "published",
         "report", "workbench", "commands",

@@ -1,0 +1,245 @@
+"""Matrices whose rows are labelled by node and degree of freedom, as finite-element programs write them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.stack.errors import MatricesError
+
+Index = NDArray[np.int64]
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""Degrees of freedom 1 to 6 of a node: displacements along the axes, rotations about them."""
+ASYMMETRIC = (
+    1e-6  # of the two diagonal entries: text of seven digits is no better, gyroscopic terms are far larger
+)
+_HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a displacement is prescribed
+_N_DOF = 8  # more than a node has, so that a label is one number
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Entries:
+    """What a file holds: entries of a matrix and the labels of its rows.
+
+    Attributes
+    ----------
+    source : str
+        The file, for messages.
+    node, dof : (n,) int
+        Label of each row: node number and degree of freedom, 1 to 6.
+    row, column : (m,) int
+        Place of each entry, from 0.
+    value : (m,) float
+        Entries, in the units of the file.
+    """
+
+    source: str
+    node: Index
+    dof: Index
+    row: Index
+    column: Index
+    value: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """A consistent system of units.
+
+    Attributes
+    ----------
+    name : str
+        Its name, such as "mm-t-s".
+    length, mass, time : float
+        Its units in m, kg and s.
+    """
+
+    name: str
+    length: float
+    mass: float
+    time: float
+
+    def factor(self, target: Literal["M", "C", "K"]) -> float:
+        """Return an entry of a translation in SI units."""
+        return self.mass / self.time ** {"M": 0, "C": 1, "K": 2}[target]
+
+
+UNITS = {
+    one.name: one
+    for one in (
+        Units(name="m-kg-s", length=1.0, mass=1.0, time=1.0),
+        Units(name="mm-t-s", length=1e-3, mass=1e3, time=1.0),  # N and MPa: the usual one
+        Units(name="mm-kg-s", length=1e-3, mass=1.0, time=1.0),  # mN and kPa
+        Units(name="mm-kg-ms", length=1e-3, mass=1.0, time=1e-3),  # kN and GPa
+        Units(name="mm-g-ms", length=1e-3, mass=1e-3, time=1e-3),  # N and MPa
+        Units(name="m-t-s", length=1.0, mass=1e3, time=1.0),  # kN and kPa
+        Units(name="in-lbfs2/in-s", length=0.0254, mass=175.126835, time=1.0),  # lbf and psi
+        Units(name="ft-slug-s", length=0.3048, mass=14.5939029, time=1.0),  # lbf
+    )
+}
+
+
+def name_of(node: int, dof: int) -> str:
+    """Return a label in words."""
+    return (
+        f"node {node}, {DIRECTIONS[dof - 1] if 1 <= dof <= len(DIRECTIONS) else f'degree of freedom {dof}'}"
+    )
+
+
+def key(node: Index, dof: Index) -> Index:
+    """Return labels as one number each."""
+    return np.asarray(node, dtype=np.int64) * _N_DOF + np.asarray(dof, dtype=np.int64)
+
+
+def label_of(number: int) -> tuple[int, int]:
+    """Return the node and the degree of freedom of a label that is one number."""
+    return divmod(number, _N_DOF)
+
+
+def check_labels(entries: Entries) -> None:
+    """Refuse labels that are no displacement of a node, or are there twice.
+
+    Raises
+    ------
+    MatricesError
+        The message names the first of them.
+    """
+    strange = (entries.node < 1) | (entries.dof < 1) | (entries.dof > len(DIRECTIONS))
+    if strange.any():
+        i = int(np.argmax(strange))
+        message = (
+            f"{entries.source}: row {i + 1} is {name_of(int(entries.node[i]), int(entries.dof[i]))}, which is no "
+            "displacement of a node but an internal variable: a Lagrange multiplier, a scalar point, a pressure or a "
+            "temperature. Write the matrices without them (ties by penalty or elimination, no acoustic elements)"
+        )
+        raise MatricesError(message)
+    labels, count = np.unique(key(entries.node, entries.dof), return_counts=True)
+    if labels.size < entries.node.size:
+        again = int(labels[np.argmax(count > 1)])
+        message = (
+            f"{entries.source}: {name_of(*label_of(again))} is there {count.max()} times. A sector with "
+            "cyclic symmetry has real and imaginary rows; write the matrices of the whole structure"
+        )
+        raise MatricesError(message)
+
+
+def symmetric(entries: Entries) -> sp.csr_matrix:
+    """Return a matrix with both triangles, in the units and the order of the file.
+
+    One triangle, either of the two or a mixture, is completed; a full matrix must be symmetric.
+
+    Raises
+    ------
+    MatricesError
+        An entry is no number, is there twice, or differs from its mirror image.
+    """
+    check_labels(entries)
+    if not np.isfinite(entries.value).all():
+        i = int(np.argmin(np.isfinite(entries.value)))
+        message = (
+            f"{entries.source}: entry ({_place(entries, i)}) is {entries.value[i]}; a finite number is needed"
+        )
+        raise MatricesError(message)
+    n = entries.node.size
+    matrix = sp.csr_matrix((entries.value, (entries.row, entries.column)), shape=(n, n))
+    if matrix.nnz < entries.value.size:
+        places, first = np.unique(entries.row * n + entries.column, return_index=True)
+        i = int(np.setdiff1d(np.arange(entries.value.size), first)[0])
+        message = (
+            f"{entries.source}: entry ({_place(entries, i)}) is there twice; {entries.value.size - places.size} "
+            "entries are. Two files or two steps seem to be written one after the other: keep one of them"
+        )
+        raise MatricesError(message)
+    pattern = sp.csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=(n, n))
+    lower, upper = sp.tril(pattern, -1), sp.triu(pattern, 1)
+    if (lower + upper).nnz == 0 or lower.multiply(upper.T).nnz == 0:
+        return sp.csr_matrix(matrix + matrix.T - sp.diags_array(matrix.diagonal()))
+    return _checked_symmetric(matrix, entries)
+
+
+def _checked_symmetric(matrix: sp.csr_matrix, entries: Entries) -> sp.csr_matrix:
+    size = np.sqrt(np.abs(matrix.diagonal()))
+    difference = sp.coo_matrix(abs(matrix - matrix.T))
+    scale = size[difference.row] * size[difference.col]
+    beyond = difference.data > ASYMMETRIC * np.where(scale > 0.0, scale, np.inf)
+    beyond |= (scale == 0.0) & (difference.data > 0.0)
+    if beyond.any():
+        worst = int(np.argmax(np.where(beyond, difference.data, 0.0)))
+        i, j = int(difference.row[worst]), int(difference.col[worst])
+        message = (
+            f"{entries.source}: not symmetric: {matrix[i, j]:.9g} couples {_row(entries, i)} to {_row(entries, j)}, "
+            f"{matrix[j, i]:.9g} the other way. Friction, follower loads, rotors, fluids and u-p elements give such "
+            "matrices; write those of the structure alone"
+        )
+        raise MatricesError(message)
+    return sp.csr_matrix((matrix + matrix.T) / 2.0)
+
+
+def _row(entries: Entries, i: int) -> str:
+    return name_of(int(entries.node[i]), int(entries.dof[i]))
+
+
+def _place(entries: Entries, i: int) -> str:
+    return f"{_row(entries, int(entries.row[i]))}; {_row(entries, int(entries.column[i]))}"
+
+
+def held(entries: Entries) -> NDArray[np.bool_]:
+    """Return which rows, (n,), a program holds by an enormous stiffness on the diagonal."""
+    found = np.zeros(entries.node.size, dtype=bool)
+    found[entries.row[(entries.row == entries.column) & (entries.value >= _HELD)]] = True
+    return found
+
+
+def without(entries: Entries, dropped: NDArray[np.bool_]) -> Entries:
+    """Return the entries without some rows, (n,), and their columns."""
+    number = np.cumsum(~dropped) - 1
+    kept = ~(dropped[entries.row] | dropped[entries.column])
+    return Entries(
+        source=entries.source,
+        node=entries.node[~dropped],
+        dof=entries.dof[~dropped],
+        row=number[entries.row[kept]],
+        column=number[entries.column[kept]],
+        value=entries.value[kept],
+    )
+
+
+def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
+    """Return a matrix in the rows of another one.
+
+    Parameters
+    ----------
+    entries : Entries
+        The matrix; it may lack rows, where it is zero.
+    node, dof : (n,) int
+        Labels of the rows of the other one.
+    of : str
+        What that is, for messages.
+
+    Raises
+    ------
+    MatricesError
+        As in `symmetric`, and where a row has a label that the other one lacks.
+    """
+    matrix = symmetric(entries)
+    wanted, given = key(node, dof), key(entries.node, entries.dof)
+    order = np.argsort(wanted)
+    at = order[np.minimum(np.searchsorted(wanted, given, sorter=order), wanted.size - 1)]
+    strange = wanted[at] != given
+    if strange.any():
+        used = np.diff(matrix.indptr)[strange] > 0
+        if used.any():
+            i = int(np.flatnonzero(strange)[np.argmax(used)])
+            message = (
+                f"{entries.source}: {_row(entries, i)} is not among the rows of {of}; {int(used.sum())} rows are not. "
+                "Write all matrices from one model, with the same supports"
+            )
+            raise MatricesError(message)
+    kept = np.flatnonzero(~strange)
+    n = wanted.size
+    turn = sp.csr_matrix((np.ones(kept.size), (at[kept], kept)), shape=(n, given.size))
+    return sp.csr_matrix(turn @ matrix @ turn.T)

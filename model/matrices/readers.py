@@ -1,0 +1,274 @@
+"""Readers of matrices that other programs write: CalculiX, Abaqus, Nastran, Ansys, Matrix Market, npz and MATLAB."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.matrices.labelled import DIRECTIONS, Entries, Index
+from model.matrices.text import kind_of, numbers, read_text, rows_of_csv
+from model.stack.errors import MatricesError
+
+Target = Literal["M", "C", "K"]
+Labels = tuple[Index, Index]  # nodes and degrees of freedom
+
+_ANSYS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(1, 7), strict=True))
+_NASTRAN = {
+    "K": ("KAAX", "KGGX", "KAA", "KGG"),
+    "M": ("MAAX", "MGGX", "MAA", "MGG"),
+    "C": ("BAAX", "BAA", "BGG"),
+}
+_FULL = {"K": 1, "M": 2}  # place of a matrix in what ansys-mapdl-reader returns
+
+
+def read_entries(given: str, folder: Path, target: Target, labels: Path | None) -> Entries:
+    """Read one matrix.
+
+    Parameters
+    ----------
+    given : str
+        The file, followed by `#NAME` where it holds several matrices.
+    folder : Path
+        Where it is.
+    target : "M", "C" or "K"
+        What it is: which of several matrices is taken where no name is given.
+    labels : Path, optional
+        File of the labels of the rows, for programs that keep them apart.
+
+    Raises
+    ------
+    MatricesError
+        The file cannot be read; the message says what it should look like.
+    """
+    file, _, name = given.partition("#")
+    path, kind = folder / file, kind_of(Path(file))
+    if kind in _TEXT:
+        return _TEXT[kind](path, name, target)
+    if kind == ".full":
+        return _full(path, target)
+    if kind in (".npz", ".mat"):
+        return _labelled(path, _array(path, name), labels)
+    if kind in (".sti", ".mas", ".dam"):
+        form = "row column value, as CalculiX writes with *FREQUENCY, SOLVER=MATRIXSTORAGE"
+        table = numbers(path, read_text(path), 3, form)
+        return _entries(path, table, labels or path.with_name(path.name.replace(kind, ".dof")))
+    if kind in (".mtx", ".mmf"):
+        text = read_text(path)
+        if not text.startswith("%%MatrixMarket"):
+            return _abaqus(path, text)
+        try:
+            matrix = sp.coo_matrix(scipy.io.mmread(io.StringIO(text)))
+        except (ValueError, TypeError, OverflowError) as error:
+            message = f"{path}: not a Matrix Market file: {error}"
+            raise MatricesError(message) from error
+        return _labelled(path, matrix, labels)
+    known = (
+        ".sti .mas (CalculiX), .mtx (Abaqus, Matrix Market), .pch (Nastran), .mmf .full (Ansys), .npz, .mat"
+    )
+    message = f"{path}: the suffix says no program; known are {known}, each also with .gz"
+    raise MatricesError(message)
+
+
+def read_labels(path: Path) -> Labels:
+    """Read the labels of rows: `.dof` of CalculiX, `.mapping` of Ansys, or CSV with columns node and dof.
+
+    Raises
+    ------
+    MatricesError
+        A line holds something else.
+    """
+    if kind_of(path) == ".csv":
+        rows = rows_of_csv(path, ("node", "dof"))
+        words = [((one["node"] or "").strip(), (one["dof"] or "").strip()) for one in rows]
+        form = "12,3 or 12,z"
+    elif kind_of(path) == ".mapping":
+        lines = [line.split() for line in read_text(path).splitlines() if line[:12].strip().isdigit()]
+        words = [(one[1], one[2]) if len(one) == 3 else (" ".join(one), "") for one in lines]
+        form = "equation node UX, as HBMAT writes"
+    else:
+        words = [(one.partition(".")[0], one.partition(".")[2]) for one in read_text(path).split()]
+        form = "node.direction, such as 12.3"
+    node, dof = np.zeros(len(words), dtype=np.int64), np.zeros(len(words), dtype=np.int64)
+    for i, pair in enumerate(words):
+        try:
+            one, two = pair
+            node[i] = int(one)
+            dof[i] = _dof(two)
+        except ValueError as error:
+            message = f"{path}: label {i + 1} is {' '.join(pair)!r}; it must be: {form}"
+            raise MatricesError(message) from error
+    return node, dof
+
+
+def _dof(word: str) -> int:
+    """Return a degree of freedom as a number."""
+    if word.lower() in DIRECTIONS:
+        return DIRECTIONS.index(word.lower()) + 1
+    return _ANSYS[word.upper()] if word.upper() in _ANSYS else int(word)
+
+
+def _entries(path: Path, table: NDArray[np.float64], labels: Path | None) -> Entries:
+    """Return the entries of a table of row, column (from 1) and value, with labels from their file."""
+    if labels is None:
+        message = f'{path}: says no nodes; name the table of its rows, such as dofs = "dofs.csv" with node,dof,x,y,z'
+        raise MatricesError(message)
+    node, dof = read_labels(labels)
+    row, column = (table[:, i].astype(np.int64) - 1 for i in (0, 1))
+    every = np.append(row, column) + 1
+    lowest, highest = int(every.min(initial=1)), int(every.max(initial=1))
+    if lowest < 1 or highest > node.size:
+        message = (
+            f"{path}: has rows {lowest} to {highest}, and {labels} labels 1 to {node.size}; they do not match"
+        )
+        raise MatricesError(message)
+    return Entries(source=str(path), node=node, dof=dof, row=row, column=column, value=table[:, 2])
+
+
+def _labelled(path: Path, matrix: sp.coo_matrix, labels: Path | None) -> Entries:
+    """Return a square matrix with labels from their file."""
+    if matrix.shape[0] != matrix.shape[1] or np.iscomplexobj(matrix.data):
+        what = "complex" if np.iscomplexobj(matrix.data) else f"{matrix.shape[0]} by {matrix.shape[1]}"
+        message = f"{path}: the matrix is {what}; a real square one is needed"
+        raise MatricesError(message)
+    found = _entries(path, np.column_stack([matrix.row + 1, matrix.col + 1, matrix.data]), labels)
+    if found.node.size != matrix.shape[0]:
+        message = (
+            f"{path}: has {matrix.shape[0]} rows, and {labels} {found.node.size} labels; they do not match"
+        )
+        raise MatricesError(message)
+    return found
+
+
+def _array(path: Path, name: str) -> sp.coo_matrix:
+    """Return a matrix of an npz file (of `scipy.sparse.save_npz`, or dense by name) or of a MATLAB file."""
+    try:
+        if kind_of(path) == ".mat":
+            arrays = {k: v for k, v in scipy.io.loadmat(path).items() if not k.startswith("__")}
+        else:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {k: file[k] for k in file.files}
+            if "format" in arrays:
+                return sp.coo_matrix(sp.load_npz(path))
+    except (OSError, ValueError, NotImplementedError, KeyError, EOFError) as error:
+        message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise MatricesError(message) from error
+    if not name and len(arrays) == 1:
+        name = next(iter(arrays))
+    if name not in arrays or np.ndim(arrays[name]) != 2:
+        message = (
+            f"{path}: holds no matrix {name!r}; name one of {', '.join(sorted(arrays))} as {path.name}#NAME"
+        )
+        raise MatricesError(message)
+    matrix = arrays[name]
+    kept = matrix if sp.issparse(matrix) else np.asarray(matrix)
+    return sp.coo_matrix(kept.astype(complex if np.iscomplexobj(kept) else float))
+
+
+def _from_pairs(path: Path, one: Index, two: Index, value: NDArray[np.float64]) -> Entries:
+    """Return entries whose rows and columns are given by labels, each (m, 2): node and degree of freedom."""
+    labels, number = np.unique(np.concatenate([one, two]), axis=0, return_inverse=True)
+    number = number.reshape(2, -1)
+    return Entries(
+        source=str(path), node=labels[:, 0], dof=labels[:, 1], row=number[0], column=number[1], value=value
+    )
+
+
+def _abaqus(path: Path, text: str) -> Entries:
+    """Read `*MATRIX OUTPUT, FORMAT=MATRIX INPUT`: node, dof, node, dof, value."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("*")]
+    form = "node, dof, node, dof, value, as Abaqus writes with *MATRIX OUTPUT, FORMAT=MATRIX INPUT"
+    table = numbers(path, "\n".join(lines) or "none", 5, form, delimiter=",")
+    return _from_pairs(path, table[:, 0:2].astype(np.int64), table[:, 2:4].astype(np.int64), table[:, 4])
+
+
+def _nastran(path: Path, name: str, target: Target) -> Entries:
+    """Read DMIG cards of a punch file, in fields of 8, of 16 (`DMIG*`), or between commas."""
+    found: dict[str, tuple[int, list[tuple[int, int, int, int, float]]]] = {}
+    current, column = "", (0, 0)
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        if not line.strip() or line.startswith("$"):
+            continue
+        fields = _fields(line)
+        try:
+            if fields[0].rstrip("*").upper() == "DMIG":
+                current = fields[1].upper()
+                if fields[2] == "0" and current not in found:
+                    found[current] = (int(fields[3]), [])
+                    continue
+                column, rest = (int(fields[2]), int(fields[3] or 0)), fields[5:]
+            elif fields[0].rstrip("*") in ("", "+") or fields[0].startswith(("*", "+")):
+                rest = fields[1:]
+            else:
+                current = ""
+                continue
+            if not current:
+                continue
+            while len(rest) >= 3 and rest[0]:
+                found[current][1].append((int(rest[0]), int(rest[1] or 0), *column, _real(rest[2])))
+                rest = rest[4:]
+        except (ValueError, IndexError, KeyError) as error:
+            message = f"{path}: line {number} is no card DMIG of a real matrix: {line.strip()!r}"
+            raise MatricesError(message) from error
+    wanted = [name.upper()] if name else [one for one in _NASTRAN[target] if one in found]
+    if not wanted or wanted[0] not in found:
+        message = f"{path}: holds no matrix {name or target}; there are {', '.join(found) or 'none'}"
+        raise MatricesError(message)
+    form, table = found[wanted[0]]
+    if form not in (1, 6) or not table:
+        message = (
+            f"{path}: matrix {wanted[0]} has form {form}; a filled square (1) or symmetric (6) one is needed"
+        )
+        raise MatricesError(message)
+    whole = np.array(table)
+    return _from_pairs(path, whole[:, 0:2].astype(np.int64), whole[:, 2:4].astype(np.int64), whole[:, 4])
+
+
+def _fields(line: str) -> list[str]:
+    """Return the fields of a Nastran card, the first one its name."""
+    if "," in line:
+        return [one.strip() for one in line.split(",")]
+    width = 16 if "*" in line[:8] else 8
+    line = line.expandtabs().rstrip()[: 8 + 64]
+    return [line[:8].strip(), *(line[i : i + width].strip() for i in range(8, len(line), width)), ""]
+
+
+def _real(word: str) -> float:
+    """Return a number of a Nastran card, such as 1.5D+3 or 1.5+3."""
+    return float(re.sub(r"(?<=[\d.])([+-]\d+)$", r"E\1", word.upper().replace("D", "E")))
+
+
+def _full(path: Path, target: Target) -> Entries:
+    """Read a `.full` file of Ansys through ansys-mapdl-reader, if that is installed."""
+    try:
+        from ansys.mapdl.reader import read_binary  # an extra
+    except ImportError as error:
+        message = (
+            f"{path}: .full files need the package ansys-mapdl-reader (pip install ansys-mapdl-reader); or write "
+            "text with *EXPORT, MMF"
+        )
+        raise MatricesError(message) from error
+    try:
+        whole = read_binary(str(path)).load_km(sort=False)
+        label, matrix = np.asarray(whole[0]), sp.coo_matrix(whole[_FULL[target]])
+    except (OSError, ValueError, RuntimeError, KeyError, AttributeError) as error:
+        message = f"{path}: holds no {target} that ansys-mapdl-reader can read ({error})"
+        raise MatricesError(message) from error
+    return Entries(
+        source=str(path),
+        node=label[:, 0].astype(np.int64),
+        dof=label[:, 1].astype(np.int64) + 1,
+        row=matrix.row.astype(np.int64),
+        column=matrix.col.astype(np.int64),
+        value=matrix.data,
+    )
+
+
+_TEXT: dict[str, Callable[[Path, str, Target], Entries]] = {".pch": _nastran, ".dmig": _nastran}

@@ -1,0 +1,387 @@
+"""A structure of matrices reduced to a few coordinates: its modes, and what places and terms need beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from model.elements.equations import Monomial
+from model.matrices.checked import rigid_motion
+from model.matrices.labelled import Index, name_of
+from model.matrices.readers import Target
+from model.matrices.structure import Factor, MatrixStructure
+from model.reduction.reduced_equations import ReducedTerm
+from model.reduction.shared_range import summed
+from model.solvers.eigen import lowest_modes
+from model.solvers.nested_dissection import CholeskyFactor, NotPositiveError
+from model.stack.errors import MatricesError
+
+Vectors = NDArray[np.float64]
+
+_BEYOND = (
+    1.5  # of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
+)
+_SHIFT = 1 / 4  # of the band: low against its modes, and far above what rounding gives rigid motion
+_FIRST = 20  # modes that are sought first
+_TOLERANCE = 1e-11  # relative, of eigenvalues
+_ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
+_NEGATIVE = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
+_RIGID = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
+_ORDER = 2  # powers of a change that responses stand for: what is left is of the third
+_COLUMNS = 64  # right-hand sides at once
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Left:
+    """What the reduction leaves out, estimated from the forces that it leaves unbalanced.
+
+    Attributes
+    ----------
+    frequency : mapping of str to float
+        Largest relative error of a frequency in the band: "nominal", and each term one prior deviation away.
+    compliance : float
+        Largest share of a point's dynamic compliance at the shift that is left out.
+    """
+
+    frequency: Mapping[str, float]
+    compliance: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReducedMatrices:
+    """The equations of motion of a structure in a few coordinates, SI units, as an engine consumes them.
+
+    Attributes
+    ----------
+    name : str
+        The structure's name.
+    terms : tuple of ReducedTerm
+        Factor, a monomial of one parameter or 1, times matrix, (size, size).
+    theta : mapping of str to float
+        Parameters at which it was reduced.
+    factors : tuple of Factor
+        The parameters and their priors.
+    node : (n_node,) int
+        Nodes that can be looked at.
+    location : (n_node, 3) float
+        Where they are, m.
+    rows : (n_node, 3, size) float
+        From coordinates to their displacements along x, y and z; zero where a support holds them.
+    groups : mapping of str to (m,) int
+        Nodes by the name of their group.
+    left : Left
+        What the reduction leaves out.
+    notes : tuple of str
+        What a user should know of the structure.
+    """
+
+    name: str
+    terms: tuple[ReducedTerm, ...]
+    theta: Mapping[str, float]
+    factors: tuple[Factor, ...]
+    node: Index
+    location: Vectors
+    rows: Vectors
+    groups: Mapping[str, Index]
+    left: Left
+    notes: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.rows.shape[2]
+
+    def matrix(self, target: Target, theta: Mapping[str, float]) -> Vectors:
+        """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
+        return summed(self.size, ((t.factor(theta), t.matrix) for t in self.terms if t.target == target))
+
+    def derivative(self, target: Target, theta: Mapping[str, float], name: str) -> Vectors:
+        """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""
+        own = (t for t in self.terms if t.target == target)
+        return summed(self.size, ((t.factor.derivative(theta, name), t.matrix) for t in own))
+
+    def at(self, node: Sequence[int] | Index, direction: Vectors) -> Vectors:
+        """Return the rows, (n, size), of the displacements of nodes along directions, (n, 3) of unit length.
+
+        Raises
+        ------
+        MatricesError
+            A node is not among those that can be looked at.
+        """
+        order = np.argsort(self.node)
+        wanted = np.asarray(node, dtype=np.int64)
+        where = order[np.minimum(np.searchsorted(self.node, wanted, sorter=order), self.node.size - 1)]
+        if (self.node[where] != wanted).any():
+            missing = int(wanted[np.argmax(self.node[where] != wanted)])
+            message = f"{self.name}: node {missing} is not looked at; add its group to reduction.observed"
+            raise MatricesError(message)
+        return np.einsum("nij,ni->nj", self.rows[where], np.asarray(direction, dtype=float))
+
+    def nearest(self, location: Vectors) -> tuple[Index, Vectors]:
+        """Return the node that is nearest to each place, (n, 3) m, and its distance, (n,) m."""
+        apart = np.linalg.norm(self.location[None] - np.asarray(location, dtype=float)[:, None], axis=2)
+        found = apart.argmin(axis=1)
+        return self.node[found], apart[np.arange(len(found)), found]
+
+    def solve(
+        self, theta: Mapping[str, float] | None = None, n_mode: int | None = None
+    ) -> tuple[Vectors, Vectors]:
+        """Return frequencies, (n_mode,) Hz, and mass-normalised vectors, (size, n_mode), at some parameters.
+
+        Raises
+        ------
+        MatricesError
+            Mass is not positive there.
+        """
+        moved = {**self.theta, **(theta or {})}
+        last = (self.size if n_mode is None else min(n_mode, self.size)) - 1
+        try:
+            value, vector = la.eigh(
+                self.matrix("K", moved), self.matrix("M", moved), subset_by_index=(0, last)
+            )
+        except la.LinAlgError as error:
+            message = f"{self.name}: mass is not positive at {moved}"
+            raise MatricesError(message) from error
+        return np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), vector
+
+
+def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | None = None) -> ReducedMatrices:
+    """Reduce a structure to its modes up to 1.5 times its band and to static responses.
+
+    The responses are those to forces at each of the structure's points and patches, and to what each term changes in
+    the modes of the band and again in that response. Rows without mass follow the others in all of them, as if they
+    were condensed.
+
+    Parameters
+    ----------
+    structure : MatrixStructure
+        The structure.
+    theta : mapping of str to float, optional
+        Factors at which modes are taken, where they are not the nominal ones: where a fit stands, say.
+
+    Raises
+    ------
+    MatricesError
+        The structure is not held together, or motions of a rigid body cost energy though it is stated to be free.
+    """
+    theta = {**structure.theta, **(theta or {})}
+    stiffness, mass = (structure.matrix(target, theta) for target in ("K", "M"))
+    shift = (_SHIFT * 2.0 * np.pi * structure.band_Hz) ** 2
+    factor = _factored(structure, stiffness + shift * mass)
+    modes, value = _modes(mass, factor, shift, structure.band_Hz)
+    if value[0] < -_NEGATIVE * shift:
+        message = f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?"
+        raise MatricesError(message)
+    _check_rigid(structure, stiffness, mass, value)
+    loads, answers = _responses(structure, factor, modes, value)
+    basis = np.hstack([modes, _beside(modes, answers, loads, mass, shift)])
+    terms = tuple(
+        ReducedTerm(
+            name=t.name,
+            target=t.target,
+            factor=Monomial(exponent={} if t.factor is None else {t.factor: 1}),
+            matrix=_even(basis.T @ (t.matrix @ basis)),
+        )
+        for t in structure.terms
+    )
+    node, location, rows = _looked_at(structure, basis)
+    unknown = Left(frequency={}, compliance=0.0)
+    found = ReducedMatrices(
+        name=structure.name, terms=terms, theta=theta, factors=structure.factors, node=node, location=location,
+        rows=rows, groups=structure.groups, left=unknown, notes=structure.notes,
+    )  # fmt: skip
+    left = _left(structure, found, factor, basis, shift)
+    compliance = _missing_compliance(found, loads[0], answers[0], basis, shift)
+    return replace(found, left=Left(frequency=left, compliance=compliance))
+
+
+def _factored(structure: MatrixStructure, matrix: Any) -> CholeskyFactor:
+    """Return the factor of the shifted stiffness.
+
+    Raises
+    ------
+    MatricesError
+        It is not positive definite; the message names a node.
+    """
+    try:
+        return CholeskyFactor(matrix, structure.location)
+    except NotPositiveError as error:
+        where = name_of(int(structure.node[error.index]), int(structure.dof[error.index]))
+        message = (
+            f"{structure.name}: the stiffness is not positive near {where}: parts without mass hang loose there, or "
+            "rows are Lagrange multipliers"
+        )
+        raise MatricesError(message) from error
+
+
+def _responses(
+    structure: MatrixStructure, factor: CholeskyFactor, modes: Vectors, value: Vectors
+) -> tuple[list[Vectors], list[Vectors]]:
+    """Return forces, those at points first, and their static responses, each (n, k)."""
+    loads = [_unit_loads(structure)]
+    answers = [_solved(factor, loads[0])]
+    below = value < (2.0 * np.pi * structure.band_Hz) ** 2
+    for one in structure.factors:
+        answer = modes[:, below]
+        for _ in range(_ORDER):
+            loads.append(_changed(structure, one, answer, value[below]))
+            answer = _solved(factor, loads[-1])
+            answers.append(answer)
+    return loads, answers
+
+
+def _even(matrix: Vectors) -> Vectors:
+    return np.asarray((matrix + matrix.T) / 2.0)
+
+
+def _solved(factor: CholeskyFactor, load: Vectors) -> Vectors:
+    parts = [factor.solve(load[:, i : i + _COLUMNS]) for i in range(0, load.shape[1], _COLUMNS)]
+    return np.hstack(parts) if parts else np.zeros_like(load)
+
+
+def _modes(mass: Any, factor: CholeskyFactor, shift: float, band_Hz: float) -> tuple[Vectors, Vectors]:
+    """Return mass-normalised modes up to beyond the band, (n, k), and their eigenvalues, (k,)."""
+    limit = (_BEYOND * 2.0 * np.pi * band_Hz) ** 2
+    moving = int(np.count_nonzero(mass.diagonal()))
+    n, random = min(_FIRST, moving), np.random.default_rng(0)
+    while True:
+        # the mass goes first: only then do rows without mass follow the others
+        start = factor.solve(mass @ random.standard_normal((mass.shape[0], n)))
+        value, vector = lowest_modes(factor.solve, lambda x: mass @ x, shift, start, n, _TOLERANCE)
+        if value[-1] > limit or n == moving:
+            break
+        n = min(2 * n, moving)
+    kept = int(np.count_nonzero(value <= limit)) + 1
+    return vector[:, :kept], value[:kept]
+
+
+def _check_rigid(structure: MatrixStructure, stiffness: Any, mass: Any, value: Vectors) -> None:
+    """Refuse a structure that is stated to be free, and is not.
+
+    Raises
+    ------
+    MatricesError
+        The message says which motion costs energy.
+    """
+    stated = structure.rigid_modes
+    if stated is None:
+        return
+    free = np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi)
+    limit = _RIGID * (free[stated] if free.size > stated else structure.band_Hz)
+    found = int(np.count_nonzero(free < limit))
+    if found == stated:
+        return
+    motion = rigid_motion(structure.location, structure.dof)
+    energy = np.einsum("ij,ij->j", motion, stiffness @ motion)
+    weight = np.einsum("ij,ij->j", motion, mass @ motion)
+    moves = np.sqrt(np.maximum(energy, 0.0) / np.where(weight > 0.0, weight, np.inf)) / (2.0 * np.pi)
+    words = ", ".join(
+        f"{name} {f:.3g} Hz"
+        for name, f in zip(("x", "y", "z", "about x", "about y", "about z"), moves, strict=True)
+    )
+    message = (
+        f"{structure.name}: rigid_modes = {stated}, and {found} modes are near 0 (the lowest: "
+        f"{', '.join(f'{f:.3g}' for f in free[:7])} Hz). As a rigid body it would move at: {words}. Is a support, a "
+        "spring to ground or a coupled node left in the model, or are numbers written with too few digits?"
+    )
+    raise MatricesError(message)
+
+
+def _unit_loads(structure: MatrixStructure) -> Vectors:
+    """Return unit forces at each point and, shared out evenly, on each patch, (n, k)."""
+    move = structure.dof <= 3
+    columns = []
+    for name in structure.points:
+        for i in np.flatnonzero(np.isin(structure.node, structure.groups[name]) & move):
+            columns.append((np.arange(structure.node.size) == i).astype(float))
+    for name in structure.patches:
+        inside = np.isin(structure.node, structure.groups[name])
+        columns.extend((inside & (structure.dof == i)).astype(float) for i in (1, 2, 3))
+    columns = [one for one in columns if one.any()]
+    return np.column_stack(columns) if columns else np.zeros((structure.node.size, 0))
+
+
+def _changed(structure: MatrixStructure, factor: Factor, vectors: Vectors, value: Vectors) -> Vectors:
+    """Return the forces that a prior deviation of a factor puts on vectors at eigenvalues, (n, k)."""
+    force = np.zeros_like(vectors)
+    for term in structure.terms:
+        if term.factor == factor.name and term.target != "C":
+            change = term.matrix @ vectors
+            force += change if term.target == "K" else -change * value
+    return (factor.away(1.0) - factor.nominal) * force
+
+
+def _beside(
+    modes: Vectors, answers: Sequence[Vectors], loads: Sequence[Vectors], mass: Vectors, shift: float
+) -> Vectors:
+    """Return what static responses have beside the modes, (n, k), without what carries too little energy to matter."""
+    scaled = []
+    for i, (answer, load) in enumerate(zip(answers, loads, strict=True)):
+        energy = np.einsum("ij,ij->j", answer, load)
+        # a force at a point counts by its share of its response, a change of a term by its share of the mode
+        scale = np.sqrt(energy) if i == 0 else np.full(energy.size, np.sqrt(shift))
+        scaled.append((answer / np.where(scale > 0.0, scale, 1.0), load / np.where(scale > 0.0, scale, 1.0)))
+    answer, load = (np.hstack([pair[k] for pair in scaled]) for k in (0, 1))
+    part = modes.T @ (mass @ answer)
+    beside = answer - modes @ part
+    # K + shift M is diagonal in modes, so the energies beside them are those of the answers less those along modes
+    along = modes.T @ load
+    energy = _even(answer.T @ load - part.T @ along)
+    size, turn = la.eigh(energy) if energy.size else (np.zeros(0), np.zeros((0, 0)))
+    kept = size > _ENERGY
+    return np.asarray(beside @ (turn[:, kept] / np.sqrt(size[kept])))
+
+
+def _looked_at(structure: MatrixStructure, basis: Vectors) -> tuple[Index, Vectors, Vectors]:
+    """Return nodes, their places and their rows: those of the named groups, or all of them."""
+    names = (*structure.points, *structure.patches, *structure.observed)
+    wanted = np.unique(np.concatenate([structure.groups[n] for n in names]) if names else structure.node)
+    node = np.intersect1d(wanted, structure.node)
+    rows, location = np.zeros((node.size, 3, basis.shape[1])), np.zeros((node.size, 3))
+    inside = np.flatnonzero(np.isin(structure.node, node) & (structure.dof <= 3))
+    at = np.searchsorted(node, structure.node[inside])
+    rows[at, structure.dof[inside] - 1] = basis[inside]
+    every = np.flatnonzero(np.isin(structure.node, node))
+    location[np.searchsorted(node, structure.node[every])] = structure.location[every]
+    return node, location, rows
+
+
+def _left(
+    structure: MatrixStructure, found: ReducedMatrices, factor: CholeskyFactor, basis: Vectors, shift: float
+) -> dict[str, float]:
+    """Return the errors of frequencies of the band, from the forces that reduced modes leave unbalanced.
+
+    A mode x leaves r = (K - lambda M) x, whose static response has the energy r' (K + shift M)^-1 r; to first order the
+    eigenvalue is too high by that times (lambda + shift) / what the modes left out lie above it, here at least once.
+    """
+    nominal = found.theta
+    states: dict[str, dict[str, float]] = {"nominal": {}} | {
+        one.name: {one.name: one.away(1.0)} for one in structure.factors
+    }
+    errors: dict[str, float] = {}
+    for name, moved in states.items():
+        theta = {**nominal, **moved}
+        frequency, vector = found.solve(theta)
+        kept = (frequency < structure.band_Hz) & (frequency > 0.0)
+        x, value = basis @ vector[:, kept], (2.0 * np.pi * frequency[kept]) ** 2
+        force = structure.matrix("K", theta) @ x - structure.matrix("M", theta) @ x * value
+        energy = np.einsum("ij,ij->j", force, _solved(factor, force))
+        errors[name] = float(np.max(energy / (2.0 * (value + shift)), initial=0.0))
+    return errors
+
+
+def _missing_compliance(
+    found: ReducedMatrices, load: Vectors, answer: Vectors, basis: Vectors, shift: float
+) -> float:
+    """Return the largest share of a point's compliance at the shift that the reduction lacks."""
+    if not load.shape[1]:
+        return 0.0
+    along = basis.T @ load
+    matrix = found.matrix("K", found.theta) + shift * found.matrix("M", found.theta)
+    kept = np.einsum("ij,ij->j", along, la.solve(matrix, along, assume_a="pos"))
+    return float(np.max(1.0 - kept / np.einsum("ij,ij->j", answer, load)))

@@ -1,0 +1,231 @@
+"""The rows that all matrices of a structure share: their labels, places, groups and units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.matrices.labelled import (
+    DIRECTIONS,
+    UNITS,
+    Index,
+    Units,
+    held,
+    key,
+    label_of,
+    name_of,
+    placed,
+    symmetric,
+    without,
+)
+from model.matrices.nodes import Nodes, read_nodes
+from model.matrices.readers import Target, read_entries
+from model.matrices.structure_file import GroupForm, StructureForm, SupportForm
+from model.matrices.text import kind_of, read_text
+from model.stack.errors import MatricesError
+
+_ROUNDING = 1e-9  # m, by which a node may lie outside a box
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rows:
+    """Rows of the matrices of a structure.
+
+    Attributes
+    ----------
+    source : str
+        The file that they come from.
+    folder, labels : Path
+        Where files are, and the table of the rows, if there is one.
+    units : Units
+        Those of the files.
+    node, dof : (n,) int
+        Label of each row.
+    nodes : Nodes or None
+        Nodes of the mesh, if a file says where they are.
+    location : (n, 3) float
+        Where each row is, m.
+    groups : mapping of str to (m,) int
+        Nodes by the name of their group.
+    notes : tuple of str
+        What a user should know.
+    """
+
+    source: str
+    folder: Path
+    labels: Path | None
+    units: Units
+    node: Index
+    dof: Index
+    nodes: Nodes | None
+    location: NDArray[np.float64]
+    groups: Mapping[str, Index] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def si(self, matrix: sp.csr_matrix, target: Target) -> sp.csr_matrix:
+        """Return a matrix of these rows in SI units."""
+        scale = sp.diags_array(np.where(self.dof > 3, self.units.length, 1.0))
+        return sp.csr_matrix(self.units.factor(target) * (scale @ matrix @ scale))
+
+    def matrix(self, file: str, target: Target) -> sp.csr_matrix:
+        """Read a matrix into these rows, SI units."""
+        entries = read_entries(file, self.folder, target, self.labels)
+        fixed = held(entries)
+        kept = without(entries, fixed) if fixed.any() else entries
+        return self.si(placed(kept, self.node, self.dof, self.source), target)
+
+    def known(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return names of groups.
+
+        Raises
+        ------
+        MatricesError
+            There is none of a name.
+        """
+        for name in names:
+            if name not in self.groups:
+                message = f"no group {name!r}; there are {', '.join(self.groups) or 'none'}"
+                raise MatricesError(message)
+        return tuple(names)
+
+    def of(self, group: str, directions: Sequence[str]) -> Index:
+        """Return the rows of a group's nodes in some directions."""
+        self.known([group])
+        wanted = np.isin(self.dof, [DIRECTIONS.index(one) + 1 for one in directions])
+        return np.flatnonzero(np.isin(self.node, self.groups[group]) & wanted)
+
+    def share(self, group: str, directions: Sequence[str]) -> NDArray[np.float64]:
+        """Return the share of each row, (n,), in what acts evenly on the nodes of a group.
+
+        Raises
+        ------
+        MatricesError
+            The group has no such rows.
+        """
+        rows = self.of(group, directions)
+        if not rows.size:
+            message = f"group {group} has no rows along {', '.join(directions)}"
+            raise MatricesError(message)
+        found = np.zeros(self.node.size)
+        found[rows] = 1.0 / np.unique(self.node[rows]).size
+        return found
+
+    def held(self, supports: Sequence[SupportForm]) -> NDArray[np.bool_]:
+        """Return which rows supports hold, (n,).
+
+        Raises
+        ------
+        MatricesError
+            One is to be released that the matrices were written with.
+        """
+        found = np.zeros(self.node.size, dtype=bool)
+        for one in supports:
+            rows = self.of(one.group, one.directions)
+            if one.state == "held":
+                found[rows] = True
+                continue
+            dof = np.array([DIRECTIONS.index(direction) + 1 for direction in one.directions])
+            wanted = key(self.groups[one.group][:, None], dof[None]).reshape(-1)
+            missing = wanted[~np.isin(wanted, key(self.node[rows], self.dof[rows]))]
+            if missing.size:
+                message = (
+                    f"support {one.group}: {name_of(*label_of(int(missing[0])))} is not in the matrices, so it cannot "
+                    "be released: they were written with it held. Write them without that boundary condition"
+                )
+                raise MatricesError(message)
+        return found
+
+
+def read_rows(given: StructureForm, folder: Path) -> tuple[Rows, dict[Target, sp.csr_matrix]]:
+    """Read the matrices of the whole structure, in SI units, and the rows that all others must have.
+
+    Where no stiffness is given, as when it is the sum of terms, the rows are those of the mass.
+
+    Raises
+    ------
+    MatricesError
+        A file cannot be read, or does not match another one.
+    """
+    stated, notes = given.matrices, []
+    labels = None if stated.dofs is None else folder / stated.dofs
+    mass = read_entries(stated.mass, folder, "M", labels)
+    base = read_entries(stated.stiffness, folder, "K", labels) if stated.stiffness else mass
+    fixed = held(base)
+    if fixed.any():
+        notes.append(f"{int(fixed.sum())} rows are held by an enormous stiffness and left out")
+        gone = key(base.node[fixed], base.dof[fixed])
+        base, mass = without(base, fixed), without(mass, np.isin(key(mass.node, mass.dof), gone))
+    nodes = _nodes(labels, None if stated.nodes is None else folder / stated.nodes)
+    units = UNITS[stated.units]
+    if nodes is None:
+        notes.append("no file says where nodes are, so inertia is unknown; nodes go by number alone")
+    rows = Rows(
+        source=base.source, folder=folder, labels=labels, units=units, node=base.node, dof=base.dof, nodes=nodes,
+        location=_locations(nodes, base.node, base.source, units), notes=tuple(notes),
+        groups={one.name: _group(one, nodes, np.unique(base.node), units) for one in given.group},
+    )  # fmt: skip
+    whole = {"M": rows.si(placed(mass, rows.node, rows.dof, rows.source), "M")}
+    whole["K"] = rows.si(symmetric(base), "K") if stated.stiffness else 0.0 * whole["M"]
+    if stated.damping:
+        whole["C"] = rows.matrix(stated.damping, "C")
+    return rows, whole  # type: ignore[return-value]
+
+
+def _nodes(labels: Path | None, file: Path | None) -> Nodes | None:
+    """Return the nodes, of their file or of the table of the rows; None where neither says where they are."""
+    if file is not None:
+        return read_nodes(file)
+    if labels is not None and kind_of(labels) == ".csv":
+        names = {one.strip() for one in read_text(labels).lower().split("\n", 1)[0].split(",")}
+        return read_nodes(labels) if {"x", "y", "z"} <= names else None
+    return None
+
+
+def _locations(nodes: Nodes | None, node: Index, source: str, units: Units) -> NDArray[np.float64]:
+    if nodes is None:
+        return np.column_stack([node, np.zeros((node.size, 2))]).astype(float)
+    try:
+        return nodes.location[nodes.at(node)] * units.length
+    except KeyError as error:
+        message = f"{source}: the file of the nodes does not say where node {error.args[0]} is"
+        raise MatricesError(message) from error
+
+
+def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> Index:
+    """Return the nodes of a group.
+
+    Raises
+    ------
+    MatricesError
+        It is stated in no way or in two, or holds no node, or one that there is not.
+    """
+    if sum(one is not None for one in (given.nodes, given.set, given.box_mm)) != 1:
+        message = f"group {given.name}: give one of nodes, set and box_mm"
+        raise MatricesError(message)
+    if given.nodes is not None:
+        found = np.array(given.nodes, dtype=np.int64)
+    elif nodes is None:
+        message = f"group {given.name}: set and box_mm need a file of nodes; name it by matrices.nodes"
+        raise MatricesError(message)
+    elif given.set is not None:
+        if given.set.upper() not in nodes.sets:
+            message = f"group {given.name}: no set {given.set}; the nodes' file has {', '.join(nodes.sets) or 'none'}"
+            raise MatricesError(message)
+        found = nodes.sets[given.set.upper()]
+    else:
+        low, high = np.array(given.box_mm).T * 1e-3
+        place = nodes.location * units.length
+        found = nodes.number[np.all((place >= low - _ROUNDING) & (place <= high + _ROUNDING), axis=1)]
+    known = used if nodes is None else nodes.number
+    missing = found[~np.isin(found, known)]
+    if missing.size or not found.size:
+        message = f"group {given.name}: " + (
+            f"there is no node {missing[0]}" if missing.size else "holds no node"
+        )
+        raise MatricesError(message)
+    return np.unique(found)
