@@ -9,8 +9,6 @@ from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
 from updating.errors import StoreError
 from updating.report.answer import answer_section, overview_section
 from updating.report.change_part import errors_with_additions
@@ -178,6 +176,8 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
 
 def render(title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool = False) -> str:
     """Put sections into one HTML page, with a link to the page above it where there is one; a bare one has no head."""
+    from jinja2 import Environment, StrictUndefined  # slow to import
+
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
