@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from importlib import import_module
+from threading import current_thread, main_thread
 from typing import Annotated, Any
 
 import typer
@@ -117,9 +119,19 @@ def _say(message: str) -> None:
     ERR.print(Text.assemble(("Error:", "bold red"), " ", literal(message)), soft_wrap=True)
 
 
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
 def main() -> None:
-    """Run the command line; a foreseen error becomes one message on stderr and exit code 1."""
+    """Run the command line; a foreseen error becomes one message on stderr and exit code 1.
+
+    What asks the process to end (SIGTERM), such as a batch system or the workbench, ends it as Ctrl-C does: its workers
+    with it, and nothing of theirs is left behind.
+    """
     print_what_can_be()
+    if current_thread() is main_thread():
+        signal.signal(signal.SIGTERM, _interrupt)
     try:
         app()
     except LAMELLA_ERRORS as error:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
+from threading import Event, Thread
+from time import monotonic
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -15,6 +18,7 @@ LOG = logging.getLogger("ema")
 
 
 _LONGEST = 200  # characters of a message
+_PERIOD = 3.0  # s between two lines where there is no terminal
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
 
 
@@ -33,6 +37,35 @@ class _Shown(logging.Handler):
         else:
             text = f"{self._last}: {text}"
         self._bar.update(self._bar.task_ids[0], description=text.translate(_CONTROL))
+
+
+@contextmanager
+def in_lines(now: Callable[[], str], console: Console) -> Iterator[None]:
+    """Say on stderr every few seconds what work is at, where the console is no terminal, such as a pipe or a file.
+
+    Parameters
+    ----------
+    now : callable
+        Returns what it is at.
+    console : Console
+        Nothing is said beside one that shows it by itself, or that is quiet.
+    """
+    if console.is_terminal or console.quiet:
+        yield
+        return
+    began, ended = monotonic(), Event()
+
+    def say() -> None:
+        while not ended.wait(_PERIOD):
+            print(f"{now().translate(_CONTROL)} ({monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
+
+    saying = Thread(target=say, daemon=True)
+    saying.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        saying.join()
 
 
 class _Sent(logging.Handler):
@@ -59,7 +92,7 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
     n_task : int
         Number of tasks; `Progress.advance` of the only one says that one more is done.
     console : Console
-        Where; nothing is shown on one that is no terminal.
+        Where; beside one that is no terminal, stderr has a line every few seconds.
     """
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -73,8 +106,14 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
         handler = _Shown(text, bar)
         LOG.addHandler(handler)
         LOG.setLevel(logging.DEBUG)
+
+        def now() -> str:
+            task = bar.tasks[0]
+            return f"{task.description}, {task.completed:.0f} of {n_task} done"
+
         try:
-            yield bar
+            with in_lines(now, console):
+                yield bar
         finally:
             LOG.setLevel(level)
             LOG.removeHandler(handler)
