@@ -23,6 +23,7 @@ from updating.commands.options import (
     Cluster,
     EffectFiles,
     Folder,
+    IdentifyAnew,
     Keep,
     ScatterFile,
     SharedEffects,
@@ -48,6 +49,7 @@ from updating.fitting.target import (
 )
 from updating.pooled.campaign_file import has_specimens
 from updating.published.campaign import SCATTER
+from updating.results.chosen_poles import forget_choices
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -78,6 +80,7 @@ def fit(
     scatter: ScatterFile = None,
     cluster: Cluster = None,
     keep: Keep = False,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
 
@@ -92,17 +95,15 @@ def fit(
     """
     known = catalogue(effect_file or [])
     find_effects(effect or [], known)  # before hours of work
+    if identify_anew:
+        forget_choices(output)
     if has_specimens(campaign):
         print_pooled(
             fit_pooled(campaign, output, effect or (), effect_file or (), OUT, cluster=cluster), output, OUT
         )
         return
     if is_modal_table(campaign):
-        rows = fit_modal_table(campaign, output, OUT, cluster)
-        OUT.print(modal_table(rows))
-        if effect:
-            OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
-        OUT.print(f"Report: {make_report(output)}")
+        _print_table_fit(campaign, output, effect or [], known, cluster)
         return
     fits, done, failed = [], list[Identified](), []
     for one in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
@@ -124,6 +125,17 @@ def fit(
     if done:
         OUT.print(f"Report: {make_report(output, keep=keep)}")
     require_none(failed, len(done) + len(failed))
+
+
+def _print_table_fit(
+    campaign: Path, output: Path, effect: Sequence[str], known: dict[str, Effect], cluster: str | None
+) -> None:
+    """Fit a campaign whose modes are given as a table, and print what came of it."""
+    rows = fit_modal_table(campaign, output, OUT, cluster)
+    OUT.print(modal_table(rows))
+    if effect:
+        OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
+    OUT.print(f"Report: {make_report(output)}")
 
 
 def fit_campaign(

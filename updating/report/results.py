@@ -18,6 +18,7 @@ from updating.fitting.modal_table import ModalTable, TableFit
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
+from updating.results.stored_campaign import campaign_file
 from updating.results.updated import Updated
 
 T = TypeVar("T")
@@ -221,9 +222,17 @@ def _read_campaign(folder: Path, reader: _Reader) -> Results:
         shape_class=(),
         missing=tuple(name for name in own if name not in {c.name for c in done}),
         **_read_common(folder, reader),
-        campaign=campaign.path,
+        campaign=_campaign_file(folder),
         pooled=None,
     )
+
+
+def _campaign_file(folder: Path) -> Path:
+    """Return the campaign file; as it was named where it is not there, for results can be read without it."""
+    try:
+        return campaign_file(folder)
+    except StoreError:
+        return read_result(folder / "campaign.json", Campaign, edited=True).path
 
 
 def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) -> Tested:
