@@ -182,6 +182,8 @@ class Campaign:
         Corrections of single functions.
     notes : tuple of str
         What was odd about the points and how it was resolved.
+    project, author, date : str
+        What stands in the title block of the report; empty where not stated.
     """
 
     name: str
@@ -202,6 +204,9 @@ class Campaign:
     sensor_mass: float
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    project: str = ""
+    author: str = ""
+    date: str = ""
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -330,6 +335,9 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
+        project=content.campaign.project,
+        author=content.campaign.author,
+        date=content.campaign.date,
     )
 
 

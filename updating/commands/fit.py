@@ -333,7 +333,7 @@ def modal_table(fits: tuple[TableFit, ...]) -> Table:
     known = np.isfinite(published)
     ratio = np.array([f.G_f.value for f in fits])[known] / published[known]
     caption = (
-        f"mean error, eq. (2): ours {100 * np.mean([f.error for f in fits]):.1f} %, "
+        f"mean relative frequency error: ours {100 * np.mean([f.error for f in fits]):.1f} %, "
         f"published {100 * np.mean([f.published_error for f in fits]):.1f} %\n"
         "our model fitted to the published model's frequencies: "
         f"{100 * np.mean([f.model_misfit for f in fits]):.2f} % off"

@@ -34,6 +34,11 @@
       hoverlabel: { bgcolor: colour("--band"), bordercolor: line, font: { color: ink } },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("--soft"), activecolor: colour("--accent") },
     };
+    // A legend above the axes stands below the toolbar, which is at the very top.
+    if (layout.legend?.orientation === "h" && (layout.legend.y ?? 0) >= 1) {
+      out.margin = { ...layout.margin, t: Math.max(layout.margin?.t ?? 0, innerWidth < 600 ? 96 : 64) };
+      if (layout.height) out.height = layout.height + 34;
+    }
     const own = { gridcolor: line, zerolinecolor: colour("--soft"), linecolor: colour("--soft") };
     for (const key of Object.keys(layout)) if (/^[xy]axis\d*$/.test(key)) out[key] = { ...layout[key], ...own };
     for (const scene of Object.keys(layout).filter((key) => key.startsWith("scene"))) {

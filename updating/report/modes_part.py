@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ema.modal.mac import mac
 from ema.plot.figures import mac_figure
+from ema.quality.words import label, meaning
 from updating.correlation.correlation import correlate
 from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import correlate_points
@@ -33,9 +34,14 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
     `added` holds of each mode, by its number from 1, the relative frequency error with what was added to the model.
     """
     if tested.fit is None:
-        blocks: tuple[Table, ...] = (identified_table(tested), quality_table(tested))
+        blocks: tuple[Table, ...] = (identified_table(tested), quality_table(tested), passed_table(tested))
     else:
-        blocks = (pair_table(tested, tested.fit, added), parameter_table(tested.fit), quality_table(tested))
+        blocks = (
+            pair_table(tested, tested.fit, added),
+            parameter_table(tested.fit),
+            quality_table(tested),
+            passed_table(tested),
+        )
     return Section(title=f"Modes of {tested.name}", blocks=blocks)
 
 
@@ -124,11 +130,23 @@ def quality_table(tested: Tested) -> Table:
         title="Quality of the measurement",
         header=("point", "finding"),
         rows=tuple(rows) or (("", "nothing suspicious"),),
-        note=f"Passed: {', '.join(v.check for v in own.verdicts if v.level == 'pass')}.",
+        note="Each finding says what to do about it. What was checked and is in order stands below.",
         link=tuple(f"#{anchor(frf_title(tested))}" if point else "" for point, _ in rows),
         chooses=True,
+        hint=(*(meaning(v.check) for v in found), *("" for _ in own.notes)) if rows else (),
     )
     return table.without_empty_columns()
+
+
+def passed_table(tested: Tested) -> Table:
+    """List the checks that a measurement passed, with what each looks at."""
+    passed = [v for v in tested.quality.verdicts if v.level == "pass"]
+    return Table(
+        title=f"{len(passed)} checks of the measurement passed",
+        header=("check", "what it looks at", "found"),
+        rows=tuple((label(v.check), meaning(v.check), v.message) for v in passed),
+        folded=True,
+    )
 
 
 def _function(point: Sequence[int], measured: Sequence[int]) -> str:

@@ -93,6 +93,8 @@ class Results:
         Provenance of every result file, by its path within the folder.
     remarks : tuple of str
         Which results were changed, or come from other files than those beside them.
+    about : tuple of (str, str)
+        Title block, by name: project, author and date as far as the campaign states them.
     """
 
     name: str
@@ -108,6 +110,7 @@ class Results:
     pooled: PooledDiagnosis | None
     origin: dict[str, dict[str, Any]]
     remarks: tuple[str, ...] = ()
+    about: tuple[tuple[str, str], ...] = ()
 
 
 def read_results(folder: Path, *, keep: bool = False) -> Results:
@@ -223,6 +226,15 @@ def _read_campaign(folder: Path, reader: _Reader) -> Results:
         missing=tuple(name for name in own if name not in {c.name for c in done}),
         **_read_common(folder, reader),
         campaign=_campaign_file(folder),
+        about=tuple(
+            (name, text)
+            for name, text in (
+                ("Project", campaign.project),
+                ("Author", campaign.author),
+                ("Date of the test", campaign.date),
+            )
+            if text
+        ),
         pooled=None,
     )
 
