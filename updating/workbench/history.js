@@ -16,3 +16,6 @@
   };
   begin();
 })();
+
+// The page of the server forbids to enlarge it; whoever sees badly needs that.
+document.querySelector("meta[name=viewport]")?.setAttribute("content", "width=device-width, initial-scale=1");
