@@ -99,5 +99,5 @@ def choice_note(poles: Path) -> str:
     number = read_poles(poles).size
     return (
         f"its {number} poles were {BY_HAND} ({poles.parent.name}/{poles.name}) and are used by every command; "
-        "--identify-anew chooses them automatically again"
+        "lamella ema CAMPAIGN -o DIR --identify-anew chooses them automatically again"
     )
