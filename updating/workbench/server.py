@@ -97,7 +97,11 @@ def page(opened: Opened) -> Any:
         own.room(server, opened)
     with SinglePageLayout(server, full_height=True) as layout:
         client.Script((files("updating.report") / "rest.js").read_text(encoding="utf-8"))
-        client.Script((files("updating.workbench") / "history.js").read_text(encoding="utf-8"))
+        for name in ("history.js", "names.js"):
+            client.Script((files("updating.workbench") / name).read_text(encoding="utf-8"))
+        client.Style(
+            ".v-field-label { opacity: 1 !important; color: #42526b; }"
+        )  # grey on grey is hard to read
         layout.title.set_text(results.name)
         layout.icon.hide()
         with layout.toolbar:
