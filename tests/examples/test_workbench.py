@@ -155,6 +155,7 @@ def test_back_and_forward_go_through_the_rooms(page):
 def test_a_second_tab_says_that_it_mirrors(page, address):
     assert page.locator("#tabs").count() == 0
     second = page.context.browser.new_page()
+    second.set_default_timeout(PATIENCE)
     second.goto(address)
     for shown in (page, second):
         shown.wait_for_selector("#tabs")
