@@ -1,87 +1,10 @@
-"""Laminated stack to natural frequencies, damping, shapes and FRFs."""
+"""Laminated stack to natural frequencies, damping, shapes and FRFs.
 
-import model.plot.stack  # noqa: F401  # registers how a stack shows itself
-from model.contact.slip_law import SlipLaw
-from model.effects.catalogue import catalogue, find_effects, printed_effects, read_effect
-from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
-from model.matrices.reduced import ReducedMatrices, reduce_matrices
-from model.matrices.structure import MatrixStructure, read_matrices
-from model.modes.backbone import Backbone, backbone
-from model.modes.contact_strain import ContactStrain, contact_strain
-from model.modes.enrichment import enriched, with_attachment_modes
-from model.modes.modes import Modes, complex_modes, solve_modes
-from model.modes.observation import Observation, Observed, observe, sample_points
-from model.modes.refinement import Refined, refine
-from model.modes.response import frf, frf_direct
-from model.modes.surface import Surface, mode_surface
-from model.plot.shapes import mode_plotter
-from model.reduction.assemble import assemble
-from model.reduction.reduced_equations import ReducedEquations
-from model.reduction.reduction import ReducedSystem, reduce, reduced_terms
-from model.reduction.truncation import Sampled, truncated
-from model.stack.effect import Effect, Parameter, shared_parameters
-from model.stack.errors import EffectError, MatricesError, ModelError, SolveError, StackError
-from model.stack.material import Material
-from model.stack.parts import Clamp, Contact, Instruments, Mesh
-from model.stack.stack import Stack
-from model.stack.stack_file import read_stack
+Names are imported when they are first used; `__init__.pyi` says from where.
+"""
 
-__all__ = [
-    "Assembly",
-    "Backbone",
-    "Clamp",
-    "Contact",
-    "ContactStrain",
-    "Effect",
-    "EffectError",
-    "Formula",
-    "Instruments",
-    "Kron",
-    "Material",
-    "MatricesError",
-    "MatrixStructure",
-    "Mesh",
-    "ModelError",
-    "Modes",
-    "Monomial",
-    "Observation",
-    "Observed",
-    "Parameter",
-    "ParameterFactor",
-    "ReducedEquations",
-    "ReducedMatrices",
-    "ReducedSystem",
-    "Refined",
-    "Sampled",
-    "SlipLaw",
-    "SolveError",
-    "Stack",
-    "StackError",
-    "Surface",
-    "Term",
-    "assemble",
-    "backbone",
-    "catalogue",
-    "complex_modes",
-    "contact_strain",
-    "enriched",
-    "find_effects",
-    "frf",
-    "frf_direct",
-    "mode_plotter",
-    "mode_surface",
-    "observe",
-    "printed_effects",
-    "read_effect",
-    "read_matrices",
-    "read_stack",
-    "reduce",
-    "reduce_matrices",
-    "reduced_terms",
-    "refine",
-    "sample_points",
-    "shared_parameters",
-    "solve_modes",
-    "truncated",
-    "with_attachment_modes",
-]
+from model.stack.lazy import exports
+from model.stack.shown import drawn_by
+
+__all__, __getattr__, __dir__ = exports(__name__, __file__)
+drawn_by("model.plot.stack")

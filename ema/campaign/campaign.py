@@ -201,6 +201,8 @@ class Campaign:
         How sure the modes are of configurations whose files hold modes and do not say it.
     file_units : FileUnits or None
         Units that a universal file of the points states, for functions whose files state none.
+    project, author, date : str
+        What stands in the title block of the report; empty where not stated.
     """
 
     name: str
@@ -225,6 +227,9 @@ class Campaign:
     full_scale: tuple[float, ...] = ()
     modes_std: ModesStd = field(default_factory=ModesStd)
     file_units: FileUnits | None = None
+    project: str = ""
+    author: str = ""
+    date: str = ""
 
     def configuration(self, name: str) -> Configuration:
         """Return the configuration called `name`.
@@ -364,6 +369,9 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
             shape=content.modes.shape_std,
         ),
         file_units=read_uff_units(points) if format_of(points) == "uff" else None,
+        project=content.campaign.project,
+        author=content.campaign.author,
+        date=content.campaign.date,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import re
 from typing import Annotated, Literal
@@ -49,6 +50,11 @@ def _possible(dof: Dof) -> Dof:
     return dof
 
 
+def _date(given: object) -> object:
+    """Return a date, which TOML has without quotes, as text."""
+    return given.isoformat() if isinstance(given, datetime.date) else given
+
+
 def _several(given: object) -> object:
     """Return a list; what is written without brackets is a list of one."""
     return tuple(given) if isinstance(given, list) else (given,)
@@ -91,6 +97,14 @@ class NameSection(Section):
     """What a campaign is called."""
 
     name: str
+
+
+class TitleSection(NameSection):
+    """What a campaign is called, and what stands in the title block of its report."""
+
+    project: str = ""
+    author: str = ""
+    date: Annotated[str, BeforeValidator(_date)] = ""
 
 
 class StructureSection(Section):
@@ -258,7 +272,7 @@ class ReassemblySection(Section):
 class CampaignFile(Section):
     """The whole file."""
 
-    campaign: NameSection
+    campaign: TitleSection
     structure: StructureSection = StructureSection()
     points: PointsSection
     measurement: MeasurementSection = MeasurementSection()

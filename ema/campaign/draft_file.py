@@ -19,6 +19,7 @@ from ema.campaign.draft_histories import (
     in_order,
     side_by_side,
 )
+from ema.campaign.draft_lines import lines_text
 from ema.campaign.named_files import natural
 from ema.io.contents import UNKNOWN, Code, Contents, dof_name
 from ema.io.files import whole
@@ -101,7 +102,7 @@ def _points(found: Draft, missing: list[str]) -> list[str]:
     if absent:
         missing.append(f"points {absent}: measured, but not in {found.points.file.name}; add them there")
         lines.append(f"# without_coordinates = {absent}  # to be filled in where nobody knows where they are")
-    return lines
+    return [*lines, *lines_text(found.points)]
 
 
 def _measurement(found: Draft, missing: list[str]) -> list[str]:

@@ -176,8 +176,14 @@ def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
         return f"runs {', '.join(map(str, numbers))} disagree with the others: {each}"
     size = np.where(differs[odd], np.abs(shift), 0.0)
     i, r = np.unravel_index(int(np.argmax(size)), size.shape)
+    n_run = modal_model.run.size
+    which = (
+        f"all {n_run} runs differ from each other"
+        if odd.size == n_run
+        else f"{odd.size} of {n_run} runs disagree with the others"
+    )
     return (
-        f"{odd.size} of {modal_model.run.size} runs disagree with the others, in the median by "
+        f"{which}, in the median by "
         f"{100 * np.median(size[differs[odd]]):.2g} % and at most by {100 * size[i, r]:.2g} % "
         f"(run {numbers[i]} at {modal_model.frequency[r]:.1f} Hz)"
     )

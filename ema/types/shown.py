@@ -1,7 +1,8 @@
 """How results of `ema` show themselves in a notebook: as a table, and as a figure of their own.
 
 A type is defined before anything that draws it. So what it shows is registered by the folder that draws, which knows
-the type; the type knows only that something may be registered.
+the type; the type knows only that something may be registered. A module that draws is imported when a result is first
+shown.
 """
 
 from __future__ import annotations
@@ -9,21 +10,42 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import singledispatch
 from html import escape
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_DRAWERS: list[str] = []
+"""Modules that are still to be imported before anything is shown."""
+
+
+def drawn_by(module: str) -> None:
+    """Name a module that registers how types show themselves; it is imported when a result is first shown."""
+    _DRAWERS.append(module)
+
+
+def _load_drawers() -> bool:
+    """Import the modules that draw; tell whether there were any left to import."""
+    waiting = bool(_DRAWERS)
+    while _DRAWERS:
+        import_module(_DRAWERS.pop())
+    return waiting
+
 
 @singledispatch
 def html_of(result: object) -> str:
     """Return a result as HTML; each type registers how."""
+    if _load_drawers():
+        return html_of(result)
     return f"<pre>{escape(repr(result))}</pre>"
 
 
 @singledispatch
 def figure_of(result: object) -> Figure:
     """Return a result as a figure; each type registers how."""
+    if _load_drawers():
+        return figure_of(result)
     message = f"nothing draws a {type(result).__name__}"
     raise TypeError(message)
 

@@ -211,7 +211,7 @@ def test_a_forbidden_import_is_seen():
     assert not set(imported_on_load(tree))
 
 
-@pytest.mark.parametrize("module", ["arrays.py", "shown.py"])
+@pytest.mark.parametrize("module", ["arrays.py", "lazy.py", "shown.py"])
 def test_both_packages_freeze_arrays_and_show_results_alike(module):
     """Neither may import the other, so each has the same small module."""
     ema, model = ((ROOT / name / module).read_text(encoding="utf-8") for name in ("ema/types", "model/stack"))

@@ -64,6 +64,9 @@ CONTACT = "[contact]\nG_f = 1500\nd_f_s_per_Pa = 1e-11\n"
 CAMPAIGN_TABLE = f"""
 [campaign]
 name = "keys"
+project = "Stack of laminations"
+author = "A. Miller"
+date = 2026-03-01
 [structure]
 stack = "stack.toml"
 {POINTS}

@@ -72,6 +72,18 @@ def test_a_fit_that_is_stopped_twice_goes_on_and_ends_with_the_same_bytes(small,
     assert written(out) == written(whole)
 
 
+@posix
+def test_a_fit_that_is_asked_to_end_ends_its_workers_and_keeps_what_it_reached(small, tmp_path):
+    """The workbench and batch systems send SIGTERM."""
+    out = tmp_path / "out"
+    code, said = stopped(["fit", small[0], "-o", out], out / "C1/fit.json", signal.SIGTERM)
+    assert code == 130
+    assert "Interrupted; what was done is kept" in said
+    assert "leaked" not in said
+    assert "Traceback" not in said
+    assert (out / "C1/fit.json").exists()
+
+
 @pytest.mark.slow
 @posix
 def test_an_updating_that_is_killed_goes_on_and_ends_with_the_same_bytes(small, written, tmp_path):

@@ -122,6 +122,48 @@ def test_whoever_has_no_token_is_refused(address):
     assert status(f"{root}/index.html", Cookie=f"lamella_{port}={token}x") == 403
 
 
+def test_the_page_loaded_again_is_the_same_page_in_the_same_room(page):
+    """The token has left the address; a cookie that no script can read stands for it."""
+    assert "secret" not in page.url
+    enter(page, "Comparison")
+    page.wait_for_function("location.hash === '#Comparison'")
+    page.reload()
+    page.wait_for_selector("#mac .js-plotly-plot")
+    assert "secret" not in page.url
+    assert page.evaluate("document.cookie") == ""
+    assert page.get_by_role("tab", name="Comparison").get_attribute("aria-selected") == "true"
+
+
+def test_back_and_forward_go_through_the_rooms(page):
+    def stands_in(room):
+        page.wait_for_function(
+            f"document.querySelector('[role=tab][aria-selected=true]')?.textContent.includes({room!r})"
+        )
+
+    enter(page, "Comparison")
+    stands_in("Comparison")
+    enter(page, "Report")
+    stands_in("Report")
+    page.go_back()
+    stands_in("Comparison")
+    page.go_forward()
+    stands_in("Report")
+    enter(page, "Measurement")
+    page.wait_for_selector("#points .js-plotly-plot")
+
+
+def test_a_second_tab_says_that_it_mirrors(page, address):
+    assert page.locator("#tabs").count() == 0
+    second = page.context.browser.new_page()
+    second.set_default_timeout(PATIENCE)
+    second.goto(address)
+    for shown in (page, second):
+        shown.wait_for_selector("#tabs")
+        assert "2 tabs" in shown.locator("#tabs").text_content()
+    second.close()
+    page.wait_for_selector("#tabs", state="detached")
+
+
 def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     names = "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.name).join()"
     page.wait_for_function(f"{names}.includes('1+z over')")

@@ -4,11 +4,9 @@ import io
 import logging
 import time
 from functools import partial
-from types import SimpleNamespace
 
 from rich.console import Console
 
-import updating.workers.progress as progress
 import updating.workers.workers as workers
 from updating.workers.progress import shown
 from updating.workers.workers import in_parallel
@@ -53,17 +51,3 @@ def test_nothing_is_shown_where_there_is_no_terminal(monkeypatch):
     console = Console(file=io.StringIO())
     list(in_parallel(at_work, [1], "identify", console))
     assert console.file.getvalue().strip() == ""
-
-
-def test_a_file_has_a_line_from_time_to_time(monkeypatch):
-    """In 26 minutes of work nothing was written where output was redirected."""
-    now = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    console = Console(file=io.StringIO())
-    with shown("identify", 3, console) as bar:
-        at_work(1)
-        now[0] += 2 * progress.EVERY
-        bar.advance(bar.task_ids[0])
-        at_work(2)
-    lines = console.file.getvalue().split("\n")
-    assert [line for line in lines if line.strip()] == ["identify: run 2 of 30 (1 of 3 done, 60 s)"]

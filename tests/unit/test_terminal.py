@@ -5,12 +5,15 @@ import logging
 import os
 import subprocess
 import sys
+import time
 
 import pytest
+from rich.console import Console
 from rich.table import Table
 
 from updating.commands import terminal
 from updating.commands.terminal import LiteralConsole, bar, progress
+from updating.workers import progress as progress_module
 
 NAMES = ["[/foo]", "run[a]", "[bold]thick[/bold]", ":smile:"]
 
@@ -93,3 +96,27 @@ def test_tables_in_files_have_no_empty_cells(console):
         assert all(cell.strip() for cell in line.strip("│┃").split("│"))
     for i in range(10):
         assert f"configuration_{i}" in console.file.getvalue()
+
+
+def test_work_says_in_a_pipe_what_it_is_at(monkeypatch, capsys):
+    monkeypatch.setattr(progress_module, "_PERIOD", 0.01)
+    log = logging.getLogger("updating")
+    with progress("diagnose", Console(file=io.StringIO())):
+        log.info("weigh %d explanations", 7)
+        until_said(capsys, "diagnose, stage 1: weigh 7 explanations (0 s)")
+    with progress_module.shown("identify", 3, Console(file=io.StringIO())) as bar:
+        bar.advance(bar.task_ids[0])
+        until_said(capsys, "identify, 1 of 3 done (0 s)")
+    with progress("quiet", Console(quiet=True)):
+        time.sleep(0.05)
+    assert capsys.readouterr().err == ""
+
+
+def until_said(capsys, line):
+    said = ""
+    for _ in range(500):
+        said += capsys.readouterr().err
+        if line in said.splitlines():
+            return
+        time.sleep(0.01)
+    pytest.fail(said)

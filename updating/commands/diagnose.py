@@ -12,7 +12,15 @@ from rich.table import Table
 from ema import read_campaign
 from model import Stack, catalogue, read_stack
 from model.stack.stack_file import stack_inputs
-from updating.commands.options import CampaignFile, Cluster, EffectFiles, Folder, Keep, ScatterFile
+from updating.commands.options import (
+    CampaignFile,
+    Cluster,
+    EffectFiles,
+    Folder,
+    IdentifyAnew,
+    Keep,
+    ScatterFile,
+)
 from updating.commands.specimens import diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
@@ -29,6 +37,7 @@ from updating.fitting.target import model_file, stack_in_state
 from updating.pooled.campaign_file import has_specimens
 from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude, stored_amplitude
 from updating.results.campaign_findings import measurement_findings
+from updating.results.chosen_poles import forget_choices
 from updating.results.identified import Identified, assignments, every_identified
 from updating.results.store import kept, write_result
 from updating.workers.workers import workers
@@ -44,6 +53,7 @@ def diagnose(
     scatter: ScatterFile = None,
     cluster: Cluster = None,
     keep: Keep = False,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
@@ -51,6 +61,8 @@ def diagnose(
     A campaign that lists specimens is diagnosed as a whole: which effect is the rig's, which specimens are odd, and
     what a treatment changes. Writes pooled_diagnosis.json.
     """
+    if identify_anew:
+        forget_choices(output)
     if is_modal_table(campaign):
         message = (
             f"{campaign}: a diagnosis needs shapes, or [[specimen]] tables whose modes are named by class; for a modal "

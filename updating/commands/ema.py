@@ -34,12 +34,13 @@ from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.amplitude import amplitude_figure
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
-from updating.commands.options import CampaignFile, Cluster, Folder, Keep
+from updating.commands.options import CampaignFile, Cluster, Folder, IdentifyAnew, Keep
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
 from updating.results.amplitude import over_amplitude, stored_amplitude
 from updating.results.campaign_findings import campaign_findings
 from updating.results.changes import compared
+from updating.results.chosen_poles import forget_choices
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -62,18 +63,24 @@ def ema(
     output: Folder,
     poles: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of earlier results whose edited poles.txt files are used."),
+        typer.Option(
+            metavar="DIR", help="Folder of results whose edited poles.txt files are used from now on."
+        ),
     ] = None,
     cluster: Cluster = None,
     keep: Keep = False,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
 
     Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
     modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, of several force
     levels amplitude.json and amplitude.png, of one that is to be compared with a reference change.json and change.csv,
-    and a comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR.
+    and a comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR;
+    every later command uses them until --identify-anew.
     """
+    if identify_anew:
+        forget_choices(output)
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
     for found in results:
         OUT.print(modes_table(found.modal_model, found.quality.explained))
@@ -104,12 +111,13 @@ def identify_campaign(
 
     Configurations that an earlier run left are read back; one that cannot be identified does not end the others.
 
-    With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice. With
+    With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice, now and in
+    every later command on these results. With
     `keep`, results that are there are used whatever they came from.
     """
     campaign = read_campaign(campaign_file)
     assigned = assignments(campaign, output, poles, keep=keep)
-    task = partial(attempted, partial(_identify, keep_poles=poles == output))
+    task = partial(attempted, _identify)
     every = tuple(in_parallel(task, assigned, "identify", console, cluster))
     results = tuple(found for found in every if not isinstance(found, Failed))
     failed = tuple(found for found in every if isinstance(found, Failed))
@@ -125,9 +133,9 @@ def identify_campaign(
     return results, comparison, failed
 
 
-def _identify(assigned: Assignment, *, keep_poles: bool) -> Identified:
+def _identify(assigned: Assignment) -> Identified:
     found = identified(assigned)
-    _write_tables_and_pictures(found, keep_poles=keep_poles)
+    _write_tables_and_pictures(found, keep_poles=assigned.poles is not None)
     levels = over_amplitude(assigned, found)
     if levels is not None:
         write_bytes(found.folder / "amplitude.png", as_png(amplitude_figure(levels.dependence)))

@@ -98,11 +98,7 @@ def fit(
         )
         return
     if is_modal_table(campaign):
-        rows = fit_modal_table(campaign, output, OUT, cluster)
-        OUT.print(modal_table(rows))
-        if effect:
-            OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
-        OUT.print(f"Report: {make_report(output)}")
+        _print_table_fit(campaign, output, effect or [], known, cluster)
         return
     fits, done, failed = [], list[Identified](), []
     for one in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
@@ -124,6 +120,17 @@ def fit(
     if done:
         OUT.print(f"Report: {make_report(output, keep=keep)}")
     require_none(failed, len(done) + len(failed))
+
+
+def _print_table_fit(
+    campaign: Path, output: Path, effect: Sequence[str], known: dict[str, Effect], cluster: str | None
+) -> None:
+    """Fit a campaign whose modes are given as a table, and print what came of it."""
+    rows = fit_modal_table(campaign, output, OUT, cluster)
+    OUT.print(modal_table(rows))
+    if effect:
+        OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
+    OUT.print(f"Report: {make_report(output)}")
 
 
 def fit_campaign(
@@ -321,7 +328,7 @@ def modal_table(fits: tuple[TableFit, ...]) -> Table:
     known = np.isfinite(published)
     ratio = np.array([f.G_f.value for f in fits])[known] / published[known]
     caption = (
-        f"mean error, eq. (2): ours {100 * np.mean([f.error for f in fits]):.1f} %, "
+        f"mean relative frequency error: ours {100 * np.mean([f.error for f in fits]):.1f} %, "
         f"published {100 * np.mean([f.published_error for f in fits]):.1f} %\n"
         "our model fitted to the published model's frequencies: "
         f"{100 * np.mean([f.model_misfit for f in fits]):.2f} % off"

@@ -50,6 +50,13 @@ Keep = Annotated[
         help="Use results that are there although they were changed or come from other files; the report says which.",
     ),
 ]
+IdentifyAnew = Annotated[
+    bool,
+    typer.Option(
+        "--identify-anew",
+        help="Choose all poles automatically again; without it, poles chosen by hand are used by every command.",
+    ),
+]
 Cluster = Annotated[
     str | None,
     typer.Option(

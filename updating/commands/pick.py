@@ -12,6 +12,7 @@ from ema.identification.poles_file import write_poles
 from ema.plot.picking import pick_poles
 from updating.commands.options import CampaignFile, Folder
 from updating.commands.terminal import OUT
+from updating.results.chosen_poles import keep_choice
 from updating.results.store import folder_name
 
 EXAMPLE = "lamella pick data/demo_stack/campaign.toml M1 -o out/demo"
@@ -27,8 +28,9 @@ def pick(
 ) -> None:
     """Choose the poles of one configuration by clicks in its stabilisation chart.
 
-    A left click adds the nearest pole, a right click takes one away; closing the window writes poles.txt, which
-    **lamella ema ... --poles DIR** uses. Needs a display; without one, edit poles.txt with any editor.
+    A left click adds the nearest pole, a right click takes one away; closing the window writes poles.txt, and every
+    later command on these results identifies with them. Needs a display; without one, edit poles.txt with any editor
+    and run **lamella ema ... --poles DIR**.
     """
     OUT.print(f"Poles: {choose_poles(campaign, configuration, output)}")
 
@@ -43,4 +45,5 @@ def choose_poles(campaign_file: Path, configuration: str, output: Path) -> Path:
     chosen = pick_poles(diagram)
     path = output / folder_name(configuration) / "poles.txt"
     write_poles(path, chosen)
+    keep_choice(path, path.parent)
     return path

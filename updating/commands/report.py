@@ -12,7 +12,7 @@ from updating.commands.options import Keep, ResultsFolder
 from updating.commands.terminal import OUT
 from updating.report.moving import write_gifs
 from updating.report.page import write_report
-from updating.report.pdf import print_pdf
+from updating.report.pdf import find_browser, print_pdf
 from updating.report.results import read_results
 from updating.report.slides import write_slides
 from updating.workers.workers import workers
@@ -53,7 +53,7 @@ def report(
         OUT.print(sentence, highlight=False)
     OUT.print(f"Report: {page}")
     if pdf:
-        OUT.print(f"PDF: {print_pdf(page)}")
+        OUT.print(f"PDF: {print_pdf(page)}, printed by {find_browser()}", soft_wrap=True)
     if pptx:
         OUT.print(f"Slides: {write_slides(results)}")
     if gif:

@@ -7,14 +7,16 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.status import Status
 from rich.table import Table
 from rich.text import Text
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 _WIDEST = 10_000  # characters of a table in a file
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
@@ -72,11 +74,13 @@ class _Shown(logging.Handler):
 
     def __init__(self, title: str, status: Status) -> None:
         super().__init__(logging.INFO)
-        self._title, self._status = title, status
+        self._title, self._status, self.last, self._stage = title, status, title, 0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Show a message."""
-        self._status.update(Text(literal(f"{self._title}: {record.getMessage()}")))
+        """Show a message, which begins a stage of the work."""
+        self._stage += 1
+        self.last = f"{self._title}, stage {self._stage}: {record.getMessage()}"
+        self._status.update(Text(literal(self.last)))
 
 
 @contextmanager
@@ -88,8 +92,10 @@ def progress(title: str, console: Console) -> Iterator[None]:
     title : str
         What is being done as a whole.
     console : Console
-        Where; nothing is shown on one that is no terminal.
+        Where; beside one that is no terminal, stderr has a line every few seconds.
     """
+    from updating.workers.progress import in_lines
+
     log = logging.getLogger("updating")
     level = log.level
     with console.status(title) as status:
@@ -97,7 +103,8 @@ def progress(title: str, console: Console) -> Iterator[None]:
         log.addHandler(handler)
         log.setLevel(logging.INFO)
         try:
-            yield
+            with in_lines(lambda: handler.last, console):
+                yield
         finally:
             log.setLevel(level)
             log.removeHandler(handler)
@@ -105,6 +112,8 @@ def progress(title: str, console: Console) -> Iterator[None]:
 
 def bar(console: Console) -> Progress:
     """Return a bar that shows how many steps are done, and is gone at the end."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     return Progress(
         TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         console=console, transient=True,

@@ -171,7 +171,7 @@ def law_figure(found: Sequence[Calibrated]) -> Figure:
 def _finish(axes: Axes, stacks: Sequence[str], title: str) -> None:
     axes.set_xticks(range(len(stacks)), stacks)
     axes.set_xlabel("stack")
-    axes.set_ylabel("error, eq. (2) [%]")
+    axes.set_ylabel("mean frequency error [%]")
     axes.set_title(title, fontsize=10)
     axes.legend(fontsize=8, ncols=3, loc="upper right")
     axes.margins(y=0.2)

@@ -20,7 +20,7 @@ def summary_table(found: Sequence[Calibrated]) -> Table:
     """Print errors, shared parameters and the pressure law under each calibration."""
     effects = " + ".join(printed_effects(found[0].shared.effects))
     table = Table(
-        title=f"18 stacks, mean error of eq. (2) in %; shared by all: {effects}",
+        title=f"18 stacks, mean relative frequency error in %; shared by all: {effects}",
         title_justify="left",
         caption=conclusion(found),
         caption_justify="left",

@@ -26,7 +26,7 @@
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
   // The page's own colours, so that a chart follows light and dark.
-  function themed(layout) {
+  function themed(layout, legend = true) {
     const ink = colour("--ink"), line = colour("--line");
     const out = {
       ...layout, autosize: true, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
@@ -34,6 +34,11 @@
       hoverlabel: { bgcolor: colour("--band"), bordercolor: line, font: { color: ink } },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("--soft"), activecolor: colour("--accent") },
     };
+    // A legend above the axes stands below the toolbar, which is at the very top.
+    if (legend && layout.legend?.orientation === "h" && (layout.legend.y ?? 0) >= 1) {
+      out.margin = { ...layout.margin, t: Math.max(layout.margin?.t ?? 0, innerWidth < 600 ? 96 : 64) };
+      if (layout.height) out.height = layout.height + 34;
+    }
     const own = { gridcolor: line, zerolinecolor: colour("--soft"), linecolor: colour("--soft") };
     for (const key of Object.keys(layout)) if (/^[xy]axis\d*$/.test(key)) out[key] = { ...layout[key], ...own };
     for (const scene of Object.keys(layout).filter((key) => key.startsWith("scene"))) {
@@ -92,7 +97,8 @@
     const plot = root.querySelector(".plot"), choice = root.querySelector("select");
     const figure = () => {
       const { data, layout } = drawn(spec, choice ? +choice.value : 0);
-      return [data, themed(layout)];
+      const named = data.filter((t) => t.name && t.showlegend !== false);
+      return [data, themed(layout, named.length > 1 || layout.showlegend === true)];
     };
     root.classList.add("live");
     await Plotly.newPlot(plot, ...figure(), CONFIG);

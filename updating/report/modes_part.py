@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from ema.modal.complexity import LEAST_MPC, complexity
 from ema.modal.mac import mac
 from ema.plot.figures import mac_figure
+from ema.quality.words import label, meaning
 from updating.correlation.correlation import correlate
 from updating.correlation.correlation_plot import comac_figure
-from updating.correlation.point_correlation import correlate_points
+from updating.correlation.point_correlation import PointCorrelation, correlate_points
 from updating.fitting.fit import Estimate
 from updating.fitting.fit_plot import objective_figure
-from updating.report.chart_part import axis, chart, single
+from updating.report.chart_part import ACCENT, LEFT, MEASURED, axis, chart, legend_above, single
 from updating.report.frf_part import frf_title
 from updating.report.part import Picture, Section, Table, anchor, as_csv, png
 from updating.report.results import Tested
@@ -39,6 +40,7 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
             identified_table(tested),
             complexity_table(tested),
             quality_table(tested),
+            passed_table(tested),
         )
     else:
         blocks = (
@@ -46,6 +48,7 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
             parameter_table(tested.fit),
             complexity_table(tested),
             quality_table(tested),
+            passed_table(tested),
         )
     return Section(title=f"Modes of {tested.name}", blocks=blocks)
 
@@ -165,11 +168,23 @@ def quality_table(tested: Tested) -> Table:
         title="Quality of the measurement",
         header=("point", "finding"),
         rows=tuple(rows) or (("", "nothing suspicious"),),
-        note=f"Passed: {', '.join(v.check for v in own.verdicts if v.level == 'pass')}.",
+        note="Each finding says what to do about it. What was checked and is in order stands below.",
         link=tuple(f"#{anchor(frf_title(tested))}" if point else "" for point, _ in rows),
         chooses=True,
+        hint=(*(meaning(v.check) for v in found), *("" for _ in own.notes)) if rows else (),
     )
     return table.without_empty_columns()
+
+
+def passed_table(tested: Tested) -> Table:
+    """List the checks that a measurement passed, with what each looks at."""
+    passed = [v for v in tested.quality.verdicts if v.level == "pass"]
+    return Table(
+        title=f"{len(passed)} checks of the measurement passed",
+        header=("check", "what it looks at", "found"),
+        rows=tuple((label(v.check), meaning(v.check), v.message) for v in passed),
+        folded=True,
+    )
 
 
 def _function(point: Sequence[int], measured: Sequence[int]) -> str:
@@ -264,6 +279,30 @@ def comac_picture(tested: Tested, fit: Fit) -> Picture:
         caption="Above: 1 - CoMAC of every point, 0 where shapes agree. Below: their difference over the root mean "
         "square of the shape, beside what the noise of the measurement alone would cause.",
         width="half",
+        chart=comac_chart(points),
+    )  # fmt: skip
+
+
+def comac_chart(points: PointCorrelation) -> str:
+    """Return 1 - CoMAC over the difference of the shapes, of every point, as a chart."""
+    names = [str(node) for node in points.node]
+    noise = {"mode": "markers", "marker": {"color": MEASURED, "size": 5}, "name": "from noise alone"}
+    return chart(
+        [
+            {"type": "bar", "x": names, "y": single(1.0 - points.comac), "yaxis": "y2", "showlegend": False,
+             "marker": {"color": LEFT}, "name": "1 - CoMAC"},
+            {"type": "bar", "x": names, "y": single(points.error), "marker": {"color": LEFT},
+             "name": "measured - model"},
+            {"type": "scatter", "x": names, "y": single(points.error_std), **noise},
+        ],
+        {
+            "height": 430,
+            "xaxis": axis("point", type="category"),
+            "yaxis": axis("difference / rms", domain=[0.0, 0.46]),
+            "yaxis2": axis("1 - CoMAC", domain=[0.54, 1.0], exponentformat="e"),
+            "legend": legend_above(),
+            "margin": {"r": 8},
+        },
     )  # fmt: skip
 
 
@@ -279,6 +318,33 @@ def objective_picture(fit: Fit) -> Picture:
         ),
         alt="Objectives over their parameters",
         caption="Every value tried for G_f (opt_G) and d_f (opt_d); the diamond is the estimate.",
+        chart=objective_chart(fit),
+    )
+
+
+def objective_chart(fit: Fit) -> str:
+    """Return the objectives over what was tried of G_f, above, and of d_f as a chart."""
+    traces: list[dict[str, Any]] = []
+    for estimate, factor, place in ((fit.G_f, 1.0, ""), (fit.d_f, 100.0, "2")):
+        tried = _history(estimate)
+        on = {"type": "scatter", "xaxis": f"x{place}", "yaxis": f"y{place}", "showlegend": place == ""}
+        traces += [
+            {**on, "mode": "lines+markers", "x": tried[:, 0].tolist(), "y": (factor * tried[:, 1]).tolist(),
+             "name": "tried", "line": {"color": MEASURED, "width": 1}, "marker": {"size": 4}},
+            {**on, "mode": "markers", "x": [estimate.value], "y": [factor * estimate.objective], "name": "estimate",
+             "marker": {"color": ACCENT, "size": 10, "symbol": "diamond"}},
+        ]  # fmt: skip
+    return chart(
+        traces,
+        {
+            "height": 520,
+            "xaxis": axis(f"G_f [{fit.G_f.unit}]", type="log", anchor="y"),
+            "yaxis": axis("opt_G [Hz]", type="log", domain=[0.6, 1.0]),
+            "xaxis2": axis(f"d_f [{fit.d_f.unit}]", anchor="y2", exponentformat="e"),
+            "yaxis2": axis("opt_d [% damping]", domain=[0.0, 0.38], rangemode="tozero"),
+            "legend": legend_above(),
+            "margin": {"r": 8},
+        },
     )
 
 

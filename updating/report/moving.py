@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from updating.fitting.shape_plot import ShapePair, shape_pair_figure, shape_pairs
 from updating.report.results import Results
@@ -38,6 +37,8 @@ def write_gifs(results: Results) -> tuple[Path, ...]:
 
 def shape_gif(pair: ShapePair) -> bytes:
     """Draw one period of a shape as a GIF that goes round for ever."""
+    from PIL import Image
+
     pictures = []
     for phase in 2.0 * np.pi * np.arange(_STEPS) / _STEPS:
         moved = replace(

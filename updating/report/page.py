@@ -9,8 +9,6 @@ from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
 from updating.errors import StoreError
 from updating.report.answer import answer_section, overview_section
 from updating.report.change_part import errors_with_additions
@@ -21,7 +19,7 @@ from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section
 from updating.report.opening import opening_section
 from updating.report.parameter_part import parameter_section
-from updating.report.part import Section, packed, unbroken
+from updating.report.part import Section, in_css, packed, unbroken
 from updating.report.pooled_part import pooled_section
 from updating.report.provenance import provenance_section
 from updating.report.results import Results, Tested, read_results
@@ -65,7 +63,7 @@ def write_report(
     parts = _chosen(sections(results, [part for part in made if part is not None]), only)
     _write_figures(folder, parts)
     page = folder / "report.html"
-    write_bytes(page, render(results.name, parts).encode())
+    write_bytes(page, render(results.name, parts, about=results.about).encode())
     return page
 
 
@@ -178,12 +176,36 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
     )
 
 
-def render(title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool = False) -> str:
-    """Put sections into one HTML page, with a link to the page above it where there is one; a bare one has no head."""
+def render(
+    title: str,
+    parts: tuple[Section, ...],
+    *,
+    up: str = "",
+    bare: bool = False,
+    about: Sequence[tuple[str, str]] = (),
+) -> str:
+    """Put sections into one HTML page.
+
+    Parameters
+    ----------
+    title : str
+        Its title, which also stands at the foot of every printed page.
+    parts : tuple of Section
+        What is in it.
+    up : str
+        Address of the page above it, where there is one.
+    bare : bool
+        Whether it has no head.
+    about : sequence of (str, str)
+        Names and texts of the title block.
+    """
+    from jinja2 import Environment, StrictUndefined  # slow to import
+
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["unbroken"] = unbroken
+    environment.filters["in_css"] = in_css
     here = files("updating.report")
 
     def text(name: str) -> str:
@@ -198,4 +220,5 @@ def render(title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool =
         sections=parts,
         up=up,
         bare=bare,
+        about=about,
     )

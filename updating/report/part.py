@@ -43,6 +43,8 @@ class Table:
         Whether the page shows the title only until it is clicked.
     chooses : bool
         Whether first cells are numbers of points, of which a click shows the function where the link leads.
+    hint : tuple of str
+        For each row a sentence that the page shows under the cursor; may be empty.
     """
 
     title: str
@@ -52,6 +54,7 @@ class Table:
     link: tuple[str, ...] = ()
     folded: bool = False
     chooses: bool = False
+    hint: tuple[str, ...] = ()
     kind: Literal["table"] = "table"
 
     @property
@@ -223,6 +226,11 @@ def anchor(title: str) -> str:
 def unbroken(text: str) -> str:
     """Return a text in which no percent sign stands alone on a line."""
     return text.replace(" %", "\u00a0%")
+
+
+def in_css(text: str) -> str:
+    """Return a text as a string of a style sheet, every sign that could end it as its number."""
+    return "".join(c if c.isalnum() or c in " .,-" else f"\\{ord(c):x} " for c in text)
 
 
 def packed(text: str) -> str:

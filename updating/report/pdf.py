@@ -46,8 +46,9 @@ def find_browser() -> Path:
     found = found or next((path for path in _PATHS if Path(path).is_file()), None)
     if found is None:
         message = (
-            "no browser to print a PDF with: install Chromium, Google Chrome or Microsoft Edge so that one of "
-            f"{', '.join(NAMES[:4])} or msedge is on PATH, or open report.html in any browser and print it"
+            "no browser to print a PDF with. Install one: `apt install chromium` on Debian, `snap install chromium` on "
+            "Ubuntu, `dnf install chromium` on Fedora, else Google Chrome or Microsoft Edge, so that one of "
+            f"{', '.join(NAMES[:4])} or msedge is on PATH; or open report.html in any browser and print it"
         )
         raise StoreError(message)
     return Path(found)

@@ -20,6 +20,7 @@ from updating.results.changes import CHANGE
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
+from updating.results.stored_campaign import campaign_file
 from updating.results.updated import Updated
 
 T = TypeVar("T")
@@ -117,6 +118,8 @@ class Results:
         Provenance of every result file, by its path within the folder.
     remarks : tuple of str
         Which results were changed, or come from other files than those beside them.
+    about : tuple of (str, str)
+        Title block, by name: project, author and date as far as the campaign states them.
     """
 
     name: str
@@ -132,6 +135,7 @@ class Results:
     pooled: PooledDiagnosis | None
     origin: dict[str, dict[str, Any]]
     remarks: tuple[str, ...] = ()
+    about: tuple[tuple[str, str], ...] = ()
 
 
 def read_results(folder: Path, *, keep: bool = False) -> Results:
@@ -250,9 +254,26 @@ def _read_campaign(folder: Path, reader: _Reader) -> Results:
         shape_class=(),
         missing=tuple(name for name in own if name not in {c.name for c in done}),
         **_read_common(folder, reader),
-        campaign=campaign.path,
+        campaign=_campaign_file(folder),
+        about=tuple(
+            (name, text)
+            for name, text in (
+                ("Project", campaign.project),
+                ("Author", campaign.author),
+                ("Date of the test", campaign.date),
+            )
+            if text
+        ),
         pooled=None,
     )
+
+
+def _campaign_file(folder: Path) -> Path:
+    """Return the campaign file; as it was named where it is not there, for results can be read without it."""
+    try:
+        return campaign_file(folder)
+    except StoreError:
+        return read_result(folder / "campaign.json", Campaign, edited=True).path
 
 
 def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) -> Tested:

@@ -40,8 +40,8 @@ def table_overview(results: Results) -> Section:
             )
             for f in fits
         ),
-        note="Error after eq. (2). ± is half of the 95 % interval and contains the scatter that the model leaves. A "
-        "click on a heading sorts, one on a stack leads to it.",
+        note="Error: mean over the modes of the relative frequency error. ± is half of the 95 % interval and contains "
+        "the scatter that the model leaves. A click on a heading sorts, one on a stack leads to it.",
         link=tuple(f"#{anchor(_title(f))}" for f in fits),
     )  # fmt: skip
     picture = Picture(
@@ -117,7 +117,7 @@ def table_figure(fits: tuple[TableFit, ...]) -> Figure:
     at = np.arange(len(fits))
     above.bar(at - 0.2, [100 * f.published_error for f in fits], 0.38, color=_PUBLISHED, label="published")
     above.bar(at + 0.2, [100 * f.error for f in fits], 0.38, color=_OURS, label="ours")
-    above.set_ylabel("error, eq. (2) [%]")
+    above.set_ylabel("mean frequency error [%]")
     below.errorbar(
         at, [f.G_f.value for f in fits], [f.G_f.std for f in fits], fmt="o", color=_OURS, capsize=3
     )

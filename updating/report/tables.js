@@ -38,3 +38,12 @@
     });
   }
 })();
+
+// What is printed says when; the page itself, made from the same results, is always the same.
+(() => {
+  "use strict";
+  const printed = document.querySelector(".about .printed");
+  if (!printed) return;
+  printed.querySelector("dd").textContent = new Date().toLocaleDateString("en-GB", { dateStyle: "long" });
+  printed.hidden = false;
+})();

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from ema import compare, content_digests, contradicted, shared_functions
 from ema.quality.linearity import NOT_LINEAR
+from updating.results.chosen_poles import BY_HAND
 from updating.results.identified import MEASUREMENT, Identified
 from updating.results.store import read_frf
 
@@ -53,6 +54,10 @@ def measurement_findings(results: Sequence[Identified], followed: Collection[str
         findings = found.quality.findings
         if found.configuration.name in followed:
             findings = tuple(finding for finding in findings if not finding.endswith(NOT_LINEAR))
+        by_hand = [
+            finding for finding in findings if BY_HAND in finding
+        ]  # is said, however many others there are
+        findings = (*by_hand, *(finding for finding in findings if finding not in by_hand))
         for finding in findings[:_MOST]:
             yield f"In the measurement of {found.configuration.name}: {finding}"
         if len(findings) > _MOST:

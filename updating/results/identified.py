@@ -15,8 +15,10 @@ from ema.identification.poles_file import read_poles
 from ema.types.errors import EmaError
 from model.stack.errors import ModelError
 from updating.errors import FitError, PairingError, StoreError
+from updating.results.chosen_poles import BY_HAND, choice_note, chosen_poles
 from updating.results.quality import Quality, quality, quality_of_read
 from updating.results.store import folder_name, read_current, write_frf, write_result
+from updating.results.stored_campaign import write_campaign
 from updating.workers.workers import in_parallel
 
 R = TypeVar("R")
@@ -59,7 +61,7 @@ class Assignment:
     folder : Path
         Folder of its results.
     poles : Path or None
-        Its poles.txt, which takes the place of the automatic choice.
+        File of the poles chosen by hand, which take the place of the automatic choice.
     keep : bool
         Whether results that are there are used whatever they came from.
     """
@@ -102,7 +104,8 @@ def assignments(
     output : Path
         Folder of the results; each configuration has a folder in it.
     poles : Path, optional
-        Folder of earlier results, whose poles.txt files take the place of the automatic choice.
+        Folder of earlier results, whose poles.txt files take the place of the automatic choice from now on, see
+        `updating.results.chosen_poles`.
     keep : bool
         Whether results that are there are used whatever they came from.
 
@@ -110,10 +113,12 @@ def assignments(
     ------
     StoreError
         Two configurations have one folder, a folder cannot be written, or `poles` holds none of this campaign.
+    IdentificationError
+        A file of chosen poles cannot be read.
     """
     _check_folders(campaign)
-    chosen = _chosen_poles(campaign, poles)
-    write_result(output / "campaign.json", campaign, inputs=(campaign.path, campaign.points), options={})
+    chosen = chosen_poles(campaign, output, poles)
+    write_campaign(campaign, output)
     return tuple(
         Assignment(
             campaign=replace(campaign, path=campaign.path.absolute(), configurations=(configuration,)),
@@ -143,7 +148,8 @@ def identified(assigned: Assignment) -> Identified:
     folder, poles, configuration = assigned.folder, assigned.poles, assigned.configuration
     by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
     (found,) = identify(assigned.campaign, by_hand)
-    modes, checks = found.modal_model, quality(found)
+    remarks = () if poles is None else (choice_note(poles),)
+    modes, checks = found.modal_model, quality(found, remarks)
     inputs, options = made_from(assigned)
     write_frf(folder / MEASUREMENT, found.measurement.frf)
     write_result(folder / "quality.json", checks, inputs=inputs, options=options)
@@ -265,23 +271,12 @@ def made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]
     asked: dict[str, object] = {
         "band_Hz": campaign.identification.band, "order": campaign.identification.order,
         "modes": READ if configuration.has_modes else None,
+        "poles": None if assigned.poles is None else BY_HAND,
     }  # fmt: skip
     return (
         (campaign.path, campaign.points, *files),
         {name: value for name, value in asked.items() if value is not None},
     )
-
-
-def _chosen_poles(campaign: Campaign, folder: Path | None) -> dict[str, Path]:
-    """Find poles.txt of every configuration that has one in a results folder."""
-    if folder is None:
-        return {}
-    files = {c.name: folder.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
-    found = {name: file for name, file in files.items() if file.exists()}
-    if not found:
-        message = f"{folder}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
-        raise StoreError(message)
-    return found
 
 
 def _check_folders(campaign: Campaign) -> None:

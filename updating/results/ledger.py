@@ -46,7 +46,7 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
     damping = any(np.isfinite(e.damping_error) for e in entries)
     unknown = any(np.isnan(e.configuration_error) and np.isfinite(e.error) for e in entries)
     table = Table(
-        title="Mean error [%], eq. (2), of frequencies" + (" | of damping ratios" if damping else ""),
+        title="Mean relative error [%] of frequencies" + (" | of damping ratios" if damping else ""),
         title_justify="left",
         caption="Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
         + (" -: those do not determine it." if unknown else ""),

@@ -40,13 +40,13 @@ class Quality:
         return (*found, *self.notes)
 
 
-def quality(found: Identification) -> Quality:
-    """Collect what reading, checks and the comparison of roving runs found."""
+def quality(found: Identification, remarks: tuple[str, ...] = ()) -> Quality:
+    """Collect what reading, checks and the comparison of roving runs found, after further remarks."""
     frf = found.measurement.frf
     changes = run_changes(found.modal_model, frf.run, sensors_rove=not frf.reciprocal)
     return Quality(
         verdicts=found.verdicts,
-        notes=(*found.measurement.notes, *((changes.finding,) if changes.finding else ())),
+        notes=(*remarks, *found.measurement.notes, *((changes.finding,) if changes.finding else ())),
         explained=found.explained,
     )
 

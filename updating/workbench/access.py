@@ -15,12 +15,19 @@ def new_token() -> str:
     return secrets.token_urlsafe(_BYTES)
 
 
-def guard(token: str, port: Callable[[], int]) -> Any:
+def address(token: str, port: int) -> str:
+    """Return the address of the page, with the token."""
+    place = f"{HOST}:{port}"
+    return f"http://{place}/index.html?sessionURL=ws://{place}/ws&secret={token}"
+
+
+def guard(token: str, port: Callable[[], int], seen: Callable[[int], None]) -> Any:
     """Return a middleware that answers 403 to whatever does not come with the token.
 
     The address that is opened carries the token; what it answers with sets a cookie, which the page's own requests,
     its websocket among them, then carry. A page of another origin cannot make the browser send it (SameSite), and a
-    name that was bent to this machine is refused by its Host.
+    name that was bent to this machine is refused by its Host. The page takes the token out of the address; loaded
+    again without it, as by F5 or the browser's history, the cookie stands for it.
 
     Parameters
     ----------
@@ -28,8 +35,25 @@ def guard(token: str, port: Callable[[], int]) -> Any:
         The token.
     port : callable
         Returns the port that the server listens at; it is known only after the start.
+    seen : callable
+        Takes the number of tabs that show the page, each time that it changes.
     """
     from aiohttp import web
+
+    tabs = 0
+
+    async def counted(
+        request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Hold a tab's connection, which is answered when it ends."""
+        nonlocal tabs
+        tabs += 1
+        seen(tabs)
+        try:
+            return await handler(request)
+        finally:
+            tabs -= 1
+            seen(tabs)
 
     @web.middleware
     async def check(
@@ -40,6 +64,10 @@ def guard(token: str, port: Callable[[], int]) -> Any:
         known = any(secrets.compare_digest(own.encode(), token.encode()) for own in given if own is not None)
         if not known or request.host not in (f"{HOST}:{port()}", f"localhost:{port()}"):
             return web.Response(status=403, text="403: this address has no or a wrong token\n")
+        if request.path == "/ws":
+            return await counted(request, handler)
+        if request.path in ("/", "/index.html") and "sessionURL" not in request.query:
+            return web.HTTPFound(address(token, port()))
         response = await handler(request)
         if not response.prepared:
             response.set_cookie(name, token, httponly=True, samesite="Strict")

@@ -18,6 +18,7 @@ from updating.errors import UpdatingError
 from updating.fitting.shape_plot import lone_shape
 from updating.report.chart_part import ACCENT
 from updating.report.results import Tested
+from updating.results.chosen_poles import keep_choice
 from updating.workbench.campaign_edit import write_identification
 from updating.workbench.identification_charts import (
     diagram_chart,
@@ -196,6 +197,7 @@ class _Picking:
         """Write poles.txt, and band and order into the campaign file; return the command that reads them."""
         path = self.opened.tested(self.state.configuration).folder / "poles.txt"
         write_poles(path, self._inside())
+        keep_choice(path, path.parent)
         written = [str(path)]
         if self._changed():
             write_identification(self.opened.campaign, tuple(self.state.band), int(self.state.order))

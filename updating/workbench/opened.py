@@ -10,6 +10,7 @@ from ema.campaign.campaign import Campaign
 from updating.errors import StoreError
 from updating.report.results import Results, Tested, read_results
 from updating.results.store import read_result
+from updating.results.stored_campaign import campaign_file
 
 _FILE = "campaign.toml"
 
@@ -52,7 +53,7 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
         There is nothing of this kind, or the campaign file of the results is not where it was.
     """
     if (path / "campaign.json").exists():
-        return Opened(campaign=_campaign_of(path), folder=path)
+        return Opened(campaign=campaign_file(path), folder=path)
     file = path / _FILE if (path / _FILE).exists() else path
     if not file.is_file():
         message = (
@@ -64,17 +65,3 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
     if not (folder / "campaign.json").exists():
         make(file, folder)
     return Opened(campaign=file, folder=folder)
-
-
-def _campaign_of(folder: Path) -> Path:
-    """Return the campaign file of results, which they name as seen from where the command was started."""
-    named = read_result(folder / "campaign.json", Campaign).path
-    around = [Path(), *folder.absolute().parents]
-    found = next((place / named for place in around if (place / named).is_file()), None)
-    if found is None:
-        message = (
-            f"{folder}: these results come from {named}, which is not there; open the campaign file itself: lamella "
-            f"open CAMPAIGN -o {folder}"
-        )
-        raise StoreError(message)
-    return found

@@ -11,6 +11,7 @@ from contextlib import suppress
 
 _SHOWN = 400  # lines of what it says that are kept
 _LAST_WORDS = 2.0  # s
+_PATIENCE = 15.0  # s that a command has to end
 _CODE = "from updating.commands.command_line import main; main()"
 
 
@@ -61,11 +62,19 @@ class Command:
                 self._said(lines)
 
     def stop(self) -> None:
-        """End the command and its workers; what is written is whole, and it goes on from there when it is run again."""
+        """End the command as Ctrl-C does; what is written is whole, and it goes on from there when it is run again.
+
+        It ends its workers itself. Where it does not within some seconds, it and they are killed.
+        """
         if self._process is None:
             return
+        process = self._process
         with suppress(ProcessLookupError):
-            if hasattr(os, "killpg"):
-                os.killpg(self._process.pid, signal.SIGTERM)
-            else:
-                self._process.terminate()
+            process.terminate()
+        with suppress(RuntimeError):  # no loop runs where the workbench itself ends
+            asyncio.get_running_loop().call_later(_PATIENCE, self._kill, process)
+
+    def _kill(self, process: asyncio.subprocess.Process) -> None:
+        if process.returncode is None:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL) if hasattr(os, "killpg") else process.kill()

@@ -17,7 +17,7 @@ from updating.workbench import (
     report_room,
     what_if_room,
 )
-from updating.workbench.access import HOST, guard, new_token
+from updating.workbench.access import HOST, address, guard, new_token
 from updating.workbench.opened import Opened
 
 ROOMS = (measurement_room, identification_room, comparison_room, what_if_room, diagnosis_room, report_room)
@@ -47,15 +47,18 @@ def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool
 
     @server.controller.add("on_server_bind")
     def protect(web: Any) -> None:
-        web.app.middlewares.append(guard(token, lambda: server.port))
+        web.app.middlewares.append(guard(token, lambda: server.port, count))
+
+    def count(tabs: int) -> None:
+        with server.state as state:
+            state.tabs = tabs
 
     @server.controller.add("on_server_ready")
     def tell(**_: Any) -> None:
-        place = f"{HOST}:{server.port}"
-        address = f"http://{place}/index.html?sessionURL=ws://{place}/ws&secret={token}"
-        ready(address)
+        place = address(token, server.port)
+        ready(place)
         if show:
-            webbrowser.open(address)
+            webbrowser.open(place)
 
     server.cli.set_defaults(authKey=token)
     os.environ.setdefault("TRAME_ARGS", "--server")  # or it would read the words of this command
@@ -87,12 +90,18 @@ def page(opened: Opened) -> Any:
             "configuration": names[0],
             "configurations": names,
             "trame__title": results.name,
+            "tabs": 1,
         }
     )
     for own in ROOMS:
         own.room(server, opened)
     with SinglePageLayout(server, full_height=True) as layout:
         client.Script((files("updating.report") / "rest.js").read_text(encoding="utf-8"))
+        for name in ("history.js", "names.js"):
+            client.Script((files("updating.workbench") / name).read_text(encoding="utf-8"))
+        client.Style(
+            ".v-field-label { opacity: 1 !important; color: #42526b; }"
+        )  # grey on grey is hard to read
         layout.title.set_text(results.name)
         layout.icon.hide()
         with layout.toolbar:
@@ -103,6 +112,10 @@ def page(opened: Opened) -> Any:
             )  # fmt: skip
         layout.footer.hide()
         with layout.content, vuetify3.VContainer(fluid=True):
+            vuetify3.VAlert(
+                "This page is open in {{ tabs }} tabs, which show the same: what you do in one, the others follow.",
+                v_if="tabs > 1", type="info", density="compact", variant="tonal", classes="mb-2", id="tabs",
+            )  # fmt: skip
             with vuetify3.VTabs(v_model=("room",), show_arrows=True):
                 for own in ROOMS:
                     vuetify3.VTab(own.TITLE, value=own.TITLE, prepend_icon=own.ICON)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
+from threading import Event, Thread
+from time import monotonic
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -15,9 +17,8 @@ LOG = logging.getLogger("ema")
 """Where identification says what it does."""
 
 
-EVERY = 30.0
-"""Seconds between two lines where there is no terminal: nobody waits longer without a word, and short work has none."""
 _LONGEST = 200  # characters of a message
+_PERIOD = 3.0  # s between two lines where there is no terminal
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
 
 
@@ -38,26 +39,33 @@ class _Shown(logging.Handler):
         self._bar.update(self._bar.task_ids[0], description=text.translate(_CONTROL))
 
 
-class _Written(logging.Handler):
-    """Writes the last message as a line from time to time: a file or a pipe has no place where one replaces another."""
+@contextmanager
+def in_lines(now: Callable[[], str], console: Console) -> Iterator[None]:
+    """Say on stderr every few seconds what work is at, where the console is no terminal, such as a pipe or a file.
 
-    def __init__(self, text: str, bar: Progress, console: Console) -> None:
-        super().__init__(logging.DEBUG)
-        self._text, self._bar, self._console = text, bar, console
-        self._start = self._last = time.monotonic()
+    Parameters
+    ----------
+    now : callable
+        Returns what it is at.
+    console : Console
+        Nothing is said beside one that shows it by itself, or that is quiet.
+    """
+    if console.is_terminal or console.quiet:
+        yield
+        return
+    began, ended = monotonic(), Event()
 
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write a message if the last one is long past."""
-        now = time.monotonic()
-        if now - self._last < EVERY:
-            return
-        self._last = now
-        task = self._bar.tasks[0]
-        line = (
-            f"{self._text}: {record.getMessage()} ({task.completed:.0f} of {task.total:.0f} done, "
-            f"{now - self._start:.0f} s)"
-        )
-        self._console.print(line.translate(_CONTROL), markup=False, highlight=False, soft_wrap=True)
+    def say() -> None:
+        while not ended.wait(_PERIOD):
+            print(f"{now().translate(_CONTROL)} ({monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
+
+    saying = Thread(target=say, daemon=True)
+    saying.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        saying.join()
 
 
 class _Sent(logging.Handler):
@@ -84,7 +92,7 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
     n_task : int
         Number of tasks; `Progress.advance` of the only one says that one more is done.
     console : Console
-        Where; on one that is no terminal the last message is written as a line every `EVERY` seconds.
+        Where; beside one that is no terminal, stderr has a line every few seconds.
     """
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -95,11 +103,17 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
     level = LOG.level
     with Progress(*columns, console=console, transient=True) as bar:
         bar.add_task(text, total=n_task)
-        handler = _Shown(text, bar) if console.is_terminal else _Written(text, bar, console)
+        handler = _Shown(text, bar)
         LOG.addHandler(handler)
         LOG.setLevel(logging.DEBUG)
+
+        def now() -> str:
+            task = bar.tasks[0]
+            return f"{task.description}, {task.completed:.0f} of {n_task} done"
+
         try:
-            yield bar
+            with in_lines(now, console):
+                yield bar
         finally:
             LOG.setLevel(level)
             LOG.removeHandler(handler)
