@@ -21,11 +21,11 @@ from ema.campaign.campaign_file import (
     FileNames,
     IdentificationSection,
     MeasurementSection,
-    NameSection,
     PointsSection,
     ReassemblySection,
     RecordNames,
     RunSection,
+    TitleSection,
 )
 from ema.campaign.references import reference_faults
 from ema.io.form import Section, did_you_mean, read_form, read_toml
@@ -128,7 +128,7 @@ class RigSection(Section):
 class SpecimensFile(Section):
     """The whole file."""
 
-    campaign: NameSection
+    campaign: TitleSection
     structure: RigSection
     points: PointsSection | None = None
     measurement: MeasurementSection = MeasurementSection()
