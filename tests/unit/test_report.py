@@ -96,7 +96,7 @@ def test_points_measured_in_skew_directions_move_as_they_were_measured():
 def test_without_a_browser_it_is_said_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(pdf, "_PATHS", (str(tmp_path / "nowhere"),))
-    with pytest.raises(StoreError, match="apt install chromium.*Google Chrome or Microsoft Edge"):
+    with pytest.raises(StoreError, match=r"apt install chromium.*Google Chrome or Microsoft Edge"):
         pdf.print_pdf(tmp_path / "report.html")
 
 
