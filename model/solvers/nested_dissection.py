@@ -42,6 +42,8 @@ class NotPositiveError(SolveError):
         Row of the matrix at which elimination stopped.
     """
 
+    index: int
+
     def __init__(self, index: int) -> None:
         super().__init__(f"the matrix is not positive definite at row {index}")
         self.index = index
