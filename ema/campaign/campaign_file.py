@@ -93,15 +93,10 @@ FullScale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
 
-class NameSection(Section):
-    """What a campaign is called."""
-
-    name: str
-
-
-class TitleSection(NameSection):
+class TitleSection(Section):
     """What a campaign is called, and what stands in the title block of its report."""
 
+    name: str
     project: str = ""
     author: str = ""
     date: Annotated[str, BeforeValidator(_date)] = ""

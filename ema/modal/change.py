@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from ema.campaign.references import Reassembly
@@ -268,7 +268,7 @@ def _tests(
     )
     angle, angle_scatter = _angles(after, before, stated, reference)
     tail = [
-        2.0 * scipy.stats.t.sf(size, STATED_FREEDOM + own)
+        2.0 * scipy.special.stdtr(STATED_FREEDOM + own, -size)
         for size, own in (
             (np.abs(shift) / scatter, freedom),
             (np.abs(damping_shift) / damping_scatter, damping_freedom),
@@ -289,7 +289,7 @@ def _tests(
         "angle": angle,
         "angle_scatter": angle_scatter,
         "probability": _adjusted(np.column_stack(tail)),
-        "critical_shift": scatter * scipy.stats.t.isf(alone / 2.0, STATED_FREEDOM + freedom),
+        "critical_shift": scatter * -scipy.special.stdtrit(STATED_FREEDOM + freedom, alone / 2.0),
         "freedom": freedom,
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from ema import Change, change_csv, change_sentence
@@ -59,7 +59,7 @@ def change_table(found: Change) -> Table:
 
 def half_intervals(found: Change) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return half of the 95 % intervals of the shifts of an unchanged structure, frequency and damping, (n_mode,)."""
-    factor = scipy.stats.t.isf(0.025, STATED_FREEDOM + found.freedom)
+    factor = -scipy.special.stdtrit(STATED_FREEDOM + found.freedom, 0.025)
     return factor * found.frequency_scatter, factor * found.damping_scatter
 
 
