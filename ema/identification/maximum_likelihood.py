@@ -126,7 +126,6 @@ class _Target:
 class _Basis:
     """An orthonormal basis, as what makes it of other rows: products with these are small beside making it."""
 
-    near: bool  # whether the rows are nearly orthogonal by themselves, so that they are left as they are
     rows: NDArray[np.float64]  # (2 n_mode + 4, 2 n_frequency)
     turn: NDArray[np.float64]  # of them into orthonormal ones, (2 n_mode + 4, 2 n_mode + 4), lower triangle
     onto: NDArray[np.float64]  # the same for the modes and residual terms themselves
@@ -295,16 +294,15 @@ def _orthonormal(basis: NDArray[np.float64]) -> _Basis:
     # The square of its norm over their number bounds the square of the condition.
     near, onto = np.sum(onto**2) < _NEARLY * len(basis), onto / length
     if near:
-        return _Basis(near=True, rows=basis, turn=onto, onto=onto)
+        return _Basis(rows=basis, turn=onto, onto=onto)
     orthogonal = onto @ basis
     second = _inverse(np.asarray(np.linalg.cholesky(_gram(orthogonal))))
-    return _Basis(near=False, rows=second @ orthogonal, turn=np.eye(len(basis)), onto=second @ onto)
+    return _Basis(rows=second @ orthogonal, turn=np.eye(len(basis)), onto=second @ onto)
 
 
 def _by_householder(basis: NDArray[np.float64], length: NDArray[np.float64]) -> _Basis:
     orthogonal, triangle = np.linalg.qr((basis / length[:, None]).T)
     return _Basis(
-        near=False,
         rows=np.ascontiguousarray(orthogonal.T),
         turn=np.eye(len(basis)),
         onto=_inverse(triangle.T) / length,
@@ -325,23 +323,21 @@ def _inverse(lower: NDArray[np.float64]) -> NDArray[np.float64]:
 def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     """Return what Gauss-Newton on the poles, and their covariance, need at a projection."""
     basis, derivative = state.basis, mode_derivatives(target.frequency, state.modes, target.quantity)
-    n_basis = len(basis.rows)
+    along = basis.turn @ (basis.rows @ derivative.T)
+    # Modes that are nearly alike leave little of the derivatives, which differences of products would lose.
+    tangent = derivative - (basis.turn.T @ along).T @ basis.rows
     if target.weight.size == 1:
-        along = basis.turn @ (basis.rows @ derivative.T)
-        if not basis.near:
-            # Modes that are nearly alike leave little of the derivatives, which differences of products would lose.
-            gram = _gram(derivative - along.T @ basis.rows)[None]
-        else:
-            gram = (_gram(derivative) - along.T @ along)[None]
-        along = along[None]
-        seen = derivative @ state.remainder.T  # (2 n_mode, n_function)
+        gram, along = _gram(tangent)[None], along[None]
+        seen = tangent @ state.remainder.T  # (2 n_mode, n_function)
     else:
-        both = np.concatenate([basis.rows, derivative])
+        n_basis = len(basis.rows)
+        both = np.concatenate([basis.rows, tangent])
         whole = np.stack([_gram(both * root) for root in np.sqrt(target.weight)])
         cross = basis.turn @ whole[:, :n_basis, n_basis:]
-        along = state.inverse @ cross
-        gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ along
-        seen = derivative @ (target.weight * state.remainder).T
+        more = state.inverse @ cross
+        gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ more
+        along = along + more
+        seen = tangent @ (target.weight * state.remainder).T
     n_mode, n_function = state.pole.size, len(target.value)
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
     # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
