@@ -1,0 +1,183 @@
+"""The inference on a chain of masses: errors of equations, their discrepancy, and fits that pair no modes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from updating.inference.discrepancy import joined, shared_levels
+from updating.inference.equation_error import equation_errors, shape_noise
+from updating.inference.explain import explain, setting
+from updating.inference.protocol import Coordinate, Modal, State, Term
+
+N, M, N_MEASURED = 30, 12, 5
+EVERY = 2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
+SPRING = np.diff(np.eye(N), axis=0)[8:12]
+SPOT = SPRING.T @ SPRING
+ROWS = np.eye(N)[::2]
+BASE = (
+    Coordinate(name="stiffness", std=np.inf, longest=0.4),
+    Coordinate(name="density", std=0.05),
+)
+TERM = Term(
+    name="spot", coordinates=(Coordinate(name="loss", std=1.0, lower=-0.9, upper=0.9, starts=(0.2,)),)
+)
+CLOSE = 1e-3
+
+
+def matrices(at):
+    """Stiffness and mass of the chain, and their derivatives by coordinates."""
+    factor, heavy = 1e6 * np.exp(at.get("stiffness", 0.0)), np.exp(at.get("density", 0.0))
+    whole = EVERY - at.get("loss", 0.0) * SPOT
+    zero = np.zeros((N, N))
+    change = {
+        "stiffness": (factor * whole, zero),
+        "density": (zero, heavy * np.eye(N)),
+        "loss": (-factor * SPOT, zero),
+    }
+    return factor * whole, heavy * np.eye(N), change
+
+
+class Chain:
+    """A model of the protocol: exact everywhere, so local about every point."""
+
+    def __init__(self, states, coordinates=BASE):
+        self.states, self.coordinates = states, coordinates
+        self.nuisances, self.terms = BASE, {"spot": TERM}
+
+    def about(self, coordinates, points):
+        return Chain(self.states, tuple(coordinates))
+
+    def of(self, coordinates):
+        return Chain(self.states, tuple(coordinates))
+
+    def modal(self, x, state):
+        names = [c.name for c in self.coordinates]
+        stiffness, mass, change = matrices(dict(zip(names, x, strict=True)))
+        value, every = la.eigh(stiffness, mass)
+        low = every[:, :M]
+        moved = [[every.T @ part @ low for part in change[name]] for name in names]
+        k, m = (np.array([pair[i] for pair in moved]) for i in (0, 1))
+        loss = 2.0 * 0.01 * np.diag(np.sqrt(value[:M]))[None]
+        return Modal(
+            eigenvalue=value[:M], n_rigid=0, shape=low, rows=ROWS @ low, moves=np.arange(len(names)),
+            stiffness=k[:, :M], mass=m[:, :M], damping=loss, damps=np.arange(0), damping_change=np.zeros((0, 1, M, M)),
+            looks=np.arange(0), row_change=np.zeros((0, len(ROWS), M)), beyond=value[M:],
+            beyond_rows=ROWS @ every[:, M:], beyond_stiffness=k[:, M:], beyond_mass=m[:, M:],
+        )  # fmt: skip
+
+
+def measured(stiffness, mass, *, noise=1e-3, seed=0, name="A"):
+    """Return the first modes of a chain as an identification gives them."""
+    rng = np.random.default_rng(seed)
+    value, vector = la.eigh(stiffness, mass, subset_by_index=[0, N_MEASURED - 1])
+    shape = ROWS @ vector
+    shape += noise * np.linalg.norm(shape, axis=0) / np.sqrt(len(ROWS)) * rng.standard_normal(shape.shape)
+    frequency = np.sqrt(value) / (2.0 * np.pi) * (1.0 + 1e-5 * rng.standard_normal(N_MEASURED))
+    return State(
+        name=name,
+        path=("chain", name),
+        frequency=frequency,
+        frequency_std=1e-5 * frequency,
+        damping=np.full(N_MEASURED, 0.01),
+        damping_std=np.full(N_MEASURED, 1e-4),
+        shape=shape / np.linalg.norm(shape, axis=0),
+        shape_std=np.full(N_MEASURED, noise / np.sqrt(len(ROWS))),
+    )
+
+
+def errors(state, x, coordinates=BASE):
+    model = Chain((state,), coordinates)
+    modal = model.modal(np.asarray(x, float), 0)
+    return equation_errors(state, modal, shape_noise(state, modal), len(coordinates))
+
+
+def test_modes_of_the_model_leave_no_error():
+    found = errors(measured(*matrices({})[:2], noise=1e-6), [0.0, 0.0])
+    assert np.abs(found.value).max() < 1e-3
+    np.testing.assert_allclose(found.damping, 0.0, atol=1e-4)
+
+
+def test_a_mixture_of_two_close_modes_leaves_no_error():
+    """Two modes at nearly the same frequency mix at will: no pairing is right, and none is needed."""
+    state = measured(*matrices({})[:2], noise=1e-6)
+    chain = Chain((state,)).modal(np.zeros(2), 0)
+    value = chain.eigenvalue.copy()
+    value[1] = value[0] * (1.0 + CLOSE)
+    close = replace(chain, eigenvalue=value)
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    shape = state.shape.copy()
+    shape[:, :2] = close.rows[:, :2] @ turn
+    shape /= np.linalg.norm(shape, axis=0)
+    frequency = state.frequency.copy()
+    frequency[:2] = frequency[0]
+    mixed = replace(state, shape=shape, frequency=frequency)
+    found = equation_errors(mixed, close, shape_noise(mixed, close), 2)
+    assert np.abs(found.value[:2]).max() < 1.1 * CLOSE
+
+
+@pytest.mark.parametrize("i", range(3))
+def test_derivatives_of_frequencies_are_those_of_differences(i):
+    coordinates = (*BASE, *TERM.coordinates)
+    state = measured(*matrices({"loss": 0.1})[:2], noise=1e-6)
+    at, step = np.array([0.0, 0.0, 0.1]), 1e-4 * np.eye(3)[i]
+    found = errors(state, at, coordinates)
+    slope = 0.5 * np.einsum("rsp,rs->rp", found.jacobian, found.weight)[:, i]
+    ends = [errors(state, at + sign * step, coordinates).frequency for sign in (1.0, -1.0)]
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-4, slope, rtol=2e-3, atol=2e-4)
+
+
+def test_errors_scatter_as_a_random_perturbation_makes_them():
+    """Equation errors of chains whose stiffness is perturbed at random have the covariance of the discrepancy."""
+    stiffness, mass, _ = matrices({})
+    value, vector = la.eigh(stiffness, mass)
+    force = (mass @ vector * np.sqrt(value))[:, :M]  # of the modes whose equations are looked at
+    size, rng = 1e-3, np.random.default_rng(1)
+    samples = []
+    for _ in range(200):
+        e = np.triu(rng.standard_normal((M, M)), 1)
+        e = size * (e + e.T + np.diag(np.sqrt(2.0) * rng.standard_normal(M)))
+        state = measured(stiffness + force @ e @ force.T, mass, noise=1e-7)
+        samples.append(errors(state, [0.0, 0.0]).value)
+    variance = np.mean(np.square(samples), axis=0) / size**2
+    own = errors(measured(stiffness, mass, noise=1e-7), [0.0, 0.0])
+    expected = np.diag(joined([own], np.ones((1, 1))).discrepancy).reshape(N_MEASURED, M)
+    np.testing.assert_allclose(variance, expected, rtol=0.5)  # five standard deviations of 200 samples
+    assert np.mean(variance / expected) == pytest.approx(1.0, abs=0.1)
+
+
+def test_states_share_the_levels_of_the_tree_that_they_have_in_common():
+    paths = [("rig", "a", "1"), ("rig", "a", "2"), ("rig", "b", "1")]
+    common = shared_levels(paths, (0.5, 0.3, 0.2))
+    np.testing.assert_allclose(common, [[1.0, 0.8, 0.5], [0.8, 1.0, 0.5], [0.5, 0.5, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def changed():
+    """Two states of a chain that is softer at a spot."""
+    truth = {"stiffness": 0.2, "density": 0.02, "loss": 0.3}
+    made = matrices(truth)[:2]
+    model = Chain((measured(*made, seed=1, name="A"), measured(*made, seed=2, name="B")))
+    common = setting(model, model, np.array([0.2, 0.0]), shares=(0.9, 0.1))
+    return model, common
+
+
+def test_a_fit_ends_at_the_truth_from_wherever_it_starts(changed):
+    model, common = changed
+    fits = [
+        explain(model, [TERM], common, np.array(start))
+        for start in ([-0.5, 0, 0.0], [0.0, 0, 0.2], [0.6, 0, 0.7])
+    ]
+    for fit in fits:
+        assert abs(fit.value("loss") - 0.3) < 3.0 * fit.std[-1] < 0.03
+        assert fit.log_evidence == pytest.approx(fits[0].log_evidence, abs=0.1)
+        assert not fit.at_bound.any()
+
+
+def test_the_evidence_tells_what_is_missing(changed):
+    model, common = changed
+    base = explain(model, [], common, np.zeros(2))
+    whole = explain(model, [TERM], common, np.zeros(3))
+    assert whole.log_evidence - base.log_evidence > 10.0
+    assert whole.evidence.sizes.stiffness < 0.2 * base.evidence.sizes.stiffness

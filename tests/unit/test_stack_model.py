@@ -1,0 +1,94 @@
+"""A stack as the inference asks for it: its local equations are those of the reduced model, wherever they stand."""
+
+import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from model import Mesh, Observation, catalogue, read_stack, solve_modes
+from model.effects.parts import known_or_usual_instruments
+from updating.diagnosis.candidates import candidate_model
+from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.stack_model import StackModel
+from updating.inference.explain import coordinates_of
+
+STACK = dataclasses.replace(
+    read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=40, mesh=Mesh(n_x=8, n_y=2)
+)
+N_SEEN = 6
+N_COMPARED = 5  # the next two are close, and the correction of so coarse a mesh mixes them
+
+
+@pytest.fixture(scope="module")
+def whole():
+    instruments = known_or_usual_instruments(STACK)
+    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction")}
+    n = len(instruments.sensor)
+    observation = Observation(
+        node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1))
+    )
+    modes = SimpleNamespace(
+        frequency=np.linspace(200.0, 700.0, N_SEEN), frequency_std=np.full(N_SEEN, 0.01), sensor=np.arange(n) % 2,
+        damping=np.full(N_SEEN, 0.01), damping_std=np.full(N_SEEN, 1e-4),
+        shape=np.random.default_rng(0).standard_normal((n, N_SEEN)) + 0j, shape_std=np.full((n, N_SEEN), 0.01),
+    )  # fmt: skip
+    candidates = candidate_model(STACK, instruments, effects)
+    tested = [("M1", 160e3, modes), ("M2", 320e3, modes)]
+    return StackModel(candidates, tested, [observation, observation], DiagnosisScatter())
+
+
+def exact(whole, at, state):
+    """Return the elastic frequencies of the reduced model with all effects, Hz."""
+    theta, _ = whole.theta(at, state)
+    point = Observation(node=np.array([1]), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]]))
+    found = solve_modes(
+        whole.candidates.system, G_f=theta["G_f"], d_f=theta["d_f"], n_mode=14, observation=point, by=(),
+        parameters={n: v for n, v in theta.items() if n in whole.candidates.system.theta and n not in ("G_f", "d_f")},
+    ).elastic()  # fmt: skip
+    return found.frequency
+
+
+@pytest.mark.parametrize("state", [0, 1])
+@pytest.mark.parametrize(
+    "at",
+    [
+        {"G_f": -0.3},
+        {"clamp_1_x": -0.004, "clamp_2_y": 0.002},
+        {"G_yz_ratio": -0.2, "young": 0.02},
+        {"clamp_added_mass": 0.2, "G_f[M1]": 0.1},
+    ],
+)
+def test_modes_about_a_point_are_those_of_the_whole_model(whole, at, state):
+    """The finer mesh's correction is that of the plain stack: it must not undo what moves a clamp or adds a mass."""
+    coordinates = coordinates_of(whole, tuple(whole.terms.values()))
+    x = np.array([at.get(c.name, 0.0) for c in coordinates])
+    plain = np.array(
+        [at.get(c.name, 0.0) if c.name in ("G_f", "young", "G_f[M1]") else 0.0 for c in coordinates]
+    )
+
+    def local(point):
+        value = whole.about(coordinates, [point]).modal(point, state).eigenvalue
+        return np.sqrt(value[value > 0.0][:N_COMPARED]) / (2.0 * np.pi)
+
+    mesh = (
+        local(plain)
+        / exact(whole, dict(zip([c.name for c in coordinates], plain, strict=True)), state)[:N_COMPARED]
+    )
+    np.testing.assert_allclose(local(x) / mesh, exact(whole, at, state)[:N_COMPARED], rtol=5e-4)
+
+
+def test_derivatives_by_what_moves_are_those_of_differences(whole):
+    coordinates = coordinates_of(whole, tuple(whole.terms.values()))
+    x = np.zeros(len(coordinates))
+    near = whole.about(coordinates, [x])
+    found = near.modal(x, 0)
+    for name in ("G_f", "density", "clamp_1_x", "width", "G_yz_ratio"):
+        i = [c.name for c in coordinates].index(name)
+        step = 1e-3 * coordinates[i].step * np.eye(x.size)[i]
+        ends = [near.modal(x + sign * step, 0).eigenvalue for sign in (1.0, -1.0)]
+        slope = (ends[0] - ends[1])[6:12] / (2.0 * step[i])
+        k = list(found.moves).index(i)
+        expected = np.diag(found.stiffness[k]) - found.eigenvalue * np.diag(found.mass[k])
+        np.testing.assert_allclose(slope, expected[6:12], rtol=1e-3, atol=1e-4 * found.eigenvalue[11])

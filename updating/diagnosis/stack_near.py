@@ -1,0 +1,454 @@
+"""A stack's equations on few coordinates about a point: modes there, and their static responses."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from model import Observation, ReducedEquations, observe
+from model.elements.equations import OMEGA, ParameterFactor, Target
+from model.reduction.reduced_equations import ReducedTerm
+from model.reduction.shared_range import InRange, Matrix
+from updating.diagnosis.candidates import EXTRAPOLATED, CandidateModel
+from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.inference.protocol import Coordinate, Modal
+
+if TYPE_CHECKING:
+    from updating.diagnosis.stack_model import StackModel
+
+Vector = NDArray[np.float64]
+
+RATIOS = ("young", "density", "normal_modulus")
+"""Nuisances that are logarithms of a ratio and parameters of the model."""
+N_EQUATION = 17
+"""Modes, rigid ones included, whose equations are looked at: to just above the usual band. Those near the end of
+a list turn with the modes beyond it, and the derivative by a weak parameter had the wrong sign with 24."""
+N_BASIS = 30
+"""Modes about a point that a local basis holds, beside the static responses of the lowest."""
+RESPONSE = 1e-2
+"""Share of a mode's energy, as an amplitude, from which a response counts: 1e-2 leaves 1e-5 of a frequency nearby."""
+RIGID = (2.0 * np.pi * 20.0) ** 2  # (rad/s)**2: suspensions give rigid-body motion some hertz
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Terms of the same target and factor, as one matrix."""
+
+    target: Target
+    factor: ParameterFactor
+    names: frozenset[str]
+    matrix: Vector
+
+
+class FinerMesh:
+    """What an ever finer mesh adds to the stiffness between the base model's modes (Richardson 1911)."""
+
+    def __init__(self, candidates: CandidateModel) -> None:
+        self.finer = candidates.finer
+        if self.finer is None:
+            return
+        stack = candidates.stack
+        x, y = (np.linspace(-0.5, 0.5, n) * size for n, size in ((9, stack.length), (4, stack.width)))
+        z = np.linspace(-0.5, 0.5, 5) * stack.height
+        location = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
+        n = len(location)
+        everywhere = Observation(
+            node=np.tile(np.arange(n), 3),
+            location=np.tile(location, (3, 1)),
+            direction=np.repeat(np.eye(3), n, axis=0),
+        )
+        self.rows = observe(candidates.system, everywhere).reduced_rows
+        self.finer_rows = observe(self.finer, everywhere).reduced_rows
+        self.finer_equations = self.finer.equations
+
+    def change(self, theta: Mapping[str, float], eigenvalue: Vector, vectors: Vector) -> Vector | None:
+        """Return what an ever finer mesh adds to the modal stiffness, (m, m), of modes (n_basis, m)."""
+        if self.finer is None:
+            return None
+        finer = self.finer_equations
+        at = {name: theta[name] for name in finer.theta}
+        value, vector = la.eigh(finer.matrix("K", at), finer.matrix("M", at))
+        m = eigenvalue.size
+        turn = la.lstsq(self.rows @ vectors, self.finer_rows @ vector[:, :m])[0]
+        u, _, v = la.svd(turn)
+        turn = u @ v
+        rigid = value[:m] < RIGID
+        found = turn @ np.diag(np.where(rigid, 0.0, value[:m])) @ turn.T
+        change = EXTRAPOLATED * (found - np.diag(np.where(eigenvalue < RIGID, 0.0, eigenvalue)))
+        change[eigenvalue < RIGID] = 0.0
+        change[:, eigenvalue < RIGID] = 0.0
+        return np.asarray((change + change.T) / 2.0)
+
+
+def _times(matrix: Matrix, x: Vector) -> Vector:
+    """Return the product of a matrix, in full or of low rank, with vectors."""
+    if isinstance(matrix, InRange):
+        return np.asarray(matrix.range @ (matrix.core @ (matrix.range.T @ x)))
+    return np.asarray(matrix @ x)
+
+
+class StackNear:
+    """A stack's equations on few coordinates about some points: modes there, and their static responses.
+
+    What a fit moves far, such as contact and effects, acts by its exact factor; places and dimensions, which move by
+    millimetres, act linearly about the first point.
+
+    Parameters
+    ----------
+    whole : StackModel
+        The model.
+    coordinates : sequence of Coordinate
+        Those of the fit.
+    points : sequence of (n_coordinate,) float
+        Where the basis is made.
+    """
+
+    def __init__(
+        self, whole: StackModel, coordinates: Sequence[Coordinate], points: Sequence[Vector]
+    ) -> None:
+        self.whole, self.names = whole, [c.name for c in coordinates]
+        self.at = {name: i for i, name in enumerate(self.names)}
+        self.first = dict(zip(self.names, points[0], strict=True))
+        known = whole.parameters
+        self.far = [n for n in self.names if n in ("G_f", "d_f", *RATIOS) or n in known]
+        self.near = [n for n in self.names if n in whole.places]
+        self.sized = [n for n in self.names if n in whole.dimensions]
+        self.moving = frozenset(self.far)
+        moving = frozenset((*self.far, *self.near, OMEGA))
+        n_state = len(whole.measured)
+        thetas = [
+            whole.theta(dict(zip(self.names, x, strict=True)), c)[0] for x in points for c in range(n_state)
+        ]
+        terms = whole.acting(thetas, moving)
+        step = {c.name: c.step for c in coordinates}
+        self._basis(terms, thetas, step)
+        self._parts(terms, thetas[:n_state])
+
+    def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
+        """Return the same for some of its coordinates: the others stay where they are neutral."""
+        found = copy.copy(self)
+        found.names = [c.name for c in coordinates]
+        found.at = {name: i for i, name in enumerate(found.names)}
+        found.far = [n for n in self.far if n in found.at]
+        found.moving = frozenset(found.far)
+        neutral = [self.whole.theta({}, c)[0] for c in range(len(self.whole.measured))]
+        found._stack(
+            [
+                p
+                for p in self.parts
+                if p.names & found.moving or any(p.factor(theta) != 0.0 for theta in neutral)
+            ]
+        )
+        return found
+
+    def _stack(self, parts: list[_Part]) -> None:
+        """Set the parts with their matrices in one array for each target."""
+        self.parts = parts
+        self.of_target = {t: [p for p in parts if p.target == t] for t in "KMC"}
+        self.stacked = {t: np.array([p.matrix for p in own]) for t, own in self.of_target.items()}
+
+    def _basis(
+        self,
+        terms: Sequence[tuple[ReducedTerm, frozenset[str]]],
+        thetas: Sequence[Mapping[str, float]],
+        step: Mapping[str, float],
+    ) -> None:
+        """Choose the basis: modes at every point, and how the lowest answer to each coordinate that moves."""
+        whole, blocks = self.whole, []
+        reference = None
+        changes = {}
+        self.mesh: list[Vector | None] = []
+        self._forces: list[Vector] = []
+        for c, theta in enumerate(thetas):
+            stiffness, mass = (whole.equations.matrix(t, theta) for t in ("K", "M"))
+            value, vector = la.eigh(stiffness, mass)
+            floor = value[value > RIGID][0]
+            if reference is None:
+                first_mass = mass
+                reference = la.cholesky(stiffness + floor * mass, lower=True)
+            size = np.sqrt(np.maximum(value, floor))
+            blocks.append(vector[:, :N_BASIS] * (size[0] / size[:N_BASIS]) * 30.0)
+            low, beyond = vector[:, :N_EQUATION], vector[:, N_BASIS:]
+            lam = np.maximum(value[:N_EQUATION], floor)
+            below = value[N_BASIS:, None] - lam
+            slope = whole.theta(self.first, 0)[1]
+            force: dict[str, Vector] = {}
+            for term, names in terms:
+                if term.target == "C":
+                    continue
+                for name in names - {OMEGA}:
+                    derivative = term.factor.derivative(theta, name)
+                    if derivative:
+                        image = derivative * _times(term.matrix, low)
+                        image = -image * value[:N_EQUATION] if term.target == "M" else image
+                        force[name] = force.get(name, 0.0) + image
+            for name, own in force.items():
+                changes[name] = True
+                answer = (
+                    beyond @ ((beyond.T @ own) / below) * (step[name] * slope.get(name, 1.0)) / np.sqrt(lam)
+                )
+                blocks.append(answer * size[0])
+            if c < len(whole.measured):
+                for name in self.sized:
+                    own = self._sized(name, theta, low, value[:N_EQUATION])
+                    answer = beyond @ ((beyond.T @ own) / below) * step[name] / np.sqrt(lam)
+                    blocks.append(answer * size[0])
+                plain = whole.theta({n: self.first[n] for n in self.first if n not in whole.places}, c)[0]
+                plain |= {n: whole.equations.theta[n] for n in whole.parameters}
+                if plain != theta:  # the finer mesh knows neither effects nor clamps that sit elsewhere
+                    mass = whole.equations.matrix("M", plain)
+                    value, vector = la.eigh(whole.equations.matrix("K", plain), mass)
+                bare = vector[:, :N_EQUATION]
+                self.mesh.append(whole.mesh.change(plain, value[:N_EQUATION], bare))
+                self._forces.append(mass @ bare)
+        assert reference is not None
+        energy = reference.T @ np.hstack(blocks) / size[0]
+        if energy.shape[1] > 2 * energy.shape[0]:
+            square, direction = la.eigh(energy @ energy.T)
+            order = np.argsort(-square)
+            strength, direction = np.sqrt(np.maximum(square[order], 0.0)), direction[:, order]
+        else:
+            direction, strength, _ = la.svd(energy, full_matrices=False)
+        kept = int(np.count_nonzero(strength > RESPONSE))
+        basis = la.solve_triangular(reference.T, direction[:, :kept])
+        root = la.cholesky(basis.T @ first_mass @ basis, lower=True)
+        self.basis = la.solve_triangular(
+            root, basis.T, lower=True
+        ).T  # mass of the first point is the identity
+        self.size = kept
+
+    def _sized(self, name: str, theta: Mapping[str, float], low: Vector, lam: Vector) -> Vector:
+        """Return the force by which a dimension acts on modes, per unit of its logarithm."""
+        change = self._dimension(name, theta)
+        return np.asarray(change["K"] @ low - (change["M"] @ low) * lam)
+
+    def _dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:
+        """Return the derivatives of K and M by the logarithm of a dimension, in the whole basis."""
+        resized: ReducedEquations = self.whole.candidates.resized[name]
+        plain = {t.name for t in resized.terms}
+        ratio = np.log(getattr(resized.stack, name) / getattr(self.whole.stack, name))
+        found, n = {}, self.whole.equations.size
+        base = ReducedEquations(
+            stack=resized.stack,
+            terms=tuple(t for t in self.whole.equations.terms if t.name in plain),
+            theta=resized.theta,
+            ranges=resized.ranges,
+        )
+        for target in ("K", "M"):
+            difference = np.zeros((n, n))
+            k = resized.size
+            difference[:k, :k] = (resized.matrix(target, theta) - base.matrix(target, theta)[:k, :k]) / ratio
+            found[target] = difference
+        return found
+
+    def _parts(
+        self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
+    ) -> None:
+        """Project the terms: exact ones by their factor, what moves little as derivatives about the first point."""
+        projected: dict[int, Vector] = {}
+
+        def project(matrix: Matrix) -> Vector:
+            if id(matrix) not in projected:
+                projected[id(matrix)] = self.basis.T @ _times(matrix, self.basis)
+            return projected[id(matrix)]
+
+        n, near = self.size, frozenset(self.near)
+        parts: list[_Part] = []
+        self.linear = {t: np.zeros((len(thetas), len(self.near) + len(self.sized), n, n)) for t in "KM"}
+        fixed = {t: np.zeros((len(thetas), n, n)) for t in "KMC"}
+        for term, names in terms:
+            if names & near:
+                for c, theta in enumerate(thetas):
+                    share = term.factor(theta)
+                    if share:
+                        fixed[term.target][c] += share * project(term.matrix)
+                    for name in names & near:
+                        derivative = term.factor.derivative(theta, name)
+                        if derivative and term.target != "C":
+                            self.linear[term.target][c, self.near.index(name)] += derivative * project(
+                                term.matrix
+                            )
+            elif names:
+                parts.append(_Part(term.target, term.factor, names, project(term.matrix)))
+            else:
+                for c, theta in enumerate(thetas):
+                    fixed[term.target][c] += term.factor(theta) * project(term.matrix)
+        for i, name in enumerate(self.sized, len(self.near)):
+            for c, theta in enumerate(thetas):
+                for target, change in self._dimension(name, theta).items():
+                    self.linear[target][c, i] = self.basis.T @ change @ self.basis
+        for c, finer in enumerate(self.mesh):
+            if finer is not None:
+                forces = self.basis.T @ self._forces[c]
+                fixed["K"][c] += forces @ finer @ forces.T
+        self.fixed = fixed
+        self._stack(parts)
+        self.rows = [own.rows @ self.basis for own in self.whole.measured]
+        self.slopes = [own.slope @ self.basis for own in self.whole.measured]
+
+    def modal(self, x: Vector, state: int) -> Modal:
+        """Return the model of a state at coordinates."""
+        at = dict(zip(self.names, x.tolist(), strict=True))
+        theta, slope = self.whole.theta(at, state)
+        matrix = self._matrices(at, theta, state)
+        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
+        vector, beyond = every[:, :N_EQUATION], value[N_EQUATION:]
+        value = value[:N_EQUATION]
+        n_rigid = int(np.count_nonzero(value < RIGID))
+        value[:n_rigid] = 0.0
+        between = {
+            t: every.T @ (self.stacked[t] @ vector) if self.of_target[t] else np.zeros(0) for t in "KM"
+        }
+        moves = self._moves(theta, slope, state, every, between)
+        stiffness, mass = (
+            np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, self.size, N_EQUATION)
+            for which in (0, 1)
+        )
+        damping, damps = self._losses(theta, slope, state, vector, matrix["C"])
+        if DECAY in self.at:
+            inertia = vector.T @ matrix["M"] @ vector
+            damping = damping + 2.0 * at[DECAY] * inertia
+            damps[self.at[DECAY]] = 2.0 * inertia[None]
+        n_each = max((len(change) for change in damps.values()), default=1)
+        rows, looks, changes = self._rows(at, vector, state)
+        return Modal(
+            eigenvalue=value,
+            n_rigid=n_rigid,
+            shape=vector,
+            rows=rows,
+            moves=np.array(sorted(moves), dtype=np.intp),
+            stiffness=stiffness[:, :N_EQUATION],
+            mass=mass[:, :N_EQUATION],
+            beyond=beyond,
+            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ every[:, N_EQUATION:]),
+            beyond_stiffness=stiffness[:, N_EQUATION:],
+            beyond_mass=mass[:, N_EQUATION:],
+            damping=damping,
+            damps=np.array(sorted(damps), dtype=np.intp),
+            damping_change=np.array(
+                [np.broadcast_to(damps[i], (n_each, N_EQUATION, N_EQUATION)) for i in sorted(damps)]
+            ).reshape(-1, n_each, N_EQUATION, N_EQUATION),
+            looks=np.array(looks, dtype=np.intp),
+            row_change=np.array(changes).reshape(-1, *rows.shape),
+            of_mode=self._of_mode(theta, state, between["K"]),
+        )
+
+    def _matrices(self, at: Mapping[str, float], theta: Mapping[str, float], state: int) -> dict[str, Vector]:
+        """Return K, M and C of a state; dimensions act from the nominal ones, places from those of the first point."""
+        moved = np.array([*(at[n] - self.first[n] for n in self.near), *(at[n] for n in self.sized)])
+        found = {}
+        for target in "KMC":
+            total = self.fixed[target][state]
+            if self.of_target[target]:
+                factor = np.array([p.factor(theta) for p in self.of_target[target]])
+                total = total + np.tensordot(factor, self.stacked[target], 1)
+            if target != "C" and moved.size:
+                total = total + np.tensordot(moved, self.linear[target][state], 1)
+            found[target] = total
+        return found
+
+    def _columns(self, name: str, state: int) -> list[int]:
+        """Return the coordinates by which a parameter of a state moves: the shared one and the state's."""
+        assembled = self.whole.measured[state].assembled
+        return [self.at[n] for n in (name, f"{name}[{assembled}]") if n in self.at]
+
+    def _moves(
+        self,
+        theta: Mapping[str, float],
+        slope: Mapping[str, float],
+        state: int,
+        every: Vector,
+        between: Mapping[str, Vector],
+    ) -> dict[int, Vector]:
+        """Return derivatives of K and M, (2, size, N_EQUATION), between all modes and the lowest, by coordinate."""
+        found: dict[int, Vector] = {}
+
+        def add(i: int, which: int, change: Vector) -> None:
+            found.setdefault(i, np.zeros((2, self.size, N_EQUATION)))[which] += change
+
+        for which, target in enumerate("KM"):
+            for p, block in zip(self.of_target[target], between[target], strict=True):
+                for name in p.names & self.moving:
+                    for i in self._columns(name, state):
+                        add(i, which, p.factor.derivative(theta, name) * slope[name] * block)
+            if self.near or self.sized:
+                lines = every.T @ (self.linear[target][state] @ every[:, :N_EQUATION])
+                for name, block in zip((*self.near, *self.sized), lines, strict=True):
+                    add(self.at[name], which, block)
+        return found
+
+    def _losses(
+        self,
+        theta: Mapping[str, float],
+        slope: Mapping[str, float],
+        state: int,
+        vector: Vector,
+        matrix: Vector,
+    ) -> tuple[Vector, dict[int, Vector]]:
+        """Return modal damping, one for each measured mode where it depends on frequency, and its derivatives."""
+        parts = self.of_target["C"]
+        damping, damps = (vector.T @ matrix @ vector)[None], dict[int, Vector]()
+        if not parts:
+            return damping, damps
+        each = self._at_modes(theta, state)
+        for p, block in zip(parts, vector.T @ (self.stacked["C"] @ vector), strict=True):
+            slow = OMEGA in p.names
+            if slow:
+                away = np.array([p.factor(t) for t in each]) - p.factor(theta)
+                damping = damping + away[:, None, None] * block
+            for name in p.names & self.moving:
+                rate = (
+                    np.array([p.factor.derivative(t, name) for t in (each if slow else [theta])])
+                    * slope[name]
+                )
+                for i in self._columns(name, state):
+                    damps[i] = damps.get(i, 0.0) + rate[:, None, None] * block
+        return damping, damps
+
+    def _at_modes(self, theta: Mapping[str, float], state: int) -> list[dict[str, float]]:
+        """Return the parameters at the frequency of each measured mode."""
+        omega = 2.0 * np.pi * self.whole.measured[state].state.frequency
+        return [{**theta, OMEGA: w} for w in omega.tolist()]
+
+    def _of_mode(self, theta: Mapping[str, float], state: int, between: Vector) -> Vector | None:
+        """Return the stiffness that each measured mode feels beside that at the middle frequency; None without any."""
+        found: Vector | None = None
+        for p, block in zip(self.of_target["K"], between, strict=True):
+            if OMEGA in p.names:
+                away = np.array([p.factor(t) for t in self._at_modes(theta, state)]) - p.factor(theta)
+                if np.any(away):
+                    change = away[:, None, None] * block[:N_EQUATION]
+                    found = change if found is None else found + change
+        return found
+
+    def _rows(
+        self, at: Mapping[str, float], vector: Vector, state: int
+    ) -> tuple[Vector, list[int], list[Vector]]:
+        """Return the modes at the sensors, with their gains, and the derivatives by gains and a shift of all points."""
+        own = self.whole.measured[state]
+        rows, looks, changes = self.rows[state] @ vector, [], []
+        gain = self._gained(at, state)
+        slope = self.slopes[state] @ vector
+        rows = rows + at.get(POINTS_SHIFT, 0.0) * slope
+        rows = gain[:, None] * rows
+        if POINTS_SHIFT in self.at:
+            looks.append(self.at[POINTS_SHIFT])
+            changes.append(gain[:, None] * slope)
+        for i in range(self.whole.n_gain):
+            looks.append(self.at[f"gain[sensor {i + 2}]"])
+            changes.append((own.sensor == i + 1)[:, None] * rows)
+        return rows, looks, changes
+
+    def _gained(self, at: Mapping[str, float], state: int) -> Vector:
+        """Return the gain of the accelerometer that measured each component, (n_dof,)."""
+        sensor = self.whole.measured[state].sensor
+        gain = np.ones(sensor.size)
+        for i in range(self.whole.n_gain):
+            gain = np.where(sensor == i + 1, np.exp(at.get(f"gain[sensor {i + 2}]", 0.0)), gain)
+        return gain

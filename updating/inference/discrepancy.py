@@ -1,0 +1,273 @@
+"""The discrepancy of a model: one size of a random symmetric perturbation, shared between states.
+
+An honest model differs from the structure by a random symmetric relative perturbation E of its stiffness (and mass) in
+modal coordinates (Soize 2000): e_r = E a_r + noise, with independent entries of variance sigma**2 off the diagonal and
+2 sigma**2 on it. So cov(e_sr, e_s'r') = sigma**2 (delta_ss' a_r.a_r' + a_s'r a_sr'): frequencies and shapes follow from
+one size, shapes mix by sigma omega_s omega_r / (lambda_r - lambda_s), and frequencies move by sigma / sqrt 2. Of E a
+share is common to states that lie in the same part of the tree. Damping is perturbed likewise, in logarithms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.equation_error import Errors
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizePrior:
+    """Log-normal prior of a size of the discrepancy, and the grid on which it is integrated.
+
+    Attributes
+    ----------
+    median : float
+        Of the size.
+    spread : float
+        Standard deviation of its logarithm.
+    lowest, highest, n : float, float, int
+        Ends and number of points of the grid.
+    """
+
+    median: float
+    spread: float
+    lowest: float
+    highest: float
+    n: int
+
+    @property
+    def grid(self) -> Vector:
+        """Points, (n,), evenly spaced in the logarithm."""
+        return np.geomspace(self.lowest, self.highest, self.n)
+
+    @property
+    def log_density(self) -> Vector:
+        """Logarithm of the density of the logarithm of the size at these, times their spacing, (n,)."""
+        away = np.log(self.grid / self.median) / self.spread
+        step = np.log(self.highest / self.lowest) / (self.n - 1)
+        return np.asarray(-0.5 * away**2 - np.log(self.spread * np.sqrt(2.0 * np.pi)) + np.log(step))
+
+
+STIFFNESS = SizePrior(median=0.004, spread=float(np.log(5.0)), lowest=3e-4, highest=0.1, n=16)
+"""Of equation errors: models of laminated stacks and plates that lack nothing leave 0.1 to 1 % of an eigenvalue."""
+DAMPING = SizePrior(median=0.1, spread=float(np.log(5.0)), lowest=4e-3, highest=1.2, n=10)
+"""Of the logarithm of a damping ratio: 2 to 50 %; the damping of reassembled stacks repeats to some 10 %."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem:
+    """All errors of a campaign in one vector, with what their covariance is made of.
+
+    Attributes
+    ----------
+    value : (N,) float
+        Equation errors of all states; (N, n_coordinate) `jacobian` are their derivatives.
+    noise, discrepancy : (N, N) float
+        Covariance by noise, and by a discrepancy of size 1.
+    damping, damping_jacobian, damping_noise, damping_discrepancy
+        The same of the logarithms of damping ratios that are compared.
+    log_map : float
+        Logarithm of the density of what was measured over that of equation errors.
+    slope, curvature : (n_coordinate,) and (n_coordinate, n_coordinate) float
+        Gradient and Hessian of what of it shapes are off by beyond all modes, as in `Errors`.
+    """
+
+    value: Vector
+    jacobian: Vector
+    noise: Vector
+    discrepancy: Vector
+    damping: Vector
+    damping_jacobian: Vector
+    damping_noise: Vector
+    damping_discrepancy: Vector
+    log_map: float
+    slope: Vector
+    curvature: Vector
+
+
+def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> Vector:
+    """Return which share of the discrepancy two states have in common, (n_state, n_state).
+
+    Parameters
+    ----------
+    paths : sequence of tuple of str
+        Place of each state in the tree, from the outside in.
+    shares : sequence of float
+        Share of each level of the tree, from the outside in; they sum to 1.
+    """
+    common = np.zeros((len(paths), len(paths)))
+    for i, one in enumerate(paths):
+        for j, other in enumerate(paths):
+            same = [a == b for a, b in zip(one, other, strict=True)]
+            depth = same.index(False) if False in same else len(same)
+            common[i, j] = sum(shares[:depth])
+    return common
+
+
+def joined(errors: Sequence[Errors], common: Vector) -> Problem:
+    """Join the errors of all states, `common` (n_state, n_state) being the shares of the discrepancy in common.
+
+    The discrepancy of one state acts in another by the cross products of their modes.
+    """
+    m = errors[0].value.shape[1]
+    first = np.cumsum([0, *(own.value.shape[0] for own in errors)])
+    n = int(first[-1])
+    discrepancy, of_damping = np.zeros((n, m, n, m)), np.zeros((n, n))
+    for c, one in enumerate(errors):
+        for d, other in enumerate(errors[: c + 1]):
+            turn = np.eye(m)
+            if c != d:
+                u, _, v = la.svd(one.shape.T @ other.shape)
+                turn = u @ v
+            forth, back = one.weight @ turn, other.weight @ turn.T  # in the coordinates of the other state
+            dot = forth @ other.weight.T
+            block = dot[:, None, :, None] * turn[None, :, None, :]
+            block = common[c, d] * (block + back.T[None, :, :, None] * forth[:, None, None, :])
+            here, there = slice(first[c], first[c + 1]), slice(first[d], first[d + 1])
+            discrepancy[here, :, there] = block
+            discrepancy[there, :, here] = block.transpose(2, 3, 0, 1)
+            of_damping[here, there] = common[c, d] * dot**2
+            of_damping[there, here] = common[c, d] * dot.T**2
+    ratio = np.concatenate([own.damping for own in errors])
+    seen = np.isfinite(ratio)
+    return Problem(
+        value=np.concatenate([own.value.ravel() for own in errors]),
+        jacobian=np.vstack([own.jacobian.reshape(-1, own.jacobian.shape[2]) for own in errors]),
+        noise=la.block_diag(*(block for own in errors for block in own.noise)) + 1e-10 * np.eye(n * m),
+        discrepancy=discrepancy.reshape(n * m, n * m),
+        damping=ratio[seen],
+        damping_jacobian=np.vstack([own.damping_jacobian for own in errors])[seen],
+        damping_noise=np.diag(np.concatenate([own.damping_std for own in errors])[seen] ** 2),
+        damping_discrepancy=(of_damping + 1e-6 * np.eye(n))[np.ix_(seen, seen)],
+        log_map=sum(own.log_map for own in errors),
+        slope=np.sum([own.slope for own in errors], axis=0),
+        curvature=np.sum([own.curvature for own in errors], axis=0),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spectrum:
+    """Errors in coordinates in which noise is white and the discrepancy diagonal: all its sizes at once.
+
+    Attributes
+    ----------
+    value : (N,) float
+        Errors; `jacobian` (N, n_coordinate) are their derivatives.
+    growth : (N,) float
+        Variance by a discrepancy of size 1, beside 1 by noise.
+    log_noise : float
+        Logarithm of the determinant of the covariance by noise.
+    """
+
+    value: Vector
+    jacobian: Vector
+    growth: Vector
+    log_noise: float
+
+    def at(self, size: float) -> tuple[Vector, Vector, float]:
+        """Return whitened errors and derivatives, and the logarithm of the determinant of the covariance."""
+        variance = 1.0 + size**2 * self.growth
+        root = 1.0 / np.sqrt(variance)
+        return (
+            self.value * root,
+            self.jacobian * root[:, None],
+            self.log_noise + float(np.sum(np.log(variance))),
+        )
+
+
+def spectrum(value: Vector, jacobian: Vector, noise: Vector, discrepancy: Vector) -> Spectrum:
+    """Diagonalise the covariances by noise and by discrepancy together."""
+    if not value.size:
+        return Spectrum(value=value, jacobian=jacobian, growth=value, log_noise=0.0)
+    root = la.cholesky(noise, lower=True)
+    half = la.solve_triangular(root, discrepancy, lower=True)
+    relative = la.solve_triangular(root, half.T, lower=True)
+    growth, rotation = la.eigh((relative + relative.T) / 2.0, driver="evd")
+    turned = rotation.T @ la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True)
+    return Spectrum(
+        value=turned[:, 0],
+        jacobian=turned[:, 1:],
+        growth=np.maximum(growth, 0.0),
+        log_noise=2.0 * float(np.sum(np.log(np.diag(root)))),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """Sizes of the discrepancy: of equation errors, and of the logarithms of damping ratios."""
+
+    stiffness: float
+    damping: float
+
+
+USUAL = Sizes(stiffness=STIFFNESS.median, damping=DAMPING.median)
+"""Sizes from which fits start."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """Marginal likelihood about a point: over coordinates by Laplace's method, over sizes on a grid.
+
+    Attributes
+    ----------
+    log : float
+        Its logarithm.
+    sizes : Sizes
+        The likeliest sizes.
+    probability : (n_stiffness, n_damping) float
+        Posterior probability of the sizes of the two grids.
+    """
+
+    log: float
+    sizes: Sizes
+    probability: Vector
+
+
+def evidence(
+    stiffness: Spectrum,
+    damping: Spectrum,
+    problem: Problem,
+    x: Vector,
+    precision: Vector,
+    log_prior: float,
+    priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING),
+) -> Evidence:
+    """Integrate over coordinates and sizes.
+
+    Parameters
+    ----------
+    stiffness, damping : Spectrum
+        Of equation errors and of damping, linear about `x`.
+    problem : Problem
+        What they are spectra of.
+    x, precision : (n_coordinate,)
+        Coordinates, and the precision of their normal priors about 0; 0 where nothing is known.
+    log_prior : float
+        Logarithm of what the priors of the coordinates are divided by.
+    priors : (SizePrior, SizePrior)
+        Of the two sizes.
+    """
+    parts = []
+    for own, prior in zip((stiffness, damping), priors, strict=True):
+        variance = 1.0 + prior.grid[:, None] ** 2 * own.growth  # (n_size, N)
+        hessian = np.einsum("np,gn,nq->gpq", own.jacobian, 1.0 / variance, own.jacobian, optimize=True)
+        misfit = np.sum(own.value**2 / variance, axis=1) + np.sum(np.log(variance), axis=1) + own.log_noise
+        parts.append((hessian, misfit, prior.log_density))
+    (h1, q1, p1), (h2, q2, p2) = parts
+    total = h1[:, None] + h2[None] + np.diag(precision + 1e-12) + problem.curvature
+    log = -0.5 * (q1[:, None] + q2[None] + np.sum(precision * x**2) + np.linalg.slogdet(total)[1])
+    log = log + p1[:, None] + p2[None]
+    top = float(log.max())
+    weight = np.exp(log - top)
+    i, j = np.unravel_index(int(np.argmax(log)), log.shape)
+    return Evidence(
+        log=top + float(np.log(weight.sum())) + problem.log_map + log_prior,
+        sizes=Sizes(stiffness=float(priors[0].grid[i]), damping=float(priors[1].grid[j])),
+        probability=weight / weight.sum(),
+    )

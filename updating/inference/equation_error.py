@@ -1,0 +1,206 @@
+"""Equation errors: what a model's equations of motion leave when a measured mode is put into them.
+
+Let the model have the modes Phi, eigenvalues lambda_s = omega_s**2 and rows Psi at the sensors. A measured mode r has
+lambda_r and a shape u_r = alpha (Psi a_r + n), |a_r| = 1. In modal coordinates the equations leave
+e_sr = (lambda_r - lambda_s) a_sr / (omega_s omega_r), with omega_r in place of omega_s for rigid modes. A mode that
+the model has leaves 0, and so does a mixture of two close ones: no mode is paired with any other. With K + dK and
+M + dM, e_sr changes by -phi_s' (dK - lambda_r dM) Phi a_r / (omega_s omega_r) for given a_r, whatever the size of
+the change (modal dynamic residual; Yuen, Beck and Katafygiotis 2006).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.protocol import Modal, State
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Errors:
+    """Equation errors of the measured modes of one state, and their dependence on the coordinates of a fit.
+
+    Attributes
+    ----------
+    value : (n, m) float
+        e, by measured mode and equation.
+    weight : (n, m) float
+        Modal coordinates a, of unit length, shrunk by the discrepancy: by these it acts.
+    noise : (n, m, m) float
+        Covariance of e by the noise of shapes and frequencies.
+    jacobian : (n, m, n_coordinate) float
+        Derivatives of e.
+    log_map : float
+        Logarithm of the density of (lambda_r, u_r) over that of e; what shapes are off by beyond all modes is in it.
+    slope, curvature : (n_coordinate,) and (n_coordinate, n_coordinate) float
+        Gradient of half the square of that, over the noise, and Gauss and Newton's approximation of its Hessian.
+    damping : (n,) float
+        Logarithm of measured over modelled damping ratio; NaN where damping is not compared.
+    damping_std : (n,) float
+        Its standard deviation by noise.
+    damping_jacobian : (n, n_coordinate) float
+        Its derivatives.
+    eigenvalue : (n,) float
+        Measured, (rad/s)**2.
+    shape : (n_basis, m) float
+        The model's modes, as `Modal` has them.
+    """
+
+    value: Vector
+    weight: Vector
+    noise: Vector
+    jacobian: Vector
+    log_map: float
+    slope: Vector
+    curvature: Vector
+    damping: Vector
+    damping_std: Vector
+    damping_jacobian: Vector
+    eigenvalue: Vector
+    shape: Vector
+
+    @property
+    def frequency(self) -> Vector:
+        """Logarithm of measured over modelled frequency, (n,): half the Rayleigh quotient of the errors."""
+        return 0.5 * np.sum(self.value * self.weight, axis=1)
+
+
+def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float = 0.7) -> Vector:
+    """Return the standard deviation of a component of each measured shape, (n,), by what no mode of the model reaches.
+
+    It is estimated once and kept for all fits that are compared, for a fit must not call its misfit noise.
+
+    Parameters
+    ----------
+    state, modal
+        What was measured, and a model near it.
+    least : float
+        Of a shape's length: what no identification is better than.
+    share : float
+        Of the median over the modes: a shape is not taken to be much better than the others by chance.
+    """
+    n_dof, m = modal.rows.shape
+    rest = state.shape - modal.rows @ la.lstsq(modal.rows, state.shape, cond=1e-3)[0]
+    rough = np.sqrt(np.sum(rest**2, axis=0) / max(n_dof - m, 1))
+    floor = max(share * float(np.median(rough)), least / np.sqrt(n_dof))
+    return np.asarray(np.hypot(np.maximum(rough, floor), state.shape_std))
+
+
+def equation_errors(
+    state: State,
+    modal: Modal,
+    noise: Vector,
+    n_coordinate: int,
+    *,
+    usual: float = 0.03,
+    wide: float = 1.0,
+    rest: float = 1e-3,
+) -> Errors:
+    """Put the measured modes of a state into the equations of a model.
+
+    Parameters
+    ----------
+    state, modal
+        What was measured, and the model.
+    noise : (n,)
+        Standard deviation of a component of each shape of unit length.
+    n_coordinate : int
+        Number of coordinates of the fit.
+    usual : float
+        Equation error that models usually have, by which the coordinates that weigh errors are shrunk: noisy ones
+        bias the weights. An order above the median discrepancy.
+    wide : float
+        Equation error that is possible before anything is known: what sensors do not see stays unknown.
+    rest : float
+        Relative standard deviation of a damping ratio that no identification is better than.
+    """
+    m, n = modal.eigenvalue.size, state.frequency.size
+    lam, omega = (2.0 * np.pi * state.frequency) ** 2, 2.0 * np.pi * state.frequency
+    elastic = np.arange(m) >= modal.n_rigid
+    own = np.where(elastic, np.sqrt(np.maximum(modal.eigenvalue, 0.0)), np.nan)
+    scale = omega[:, None] * np.where(elastic, own, omega[:, None])  # (n, m)
+    gap = (lam[:, None] - modal.eigenvalue) / scale
+    gap = np.where(np.abs(gap) < 1e-9, 1e-9, gap)
+
+    gram, seen = modal.rows.T @ modal.rows, (modal.rows.T @ state.shape).T  # (m, m), (n, m)
+    length = np.linalg.norm(la.lstsq(modal.rows, state.shape, cond=1e-3)[0], axis=0)  # alpha
+
+    def coordinates(width: float) -> tuple[Vector, Vector, Vector]:
+        """Return a, its inverse covariance and covariance where equation errors have a standard deviation."""
+        prior = np.clip(width / np.abs(gap), 0.02, 3.0) ** -2.0
+        sure = (length / noise) ** 2
+        inverse = gram * sure[:, None, None] + prior[:, :, None] * np.eye(m)
+        covariance = np.linalg.inv(inverse)
+        a = np.einsum("rij,rj->ri", covariance, seen) * (length / noise**2)[:, None]
+        return a, inverse, covariance
+
+    for _ in range(2):
+        weight, _, _ = coordinates(usual)
+        size = np.linalg.norm(weight, axis=1)
+        length, weight = length * size, weight / size[:, None]
+    a, inverse, covariance = coordinates(wide)
+
+    value = gap * a
+    of_noise = gap[:, :, None] * covariance * gap[:, None, :]
+    if modal.of_mode is not None:
+        value = value - np.einsum("rij,rj->ri", modal.of_mode, a) / scale
+    frequency_variance = (2.0 * state.frequency_std / state.frequency) ** 2 + 1e-9
+    of_noise[:, np.arange(m), np.arange(m)] += frequency_variance[:, None] * weight**2
+
+    jacobian = np.zeros((n, m, n_coordinate))
+    look = np.zeros((n, n_coordinate, len(state.shape)))  # how Psi a changes at given a
+    if modal.moves.size:
+        force = np.einsum("qij,rj->rqi", modal.stiffness, weight)
+        force -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.mass, weight)
+        jacobian[:, :, modal.moves] = -(force / scale[:, None, :]).transpose(0, 2, 1)
+        beyond = np.einsum("qij,rj->rqi", modal.beyond_stiffness, weight)
+        beyond -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.beyond_mass, weight)
+        look[:, modal.moves] = (beyond / (lam[:, None] - modal.beyond)[:, None, :]) @ modal.beyond_rows.T
+    if modal.looks.size:
+        look[:, modal.looks] += np.einsum("kdm,rm->rkd", modal.row_change, weight)
+    sure = (length / noise) ** 2
+    da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]
+    left = (state.shape.T / length[:, None] - a @ modal.rows.T) * np.sqrt(sure)[:, None]
+    turned = -(look + da @ modal.rows.T) * np.sqrt(sure)[:, None, None]
+    slope = np.einsum("rd,rpd->p", left, turned)
+    curvature = np.einsum("rpd,rqd->pq", turned, turned, optimize=True)
+    da -= weight[:, None, :] * np.einsum("ri,rpi->rp", weight, da)[:, :, None]
+    jacobian += (gap[:, None, :] * da).transpose(0, 2, 1)
+
+    misfit = np.sum(state.shape**2, axis=0) / noise**2 - np.einsum("ri,rij,rj->r", a, inverse, a)
+    stretch = np.abs(np.sum(weight**2 / (gap * scale), axis=1) * lam)
+    log_map = float(
+        np.sum(np.log(np.abs(gap)))
+        + np.sum(np.log(stretch))
+        + 0.5 * np.sum(np.linalg.slogdet(covariance)[1] - misfit)
+    )
+
+    damping = np.broadcast_to(modal.damping, (n, m, m)) if len(modal.damping) == 1 else modal.damping
+    loss = np.einsum("ri,rij,rj->r", weight, damping, weight)
+    floor = 2e-3 * omega * np.where(np.isfinite(state.damping), state.damping, 1.0)
+    loss = np.maximum(loss, floor)
+    damping_jacobian = np.zeros((n, n_coordinate))
+    if modal.damps.size:
+        change = np.broadcast_to(modal.damping_change, (modal.damps.size, n, m, m))
+        damping_jacobian[:, modal.damps] = (
+            -np.einsum("ri,prij,rj->rp", weight, change, weight) / loss[:, None]
+        )
+    return Errors(
+        value=value,
+        weight=weight,
+        noise=of_noise,
+        jacobian=jacobian,
+        log_map=log_map,
+        slope=slope,
+        curvature=curvature,
+        damping=np.log(state.damping / (loss / (2.0 * omega))),
+        damping_std=np.hypot(state.damping_std / state.damping, rest),
+        damping_jacobian=damping_jacobian,
+        eigenvalue=lam,
+        shape=modal.shape,
+    )

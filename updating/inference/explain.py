@@ -1,0 +1,301 @@
+"""An explanation: the model with some terms, fitted to all states together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.discrepancy import (
+    USUAL,
+    Evidence,
+    Problem,
+    Sizes,
+    Spectrum,
+    evidence,
+    joined,
+    shared_levels,
+    spectrum,
+)
+from updating.inference.equation_error import Errors, equation_errors, shape_noise
+from updating.inference.protocol import Coordinate, LocalModel, Model, Term
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setting:
+    """What all fits of a campaign share, so that they can be compared.
+
+    Attributes
+    ----------
+    noise : tuple of (n,) float
+        Standard deviation of a component of each measured shape, by state.
+    common : (n_state, n_state) float
+        Share of the discrepancy that two states have in common.
+    """
+
+    noise: tuple[Vector, ...]
+    common: Vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explanation:
+    """The model with some terms, fitted to all states together.
+
+    Attributes
+    ----------
+    terms : tuple of str
+        Which; none is the base model.
+    n_nuisance : int
+        Number of coordinates of the base model.
+    coordinates : tuple of Coordinate
+        All coordinates, those of the base model first, with the priors that they have here.
+    x, std : (n_coordinate,) float
+        Estimates and standard deviations, discrepancy integrated out.
+    at_bound : (n_coordinate,) bool
+        Which lie on a bound.
+    evidence : Evidence
+        Marginal likelihood, and the sizes of the discrepancy.
+    errors : tuple of Errors
+        By state, at the estimate.
+    problem : Problem
+        The same joined.
+    """
+
+    terms: tuple[str, ...]
+    n_nuisance: int
+    coordinates: tuple[Coordinate, ...]
+    x: Vector
+    std: Vector
+    at_bound: NDArray[np.bool_]
+    evidence: Evidence
+    errors: tuple[Errors, ...]
+    problem: Problem
+
+    @property
+    def n_further(self) -> int:
+        """Number of coordinates that the base model does not have: the last ones."""
+        return self.x.size - self.n_nuisance
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the marginal likelihood."""
+        return self.evidence.log
+
+    @property
+    def pulls(self) -> Vector:
+        """By how many standard deviations of its prior each coordinate was moved, (n_coordinate,)."""
+        return np.array([value / c.std for value, c in zip(self.x, self.coordinates, strict=True)])
+
+    def value(self, name: str) -> float:
+        """Return the estimate of a coordinate."""
+        return float(self.x[[c.name for c in self.coordinates].index(name)])
+
+
+def coordinates_of(model: Model, terms: Sequence[Term]) -> tuple[Coordinate, ...]:
+    """Return the coordinates of a model with some terms: nuisances with the priors that they then have, and theirs."""
+    freed: dict[str, float] = {}
+    for term in terms:
+        for name, std in term.frees.items():
+            freed[name] = max(std, freed.get(name, 0.0))
+    base = [replace(c, std=freed.get(c.name, c.std)) for c in model.nuisances]
+    further = {c.name: c for term in terms for c in term.coordinates}
+    return (*base, *further.values())
+
+
+def setting(model: Model, local: LocalModel, x: Vector, *, shares: Sequence[float]) -> Setting:
+    """Return what fits of a campaign share: noise of the shapes beside a model near them, and what states share."""
+    noise = tuple(shape_noise(state, local.modal(x, c)) for c, state in enumerate(model.states))
+    return Setting(noise=noise, common=shared_levels([state.path for state in model.states], shares))
+
+
+def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> tuple[Errors, ...]:
+    """Return the errors of all states at coordinates."""
+    return tuple(
+        equation_errors(state, local.modal(x, c), setting.noise[c], x.size)
+        for c, state in enumerate(model.states)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Cost:
+    """What a step minimises: minus the logarithm of the posterior density at given sizes of the discrepancy."""
+
+    precision: Vector
+    sizes: Sizes
+
+    def whitened(self, problem: Problem) -> tuple[Vector, Vector, float]:
+        values, jacobians, logs = [], [], -problem.log_map
+        for value, jacobian, noise, discrepancy, size in (
+            (problem.value, problem.jacobian, problem.noise, problem.discrepancy, self.sizes.stiffness),
+            (
+                problem.damping,
+                problem.damping_jacobian,
+                problem.damping_noise,
+                problem.damping_discrepancy,
+                self.sizes.damping,
+            ),
+        ):
+            if not value.size:
+                continue
+            root = la.cholesky(size**2 * discrepancy + noise, lower=True, check_finite=False)
+            white = la.solve_triangular(
+                root, np.column_stack([value, jacobian]), lower=True, check_finite=False
+            )
+            values.append(white[:, 0])
+            jacobians.append(white[:, 1:])
+            logs += float(np.sum(np.log(np.diag(root))))
+        return np.concatenate(values), np.vstack(jacobians), logs
+
+    def total(self, white: tuple[Vector, Vector, float], x: Vector) -> float:
+        return 0.5 * float(white[0] @ white[0] + np.sum(self.precision * x**2)) + white[2]
+
+
+def explain(
+    model: Model,
+    terms: Sequence[Term],
+    setting: Setting,
+    start: Vector,
+    *,
+    local: LocalModel | None = None,
+    sizes: Sizes = USUAL,
+    rounds: int = 6,
+    steps: int = 8,
+    settled: float = 0.1,
+    small: float = 0.03,
+) -> Explanation:
+    """Fit the model with some terms to all states by Levenberg and Marquardt's method.
+
+    Steps are taken at given sizes of the discrepancy on a model about the point; both are made anew where they end,
+    until the evidence stays.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    terms : sequence of Term
+        What is added to the base model.
+    setting : Setting
+        What all fits share.
+    start : (n_coordinate,)
+        Coordinates, the model's nuisances first, then those of the terms.
+    local : LocalModel, optional
+        A model that holds all over the way; by default one is made about the point in each round.
+    sizes : Sizes, optional
+        Of the discrepancy in the first round; later the likeliest where the one before ended. Those that are likely far
+        from the solution would make all that is near it seem right.
+    rounds, steps : int
+        Most rounds, and steps in each.
+    settled, small : float
+        Rise of the logarithm of the evidence, and fall of the cost, that end the fit.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The model has no modes at the start.
+    """
+    coordinates = coordinates_of(model, terms)
+    lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
+    precision = np.array([c.std**-2.0 for c in coordinates])
+    longest = np.array([c.longest for c in coordinates])
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
+    x = np.clip(np.array(start, float), lower, upper)
+    best: Explanation | None = None
+    for _ in range(rounds):
+        here = model.about(coordinates, [x]) if local is None else local
+        errors = errors_at(model, here, setting, x)
+        problem = joined(errors, setting.common)
+        if best is not None:
+            sizes = _evidence(problem, x, precision, log_prior)[0].sizes
+        cost = _Cost(precision, sizes)
+        white = cost.whitened(problem)
+        at, damp = cost.total(white, x), 1e-3
+        for _ in range(steps):
+            moved = False
+            for _ in range(6):
+                trial = _step(white, problem, x, precision, lower, upper, longest, damp)
+                try:
+                    trial_errors = errors_at(model, here, setting, trial)
+                    trial_problem = joined(trial_errors, setting.common)
+                    trial_white = cost.whitened(trial_problem)
+                except (np.linalg.LinAlgError, ValueError):
+                    damp = max(8.0 * damp, 1e-2)
+                    continue
+                after = cost.total(trial_white, trial)
+                if after < at:
+                    moved = True
+                    break
+                damp = max(8.0 * damp, 1e-2)
+            if not moved:
+                break
+            fall = at - after
+            x, errors, problem, white, at, damp = (
+                trial,
+                trial_errors,
+                trial_problem,
+                trial_white,
+                after,
+                damp / 5.0,
+            )
+            if fall < small:
+                break
+        found, spectra = _evidence(problem, x, precision, log_prior)
+        gain = np.inf if best is None else abs(found.log - best.log_evidence)
+        best = Explanation(
+            terms=tuple(term.name for term in terms),
+            n_nuisance=len(model.nuisances),
+            coordinates=coordinates,
+            x=x,
+            std=_std(spectra, found, problem.curvature + np.diag(precision + 1e-12)),
+            at_bound=(x <= lower + 1e-9) | (x >= upper - 1e-9),
+            evidence=found,
+            errors=errors,
+            problem=problem,
+        )
+        if gain < settled:
+            break
+    assert best is not None
+    return best
+
+
+def _evidence(
+    problem: Problem, x: Vector, precision: Vector, log_prior: float
+) -> tuple[Evidence, tuple[Spectrum, Spectrum]]:
+    stiffness = spectrum(problem.value, problem.jacobian, problem.noise, problem.discrepancy)
+    damping = spectrum(
+        problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy
+    )
+    return evidence(stiffness, damping, problem, x, precision, log_prior), (stiffness, damping)
+
+
+def _step(
+    white: tuple[Vector, Vector, float],
+    problem: Problem,
+    x: Vector,
+    precision: Vector,
+    lower: Vector,
+    upper: Vector,
+    longest: Vector,
+    damp: float,
+) -> Vector:
+    """Return where a damped step leads that leaves no bound and is nowhere longer than it may be."""
+    value, jacobian, _ = white
+    hessian = jacobian.T @ jacobian + np.diag(precision) + problem.curvature
+    slope = jacobian.T @ value + precision * x + problem.slope
+    free = ~(((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0)))
+    damped = hessian + damp * np.diag(np.diag(hessian)) + 1e-12 * np.eye(x.size)
+    step = np.zeros(x.size)
+    step[free] = -la.solve(damped[np.ix_(free, free)], slope[free], assume_a="pos")
+    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
+    return np.clip(x + step, lower, upper)
+
+
+def _std(spectra: tuple[Spectrum, Spectrum], found: Evidence, known: Vector) -> Vector:
+    """Return standard deviations of the coordinates at the likeliest sizes."""
+    (_, j1, _), (_, j2, _) = spectra[0].at(found.sizes.stiffness), spectra[1].at(found.sizes.damping)
+    hessian = j1.T @ j1 + j2.T @ j2 + known
+    return np.sqrt(np.maximum(np.diag(la.pinvh(hessian)), 0.0))
