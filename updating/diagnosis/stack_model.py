@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,40 +15,12 @@ from updating.diagnosis.candidates import G_F_RANGE, CandidateModel
 from updating.diagnosis.coordinates import bounds_of, coordinate_of, scaled
 from updating.diagnosis.evidence import D_F_START, DECAY, POINTS_SHIFT, DiagnosisScatter, unit_shape
 from updating.diagnosis.sensor_place import place_slopes
-from updating.diagnosis.stack_near import RATIOS, FinerMesh, StackNear
+from updating.diagnosis.stack_near import RATIOS, FinerMesh, StackNear, StackState
 from updating.inference.protocol import Coordinate, State, Term
 
 Vector = NDArray[np.float64]
 
 _FARTHEST = 8.0  # prior standard deviations that a nuisance may move
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StackState:
-    """One state of a stack: what it knows of itself, and the measurement.
-
-    Attributes
-    ----------
-    state : State
-        The measured modes.
-    parameter : mapping of str to float
-        Values that the state sets, pressure among them.
-    assembled : str
-        What was put together once: all its force levels share this name.
-    rows : (n_dof, n_basis) float
-        Measured points.
-    slope : (n_dof, n_basis) float
-        How these change as all points move along x, 1/m.
-    sensor : (n_dof,) int
-        The accelerometer that measured each shape component, from 0.
-    """
-
-    state: State
-    parameter: Mapping[str, float]
-    assembled: str
-    rows: Vector
-    slope: Vector
-    sensor: NDArray[np.int64]
 
 
 class StackModel:

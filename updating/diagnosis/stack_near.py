@@ -5,22 +5,19 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Observation, ReducedEquations, observe
+from model import Observation, Parameter, ReducedEquations, observe
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import ReducedTerm
 from model.reduction.shared_range import InRange, Matrix
 from updating.diagnosis.candidates import EXTRAPOLATED, CandidateModel
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.inference.protocol import Coordinate, Modal
-
-if TYPE_CHECKING:
-    from updating.diagnosis.stack_model import StackModel
+from updating.inference.protocol import Coordinate, Modal, State
 
 Vector = NDArray[np.float64]
 
@@ -34,6 +31,58 @@ N_BASIS = 30
 RESPONSE = 1e-2
 """Share of a mode's energy, as an amplitude, from which a response counts: 1e-2 leaves 1e-5 of a frequency nearby."""
 RIGID = (2.0 * np.pi * 20.0) ** 2  # (rad/s)**2: suspensions give rigid-body motion some hertz
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StackState:
+    """One state of a stack: what it knows of itself, and the measurement.
+
+    Attributes
+    ----------
+    state : State
+        The measured modes.
+    parameter : mapping of str to float
+        Values that the state sets, pressure among them.
+    assembled : str
+        What was put together once: all its force levels share this name.
+    rows : (n_dof, n_basis) float
+        Measured points.
+    slope : (n_dof, n_basis) float
+        How these change as all points move along x, 1/m.
+    sensor : (n_dof,) int
+        The accelerometer that measured each shape component, from 0.
+    """
+
+    state: State
+    parameter: Mapping[str, float]
+    assembled: str
+    rows: Vector
+    slope: Vector
+    sensor: NDArray[np.int64]
+
+
+class Whole(Protocol):
+    """What the equations near a point need of the model of a stack, `StackModel`."""
+
+    equations: ReducedEquations
+    candidates: CandidateModel
+    measured: tuple[StackState, ...]
+    places: tuple[str, ...]
+    dimensions: tuple[str, ...]
+    n_gain: int
+    mesh: FinerMesh
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Parameters of all effects by name."""
+
+    def theta(self, at: Mapping[str, float], state: int) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the model's parameters in a state at coordinates by name, and their derivatives by coordinates."""
+
+    def acting(
+        self, thetas: Sequence[Mapping[str, float]], moving: frozenset[str]
+    ) -> list[tuple[ReducedTerm, frozenset[str]]]:
+        """Return the terms that do not vanish while some parameters move, with what of these each depends on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +150,7 @@ class StackNear:
 
     Parameters
     ----------
-    whole : StackModel
+    whole : Whole
         The model.
     coordinates : sequence of Coordinate
         Those of the fit.
@@ -109,9 +158,7 @@ class StackNear:
         Where the basis is made.
     """
 
-    def __init__(
-        self, whole: StackModel, coordinates: Sequence[Coordinate], points: Sequence[Vector]
-    ) -> None:
+    def __init__(self, whole: Whole, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> None:
         self.whole, self.names = whole, [c.name for c in coordinates]
         self.at = {name: i for i, name in enumerate(self.names)}
         self.first = dict(zip(self.names, points[0], strict=True))
@@ -232,7 +279,7 @@ class StackNear:
         """Return the derivatives of K and M by the logarithm of a dimension, in the whole basis."""
         resized: ReducedEquations = self.whole.candidates.resized[name]
         plain = {t.name for t in resized.terms}
-        ratio = np.log(getattr(resized.stack, name) / getattr(self.whole.stack, name))
+        ratio = np.log(getattr(resized.stack, name) / getattr(self.whole.candidates.stack, name))
         found, n = {}, self.whole.equations.size
         base = ReducedEquations(
             stack=resized.stack,

@@ -153,16 +153,11 @@ def equation_errors(
     of_noise[:, np.arange(m), np.arange(m)] += frequency_variance[:, None] * weight**2
 
     jacobian = np.zeros((n, m, n_coordinate))
-    look = np.zeros((n, n_coordinate, len(state.shape)))  # how Psi a changes at given a
     if modal.moves.size:
         force = np.einsum("qij,rj->rqi", modal.stiffness, weight)
         force -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.mass, weight)
         jacobian[:, :, modal.moves] = -(force / scale[:, None, :]).transpose(0, 2, 1)
-        beyond = np.einsum("qij,rj->rqi", modal.beyond_stiffness, weight)
-        beyond -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.beyond_mass, weight)
-        look[:, modal.moves] = (beyond / (lam[:, None] - modal.beyond)[:, None, :]) @ modal.beyond_rows.T
-    if modal.looks.size:
-        look[:, modal.looks] += np.einsum("kdm,rm->rkd", modal.row_change, weight)
+    look = _look(modal, lam, weight, n_coordinate)
     sure = (length / noise) ** 2
     da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]
     left = (state.shape.T / length[:, None] - a @ modal.rows.T) * np.sqrt(sure)[:, None]
@@ -180,16 +175,7 @@ def equation_errors(
         + 0.5 * np.sum(np.linalg.slogdet(covariance)[1] - misfit)
     )
 
-    damping = np.broadcast_to(modal.damping, (n, m, m)) if len(modal.damping) == 1 else modal.damping
-    loss = np.einsum("ri,rij,rj->r", weight, damping, weight)
-    floor = 2e-3 * omega * np.where(np.isfinite(state.damping), state.damping, 1.0)
-    loss = np.maximum(loss, floor)
-    damping_jacobian = np.zeros((n, n_coordinate))
-    if modal.damps.size:
-        change = np.broadcast_to(modal.damping_change, (modal.damps.size, n, m, m))
-        damping_jacobian[:, modal.damps] = (
-            -np.einsum("ri,prij,rj->rp", weight, change, weight) / loss[:, None]
-        )
+    loss, damping_jacobian = _loss(state, modal, weight, n_coordinate)
     return Errors(
         value=value,
         weight=weight,
@@ -204,3 +190,30 @@ def equation_errors(
         eigenvalue=lam,
         shape=modal.shape,
     )
+
+
+def _loss(state: State, modal: Modal, weight: Vector, n_coordinate: int) -> tuple[Vector, Vector]:
+    """Return a' C a of each measured mode, (n,), and minus the derivatives of its logarithm, (n, n_coordinate)."""
+    n, m = weight.shape
+    omega = 2.0 * np.pi * state.frequency
+    damping = np.broadcast_to(modal.damping, (n, m, m))
+    loss = np.einsum("ri,rij,rj->r", weight, damping, weight)
+    # At least a thousandth of what is measured, so that a model without damping has a logarithm, too.
+    loss = np.maximum(loss, 2e-3 * omega * np.where(np.isfinite(state.damping), state.damping, 1.0))
+    jacobian = np.zeros((n, n_coordinate))
+    if modal.damps.size:
+        change = np.broadcast_to(modal.damping_change, (modal.damps.size, n, m, m))
+        jacobian[:, modal.damps] = -np.einsum("ri,prij,rj->rp", weight, change, weight) / loss[:, None]
+    return loss, jacobian
+
+
+def _look(modal: Modal, lam: Vector, weight: Vector, n_coordinate: int) -> Vector:
+    """Return how Psi a changes at given a, (n, n_coordinate, n_dof): as further modes take part, and as rows change."""
+    look = np.zeros((len(weight), n_coordinate, len(modal.rows)))
+    if modal.moves.size:
+        beyond = np.einsum("qij,rj->rqi", modal.beyond_stiffness, weight)
+        beyond -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.beyond_mass, weight)
+        look[:, modal.moves] = (beyond / (lam[:, None] - modal.beyond)[:, None, :]) @ modal.beyond_rows.T
+    if modal.looks.size:
+        look[:, modal.looks] += np.einsum("kdm,rm->rkd", modal.row_change, weight)
+    return look
