@@ -25,6 +25,8 @@ from updating.inference.protocol import Coordinate, LocalModel, Model, Term
 
 Vector = NDArray[np.float64]
 
+_STUCK = 300.0  # of the damping, relative to the curvature, from which steps are too short to matter
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Setting:
@@ -215,32 +217,23 @@ def explain(
         white = cost.whitened(problem)
         at, damp = cost.total(white, x), 1e-3
         for _ in range(steps):
-            moved = False
-            for _ in range(6):
+            after = np.inf
+            while after >= at and damp < _STUCK:
                 trial = _step(white, problem, x, precision, lower, upper, longest, damp)
                 try:
                     trial_errors = errors_at(model, here, setting, trial)
                     trial_problem = joined(trial_errors, setting.common)
                     trial_white = cost.whitened(trial_problem)
                 except (np.linalg.LinAlgError, ValueError):
-                    damp = max(8.0 * damp, 1e-2)
-                    continue
-                after = cost.total(trial_white, trial)
-                if after < at:
-                    moved = True
-                    break
-                damp = max(8.0 * damp, 1e-2)
-            if not moved:
+                    after = np.inf
+                else:
+                    after = cost.total(trial_white, trial)
+                damp = damp if after < at else max(8.0 * damp, 1e-2)
+            if after >= at:
                 break
             fall = at - after
-            x, errors, problem, white, at, damp = (
-                trial,
-                trial_errors,
-                trial_problem,
-                trial_white,
-                after,
-                damp / 5.0,
-            )
+            x, errors, problem, white = trial, trial_errors, trial_problem, trial_white
+            at, damp = after, damp / 5.0
             if fall < small:
                 break
         found, spectra = _evidence(problem, x, precision, log_prior)
