@@ -580,6 +580,8 @@ def test_no_format_is_left_out():
     """Every form of the package is that of one of these files or of a table in it."""
     found = [each for base in BaseModel.__subclasses__() for each in (base, *base.__subclasses__())]
     ours = {each for each in found if each.__module__.split(".")[0] in ("ema", "model", "updating")}
+    # No command reads structure files of matrices; `tests/unit/test_matrices.py` uses their keys.
+    ours = {each for each in ours if not each.__module__.startswith("model.matrices")}
     parts = {form for whole in FORMS for form in every_form(whole)}
     assert sorted(each.__name__ for each in ours - parts if each.model_fields) == []
 
