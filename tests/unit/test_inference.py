@@ -49,9 +49,6 @@ class Chain:
     def about(self, coordinates, points):
         return Chain(self.states, tuple(coordinates))
 
-    def of(self, coordinates):
-        return Chain(self.states, tuple(coordinates))
-
     def modal(self, x, state):
         names = [c.name for c in self.coordinates]
         stiffness, mass, change = matrices(dict(zip(names, x, strict=True)))

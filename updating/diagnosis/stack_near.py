@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -176,23 +175,6 @@ class StackNear:
         step = {c.name: c.step for c in coordinates}
         self._basis(terms, thetas, step)
         self._parts(terms, thetas[:n_state])
-
-    def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
-        """Return the same for some of its coordinates: the others stay where they are neutral."""
-        found = copy.copy(self)
-        found.names = [c.name for c in coordinates]
-        found.at = {name: i for i, name in enumerate(found.names)}
-        found.far = [n for n in self.far if n in found.at]
-        found.moving = frozenset(found.far)
-        neutral = [self.whole.theta({}, c)[0] for c in range(len(self.whole.measured))]
-        found._stack(
-            [
-                p
-                for p in self.parts
-                if p.names & found.moving or any(p.factor(theta) != 0.0 for theta in neutral)
-            ]
-        )
-        return found
 
     def _stack(self, parts: list[_Part]) -> None:
         """Set the parts with their matrices in one array for each target."""

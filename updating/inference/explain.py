@@ -52,8 +52,6 @@ class Explanation:
     ----------
     terms : tuple of str
         Which; none is the base model.
-    n_nuisance : int
-        Number of coordinates of the base model.
     coordinates : tuple of Coordinate
         All coordinates, those of the base model first, with the priors that they have here.
     x, std : (n_coordinate,) float
@@ -69,7 +67,6 @@ class Explanation:
     """
 
     terms: tuple[str, ...]
-    n_nuisance: int
     coordinates: tuple[Coordinate, ...]
     x: Vector
     std: Vector
@@ -77,11 +74,6 @@ class Explanation:
     evidence: Evidence
     errors: tuple[Errors, ...]
     problem: Problem
-
-    @property
-    def n_further(self) -> int:
-        """Number of coordinates that the base model does not have: the last ones."""
-        return self.x.size - self.n_nuisance
 
     @property
     def log_evidence(self) -> float:
@@ -224,10 +216,9 @@ def explain(
                     trial_errors = errors_at(model, here, setting, trial)
                     trial_problem = joined(trial_errors, setting.common)
                     trial_white = cost.whitened(trial_problem)
-                except (np.linalg.LinAlgError, ValueError):
-                    after = np.inf
-                else:
                     after = cost.total(trial_white, trial)
+                except (np.linalg.LinAlgError, ValueError):  # the model has no modes there: step less far
+                    after = np.inf
                 damp = damp if after < at else max(8.0 * damp, 1e-2)
             if after >= at:
                 break
@@ -240,7 +231,6 @@ def explain(
         gain = np.inf if best is None else abs(found.log - best.log_evidence)
         best = Explanation(
             terms=tuple(term.name for term in terms),
-            n_nuisance=len(model.nuisances),
             coordinates=coordinates,
             x=x,
             std=_std(spectra, found, problem.curvature + np.diag(precision + 1e-12)),

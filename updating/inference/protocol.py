@@ -152,9 +152,6 @@ class Modal:
 class LocalModel(Protocol):
     """A model that holds near the point about which it was made."""
 
-    def of(self, coordinates: Sequence[Coordinate]) -> LocalModel:
-        """Return the same for some of its coordinates, the others neutral."""
-
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates `x`; raises numpy.linalg.LinAlgError where it has no modes."""
 
