@@ -15,6 +15,9 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 from threadpoolctl import threadpool_limits
+from updating.diagnosis.held_out import left_out
+from updating.diagnosis.search import Search, search
+from updating.diagnosis.verdict import decide
 
 import model
 from model.stack.effect import PRESSURE_REFERENCE as REFERENCE
@@ -31,10 +34,7 @@ from updating.diagnosis.candidates import instruments_of
 from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Z95, Explanation
-from updating.diagnosis.held_out import left_out
 from updating.diagnosis.residual import residual, reweighed, span_of
-from updating.diagnosis.search import Search, search
-from updating.diagnosis.verdict import decide
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "other_worlds.jsonl"
 """The cases of the published table."""

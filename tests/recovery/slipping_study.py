@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
+from updating.diagnosis.search import search
+from updating.diagnosis.verdict import decide
 
 import model
 from ema.types.geometry import Geometry
@@ -23,9 +25,7 @@ from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explanation import Z95
-from updating.diagnosis.search import search
 from updating.diagnosis.slipping import AtLevel
-from updating.diagnosis.verdict import decide
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "slipping.jsonl"
 """The cases of the published table."""

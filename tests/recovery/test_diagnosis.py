@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from updating.diagnosis.search import search
+from updating.diagnosis.verdict import decide
 
 import model
 from updating.blind.case import blind_test, candidates_of, simulated
@@ -16,8 +18,6 @@ from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.explanation import explain
 from updating.diagnosis.point_change import point_change
 from updating.diagnosis.residual import covariance_of, residual, rough_about
-from updating.diagnosis.search import search
-from updating.diagnosis.verdict import decide
 from updating.virtual.measurement import ModalNoise, simulate_modes
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"

@@ -8,13 +8,9 @@ import pytest
 from model import catalogue
 from updating.correlation.rig_check import ForcePlace, RigCheck
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained, confounded_in, overstated_in
-from updating.diagnosis.contact_amplitude import ContactAmplitude
+from updating.diagnosis.answer_parts import ContactAmplitude, MixedUp, NextTest, PointChange, SensorGain
 from updating.diagnosis.discrepancy import Sizes
-from updating.diagnosis.experiment import NextTest
-from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.nuisance_text import misstated, strained
-from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.sensor_gain import SensorGain
 from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.estimate import ParameterEstimate
 from updating.report.opening import headline

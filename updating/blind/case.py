@@ -13,18 +13,19 @@ import numpy as np
 import model
 from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
-from updating.diagnosis.assembly import Campaigned, assemble_evidence
+from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.cached_model import cached_model
-from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.coordinates import coordinate_of
-from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.exclusion import ruled_out
+from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
-from updating.diagnosis.explanation import Explanation, explain
-from updating.diagnosis.residual import residual
-from updating.diagnosis.search import Search, search
-from updating.diagnosis.verdict import decide
+from updating.diagnosis.ranking import misfit
+from updating.diagnosis.stack_model import StackModel
+from updating.diagnosis.visibility import not_visible, ruled_out, visibility
+from updating.inference.decide import decide
+from updating.inference.equation_error import equation_errors
+from updating.inference.explain import Explanation, coordinates_of, explain
+from updating.inference.search import Search
 from updating.virtual.measurement import ModalNoise, simulate_modes
 from updating.virtual.vibration_test import VirtualTest
 from updating.virtual.vibration_test_file import read_virtual_test
@@ -193,31 +194,36 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         less = {k: v for effect in chosen for k, v in weaker(effect, values).items()}
         tested[0] = simulated(replace(test, effect_values=less))[0]
     truth = tuple(sorted(effect.name for effect in chosen))
-    offered = candidates
+    evidence = assemble_evidence(candidates, tested)
+    offered = evidence
     if kind == "withheld":
-        offered = replace(candidates, effects={k: v for k, v in candidates.effects.items() if k not in truth})
-    found = search(assemble_evidence(offered, tested))
+        offered = replace(evidence, effects={k: v for k, v in evidence.effects.items() if k not in truth})
+    stack, found, _ = searched(candidates, offered)
     decision = decide(found)
-    whole = replace(found.evidence, effects=candidates.effects)
+    whole = stack.with_effects(evidence.effects)
     true = _true(whole, found, truth, values)
-    rivals = found.explanations if kind == "withheld" else found.singles
-    rises = [x.misfit - true.misfit for x in rivals if x.effects != truth]
+    left = [visibility(stack, found, x) for x in decision.left or (found.base,)]
+    sizes = true.evidence.sizes
+    singles = [x for x in found.fitted.values() if len(x.terms) == 1]
+    rivals = list(found.fitted.values()) if kind == "withheld" else singles
+    rises = [misfit(x, sizes) - misfit(true, sizes) for x in rivals if x.terms != truth]
     named = decision.left[0] if decision.left else found.base
-    unseen_evidence = assemble_evidence(candidates, [unseen]).with_system(found.evidence.system)
-    misfits, errors = zip(*(_predicted(unseen_evidence, x) for x in (found.base, named, true)), strict=True)
+    third = assemble_evidence(candidates, [unseen])
+    misfits, errors = zip(*(_predicted(whole, third, x) for x in (found.base, named, true)), strict=True)
+    reach = {name: max(v.reach for v in of.values()) for name, of in left[0].items()}
     return Case(
         seed=seed,
         kind=kind,
         truth=truth,
         values=values,
         verdict=decision.verdict,
-        candidates=tuple(tuple(sorted(x.effects)) for x in decision.left),
-        ruled_out=ruled_out(found, decision),
-        not_visible=tuple(s.effect for s in found.screened if s.detectability < VISIBLE),
-        covered=_covered(found, truth, values),
-        distance=float(np.sqrt(max(found.base.misfit - true.misfit, 0.0))),
+        candidates=tuple(tuple(sorted(x.terms)) for x in decision.left),
+        ruled_out=tuple(sorted(set.intersection(*(set(ruled_out(stack, own)) for own in left)))),
+        not_visible=not_visible(left[0]),
+        covered=_covered(found, truth, values, whole),
+        distance=float(np.sqrt(max(misfit(found.base, sizes) - misfit(true, sizes), 0.0))),
         rival=float(np.sqrt(max(min(rises, default=np.inf), 0.0))),
-        most_visible=(max(found.screened, key=lambda s: s.detectability).effect,),
+        most_visible=(max(reach, key=lambda name: reach[name]),),
         bic=_bic(found),
         held_out=misfits,
         held_out_frequency=errors,
@@ -254,59 +260,68 @@ def simulated(test: VirtualTest) -> list[Campaigned]:
 
 
 def _true(
-    evidence: Evidence, found: Search, truth: tuple[str, ...], values: Mapping[str, float]
+    model: StackModel, found: Search, truth: tuple[str, ...], values: Mapping[str, float]
 ) -> Explanation:
-    """Return the best fit of the true effects: from the truth, or what the search found.
+    """Return the best fit of the true effects: from the truth, or what the search fitted.
 
-    From the truth, the contact is sought from the base model's and from the stack's own.
+    From the truth, the nuisances are sought from the base model's and from what is known.
     """
     base = found.base
     if not truth:
         return base
-    start = np.array([coordinate_of(p, values[p.name]) for p in evidence.parameters(truth)])
-    fitted = [
-        explain(evidence, truth, nuisance=nuisance, coordinate=start)
-        for nuisance in (base.nuisance, np.zeros(base.nuisance.size))
-    ]
-    own = _of(found, truth)
-    return min(fitted if own is None else (own, *fitted), key=lambda x: x.misfit)
+    terms = [model.terms[name] for name in truth]
+    coordinates, known = coordinates_of(model, terms), model.parameters
+    held = np.array([np.isfinite(c.std) for c in coordinates])
+    fitted = []
+    for nuisance in (base.x, np.where(held[: base.x.size], 0.0, base.x)):
+        start = [coordinate_of(known[c.name], values[c.name]) for c in coordinates[base.x.size :]]
+        fitted.append(explain(model, terms, found.setting, np.concatenate([nuisance, start])))
+    own = found.fitted.get(frozenset(truth))
+    return max(fitted if own is None else (own, *fitted), key=lambda x: x.log_evidence)
 
 
-def _of(found: Search, truth: tuple[str, ...]) -> Explanation | None:
-    """Return what the search fitted with the true effects."""
-    return next((x for x in found.explanations if tuple(sorted(x.effects)) == truth), None)
-
-
-def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float]) -> tuple[bool, ...]:
-    own = _of(found, truth)
-    if own is None:
+def _covered(
+    found: Search, truth: tuple[str, ...], values: Mapping[str, float], model: StackModel
+) -> tuple[bool, ...]:
+    own = found.fitted.get(frozenset(truth))
+    if own is None or not truth:
         return ()
     return tuple(
-        bool(abs(coordinate_of(p, values[p.name]) - at) <= _Z90 * std)
-        for p, at, std in zip(own.parameter, own.coordinate, own.std, strict=True)
+        bool(abs(coordinate_of(model.parameters[c.name], values[c.name]) - at) <= _Z90 * std)
+        for c, at, std in list(zip(own.coordinates, own.x, own.std, strict=True))[own.n_nuisance :]
     )
 
 
 def _bic(found: Search) -> tuple[str, ...]:
     """Return the explanation with the least misfit and logarithm of the number of data for each parameter."""
-    price = np.log(found.base.residual.value.size)
-    best = min(found.explanations, key=lambda x: x.misfit + price * len(x.parameter))
-    return tuple(sorted(best.effects))
+    price, sizes = np.log(found.base.problem.value.size), found.base.evidence.sizes
+    best = min(found.fitted.values(), key=lambda x: misfit(x, sizes) + price * (x.x.size - x.n_nuisance))
+    return tuple(sorted(best.terms))
 
 
-def _predicted(unseen: Evidence, own: Explanation) -> tuple[float, float]:
+def _predicted(model: StackModel, third: Assembled, own: Explanation) -> tuple[float, float]:
     """Return how far a configuration is that an explanation has not seen, its own G_f and d_f fitted.
 
     The first is the root mean square over frequencies and damping ratios in standard deviations, the second the mean
     relative error of frequencies.
     """
-    common = own.nuisance[: unseen.n_common].copy()
-    found = residual(unseen, common, own.parameter, own.coordinate)
-    modal = np.isin(found.kind, ("frequency", "damping"))
-    for _ in range(_STEPS):
-        common[:2] -= np.linalg.lstsq(found.jacobian[modal, :2], found.value[modal], rcond=None)[0]
-        found = residual(unseen, common, own.parameter, own.coordinate)
-    return (
-        float(np.sqrt(np.mean(found.value[modal] ** 2))),
-        float(np.mean(np.abs(np.expm1(-found.log_frequency)))),
-    )
+    unseen = model.of_tests(third.tested, third.observation)
+    coordinates = coordinates_of(unseen, [unseen.terms[name] for name in own.terms])
+    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    x = np.array([have.get(c.name, 0.0) for c in coordinates])
+    local, state = unseen.about(coordinates, [x]), unseen.states[0]
+    noise, sizes = np.full(state.frequency.size, 1e-2 / np.sqrt(len(state.shape))), own.evidence.sizes
+    for step in range(_STEPS + 1):
+        errors = equation_errors(state, local.modal(x, 0), noise, x.size)
+        frequency = errors.frequency / np.hypot(
+            sizes.stiffness / np.sqrt(2.0), state.frequency_std / state.frequency
+        )
+        damping = errors.damping / np.hypot(sizes.damping, errors.damping_std)
+        value = np.concatenate([frequency, damping])
+        if step == _STEPS:
+            break
+        slope = 0.5 * np.einsum("rs,rsp->rp", errors.weight, errors.jacobian)[:, :2]
+        slope /= np.hypot(sizes.stiffness / np.sqrt(2.0), state.frequency_std / state.frequency)[:, None]
+        loss = errors.damping_jacobian[:, :2] / np.hypot(sizes.damping, errors.damping_std)[:, None]
+        x[:2] -= np.linalg.lstsq(np.vstack([slope, loss]), value, rcond=None)[0]
+    return float(np.sqrt(np.mean(value**2))), float(np.mean(np.abs(np.expm1(-errors.frequency))))

@@ -12,12 +12,14 @@ import numpy as np
 from ema.types.shown import Shown
 from model import Effect
 from updating.correlation.rig_check import RigCheck
-from updating.diagnosis.contact_amplitude import ContactAmplitude
-from updating.diagnosis.discrepancy import Sizes
-from updating.diagnosis.experiment import NextTest
-from updating.diagnosis.mixed_up import MixedUp
-from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.sensor_gain import SensorGain
+from updating.diagnosis.answer_parts import (
+    ContactAmplitude,
+    MixedUp,
+    NextTest,
+    PointChange,
+    SensorGain,
+    Sizes,
+)
 from updating.fitting.estimate import ParameterEstimate
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
@@ -46,12 +48,10 @@ class Ranked:
     parameter : tuple of ParameterEstimate
         Its parameters; of a hypothesis about the measurement, what was stated wrongly and by how much.
     frequency_error, damping_error : float
-        Mean relative errors over the modes used, one G_f and d_f for all configurations, eq. (2).
+        Mean relative errors over all modes, the deviations of G_f and d_f of each configuration as they are fitted.
     left_out_error, left_out_damping_error : float
         The same where each mode is predicted from all others, to first order; NaN where none can be, or where an
         explanation is far behind.
-    left_out_shape_error : float
-        Mean length of what a shape is mispredicted by from all other modes, over its own; NaN as above.
     left_out_configuration_error, left_out_configuration_damping_error : float
         Of frequencies and damping ratios where each configuration is predicted from the others.
     misfit : float
@@ -59,7 +59,7 @@ class Ranked:
     n_residual : int
         Number of these differences.
     discrepancy : Sizes
-        What it leaves beside the noise: of a frequency, of a damping ratio, of a shape's length.
+        What it leaves beside the noise: of a frequency and of a damping ratio.
     """
 
     effects: tuple[str, ...]
@@ -71,7 +71,6 @@ class Ranked:
     damping_error: float
     left_out_error: float
     left_out_damping_error: float
-    left_out_shape_error: float
     left_out_configuration_error: float
     left_out_configuration_damping_error: float
     misfit: float

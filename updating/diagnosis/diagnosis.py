@@ -1,8 +1,8 @@
 """Which physical effect is missing, how sure that is, what cannot be told apart, and what cannot be seen.
 
-The base model is fitted first. Each effect is then scored by what its signature explains of the residual after the
-nuisances' share is taken out; the best are fitted in full, alone and together, and compared by evidence, the size of
-the discrepancy that every model has being integrated out. What the data cannot tell apart is reported as a set.
+The base model is fitted first, then effects and what may be wrong with the measurement, alone and together
+(`updating.inference`). They are compared by evidence, the size of the discrepancy that every model has being integrated
+out. What the data cannot tell apart is reported as a set.
 """
 
 from __future__ import annotations
@@ -13,35 +13,43 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.types.threads import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.correlation.rig_check import RigCheck, check_rig, upright
-from updating.diagnosis.adequacy import too_large
-from updating.diagnosis.answer import Diagnosis, ModeError, Strained, confounded_in, overstated_in
+from updating.diagnosis.answer import Diagnosis, ModeError, confounded_in, overstated_in
+from updating.diagnosis.answer_parts import MixedUp
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
-from updating.diagnosis.calibration import STRAINED, VISIBLE
+from updating.diagnosis.calibration import MIXED_UP
 from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
 from updating.diagnosis.contact_amplitude import contact_amplitudes
-from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
-from updating.diagnosis.exclusion import ruled_out
+from updating.diagnosis.evidence import DiagnosisScatter, Evidence
 from updating.diagnosis.experiment import aids, rank_tests
-from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.hypotheses import LABELS
-from updating.diagnosis.ranking import rank
-from updating.diagnosis.search import Search, search
+from updating.diagnosis.mixed_up import MOST as MOST_MIXED
+from updating.diagnosis.mixed_up import put_right
+from updating.diagnosis.point_change import point_change
+from updating.diagnosis.ranking import log_ratios, rank, sensor_gains, sizes_of, strained
 from updating.diagnosis.second_level import second_level
-from updating.diagnosis.sensor_gain import sensor_gains
 from updating.diagnosis.slipping import AtLevel
+from updating.diagnosis.stack_model import StackModel
 from updating.diagnosis.text import sentences
-from updating.diagnosis.verdict import decide
+from updating.diagnosis.visibility import not_visible, ruled_out, visibility
 from updating.errors import FitError
+from updating.inference.decide import decide
+from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
+from updating.inference.explain import Explanation, Setting, explain
+from updating.inference.search import Search, begin, search
 
 _LOG = logging.getLogger(__name__)
 
 _SHOWN = 8  # single effects whose changes are told mode by mode
-_COMPARED = 4  # explanations between which further tests are to tell
+_COMPARED = 3  # explanations between which further tests are to tell
+SHARES = (0.9, 0.1, 0.0)
+"""Shares of the discrepancy that all states of a stack, and all force levels of one state, have in common: what a model
+misses of a mode changes little with the torque."""
 
 
 @single_threaded
@@ -94,12 +102,12 @@ def diagnose(
         upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested
     )
     evidence = assemble_evidence(candidates, tested, scatter=scatter, levels=levels)
-    return conclude(evidence, executor, asked, rig)
+    return conclude(candidates, evidence, asked, rig)
 
 
 def conclude(
+    candidates: CandidateModel,
     evidence: Assembled,
-    executor: Executor | None = None,
     asked: Sequence[Sequence[str]] = (),
     rig: tuple[RigCheck, ...] = (),
 ) -> Diagnosis:
@@ -107,101 +115,139 @@ def conclude(
 
     `rig` is what was checked of force, scale and sensors of each configuration.
     """
-    found = search(evidence, executor, asked)
-    _LOG.info("weigh %d explanations", len(found.explanations))
+    model, found, mixed_up = searched(candidates, evidence, asked)
+    _LOG.info("weigh %d explanations", len(found.fitted))
     decision = decide(found)
     base, left = found.base, decision.left
     first = left[0] if left else base
-    ranking = rank(found, (*decision.steps, *left))
+    every = [x for x in found.fitted.values() if set(x.terms) in [set(names) for names in asked]]
+    ranking = rank(model, found, first, (*decision.steps, *left, *every))
     of = {own.effects: own for own in ranking}
-    excluded = ruled_out(found, decision)
-    shown = {*excluded, *(name for x in left for name in x.effects)}  # perhaps only beside what was found
-    evidence = found.evidence
-    strained = _strained(evidence.supposing(first.effects), first)
-    overstated = overstated_in(of[first.effects], evidence.effects)
+    seen = [visibility(model, found, x) for x in left or (base,)]
+    excluded = sorted(set.intersection(*(set(ruled_out(model, own)) for own in seen)))
+    if decision.verdict == "unlike anything":
+        excluded = []
+    shown = {*excluded, *(name for x in left for name in x.terms)}  # perhaps only beside what was identified
+    far = strained(first)
+    overstated = overstated_in(of[first.terms], model.effects)
+    labels = {name: effect.label for name, effect in model.effects.items()}
+    middle, spread = sizes_of(found, first)
+    singles = sorted((x for x in found.fitted.values() if len(x.terms) == 1), key=found.odds, reverse=True)
     answer = Diagnosis(
         verdict=decision.verdict,
-        set=tuple(x.effects for x in left),
-        labels={**_labels(found), **overstated},
-        measurement=(*evidence.hypotheses, *overstated),
-        confounded=confounded_in(set(first.effects) - set(overstated), evidence.effects),
-        explained=of[first.effects].explained,
-        steps=tuple(of[x.effects] for x in decision.steps),
-        discrepancy=first.mean if evidence.touching else replace(first.mean, damping=np.nan),
-        discrepancy_spread=first.spread,
-        too_large=too_large(evidence, first),
-        mixed_up=found.mixed_up,
-        strained=strained,
-        relieved=tuple(
-            own for own in _strained(evidence, base) if own.name not in {s.name for s in strained}
-        ),
-        point_change=decision.point,
+        set=tuple(x.terms for x in left),
+        labels={**labels, **{name: LABELS[name] for name in model.hypotheses}, **overstated},
+        measurement=(*model.hypotheses, *overstated),
+        confounded=confounded_in(set(first.terms) - set(overstated), model.effects),
+        explained=of[first.terms].explained,
+        steps=tuple(of[x.terms] for x in decision.steps),
+        discrepancy=middle,
+        discrepancy_spread=spread,
+        too_large=decision.too_large,
+        mixed_up=mixed_up,
+        strained=far,
+        relieved=tuple(own for own in strained(base) if own.name not in {s.name for s in far}),
+        point_change=point_change(model, found, first) if decision.too_large else None,
         ranking=ranking,
-        errors=_errors(evidence, base, left),
-        n_used=_n_used(evidence),
+        errors=_errors(model, base, left),
+        n_used={own.name: (own.frequency.size, own.frequency.size) for own in model.states},
         signatures={
-            x.effects[0]: tuple((base.residual.log_frequency - x.residual.log_frequency).tolist())
-            for x in found.singles[:_SHOWN]
+            x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:_SHOWN]
         },
-        ruled_out=excluded,
-        not_visible=tuple(
-            sorted(s.effect for s in found.screened if s.detectability < VISIBLE and s.effect not in shown)
-        ),
-        lacking=tuple(_labelled(evidence.tested[c], r) for c, r in evidence.lacking),
+        ruled_out=tuple(excluded),
+        not_visible=tuple(name for name in not_visible(seen[0]) if name not in shown),
+        lacking=_lacking(model, first),
         impossible=evidence.impossible,
-        sensor_gains=sensor_gains(evidence, first),
-        next_tests=rank_tests(evidence, left[:_COMPARED]),
-        second_level=second_level(evidence.supposing(first.effects), first),
-        contact=contact_amplitudes(evidence, first),
+        sensor_gains=sensor_gains(first),
+        next_tests=rank_tests(model, found, left[:_COMPARED]),
+        second_level=second_level(model, first),
+        contact=contact_amplitudes(model, first),
         rig=rig,
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))
 
 
-def _strained(evidence: Evidence, own: Explanation) -> tuple[Strained, ...]:
-    """Return the nuisances that an explanation needs far from what is known of them; gains are told apart."""
-    far = np.abs(own.nuisance) > STRAINED * evidence.prior_std
-    return tuple(
-        Strained(name=name, value=float(own.nuisance[i]), std=float(evidence.prior_std[i]))
-        for i, name in enumerate(evidence.nuisances)
-        if far[i] and not name.startswith("gain")
+def searched(
+    candidates: CandidateModel, evidence: Assembled, asked: Sequence[Sequence[str]] = ()
+) -> tuple[StackModel, Search, tuple[MixedUp, ...]]:
+    """Return the model, all that was fitted, and the points of the measurement that were put right first."""
+    found: list[MixedUp] = []
+    tested, priors = evidence.tested, priors_of(evidence.scatter)
+
+    def begun() -> tuple[StackModel, Setting, Explanation]:
+        model = StackModel(
+            candidates,
+            tested,
+            evidence.observation,
+            evidence.scatter,
+            evidence.effects,
+            start=float(evidence.start[0]) if evidence.touching else 0.0,
+        )
+        return model, *begin(model, shares=SHARES, starts=[_start(model, evidence)], priors=priors)
+
+    model, common, base = begun()
+    while len(found) < MOST_MIXED:
+        right, mixed_up = put_right(
+            model,
+            model.about(base.coordinates, [base.x]),
+            base.x,
+            common.noise,
+            tested,
+            [own.node for own in evidence.observation],
+        )
+        if mixed_up is None:
+            break
+        before, tested = tested, right
+        again = begun()
+        refitted = explain(again[0], [], common, again[2].x)
+        if (
+            refitted.log_evidence - base.log_evidence < MIXED_UP
+        ):  # it does not bear out what first order promised
+            tested = before
+            break
+        model, common, base = again
+        found.append(mixed_up)
+    return model, search(model, common, base, asked=asked), tuple(found)
+
+
+def priors_of(scatter: DiagnosisScatter) -> tuple[SizePrior, SizePrior]:
+    """Return the priors of the sizes of the discrepancy; what a laboratory states of them is known."""
+    stiffness, damping = scatter.frequency, scatter.damping
+    return (
+        STIFFNESS if stiffness is None else SizePrior.exactly(float(np.sqrt(2.0)) * stiffness),
+        DAMPING if damping is None else SizePrior.exactly(damping),
     )
 
 
-def _n_used(evidence: Evidence) -> dict[str, tuple[int, int]]:
-    """Return how many modes of each configuration are used, and how many were identified."""
-    return {
-        t.name: (int(used.size), int(t.modes.frequency.size))
-        for t, used in zip(evidence.tested, evidence.used, strict=True)
-    }
+def _start(model: StackModel, evidence: Evidence) -> NDArray[np.float64]:
+    """Return the coordinates of the base model from which its fit starts."""
+    known = dict(zip(evidence.nuisances, evidence.start.tolist(), strict=True))
+    return np.array([known.get(c.name, 0.0) if c.name in ("G_f", "d_f") else 0.0 for c in model.nuisances])
 
 
-def _labelled(own: Tested, r: int) -> str:
-    """Return what a measured mode is called."""
-    return f"{own.name}, mode {r + 1} at {own.modes.frequency[r]:.1f} Hz"
+def _lacking(model: StackModel, own: Explanation) -> tuple[str, ...]:
+    """Return the measured modes that are farther off than any model to which no mode is missing."""
+    return tuple(
+        f"{state}, mode {r + 1} at {np.sqrt(e.eigenvalue[r]) / (2.0 * np.pi):.1f} Hz"
+        for state, e in zip((s.name for s in model.states), own.errors, strict=True)
+        for r in np.flatnonzero(np.abs(e.frequency) > STIFFNESS.highest).tolist()
+    )
 
 
-def _errors(evidence: Evidence, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:
-    """List the modes used with the frequency errors of the base model and of the first explanation that is left."""
-    before = np.expm1(-base.residual.log_frequency)
-    after = np.expm1(-left[0].residual.log_frequency) if left else np.full(before.size, np.nan)
+def _errors(model: StackModel, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:
+    """List the modes with the frequency errors of the base model and of the first explanation that is left."""
+    before = np.expm1(-log_ratios(base)[0])
+    after = np.expm1(-log_ratios(left[0])[0]) if left else np.full(before.size, np.nan)
+    numbered = [(own, r) for own in model.states for r in range(own.frequency.size)]
     return tuple(
         ModeError(
-            configuration=evidence.tested[c].name,
+            configuration=own.name,
             mode=r + 1,
-            frequency=float(evidence.tested[c].modes.frequency[r]),
-            std=float(evidence.tested[c].modes.frequency_std[r]),
+            frequency=float(own.frequency[r]),
+            std=float(own.frequency_std[r]),
             base=float(b),
             explained=float(a),
         )
-        for (c, r), b, a in zip(evidence.modes, before, after, strict=True)
+        for (own, r), b, a in zip(numbered, before, after, strict=True)
     )
-
-
-def _labels(found: Search) -> dict[str, str]:
-    """Return what a person calls the effects and hypotheses."""
-    return {
-        **{name: effect.label for name, effect in found.evidence.effects.items()},
-        **{name: LABELS[name] for name in found.evidence.hypotheses},
-    }

@@ -117,6 +117,10 @@ class Identified(Protocol):
     def shape_std(self) -> Vector:
         """Standard deviations of their components."""
 
+    @property
+    def sensor(self) -> NDArray[np.int64]:
+        """The accelerometer that measured each component, (n_dof,), from 0."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tested:

@@ -9,16 +9,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Effect, Modes, Parameter, SolveError
+from model import Effect, Parameter
 from model.effects.parts import every_lamina, mean_over, square
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
-from updating.diagnosis.assembly import Assembled, base_shift
-from updating.diagnosis.candidates import N_MODEL
-from updating.diagnosis.evidence import Evidence, Shift, Tested, solved
-from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.residual import Residual, covariance_of, residual
+from updating.diagnosis.answer_parts import NextTest
+from updating.diagnosis.evidence import Tested
+from updating.diagnosis.ranking import misfit
 from updating.diagnosis.second_level import second_level
+from updating.diagnosis.stack_model import StackModel
+from updating.inference.discrepancy import joined
+from updating.inference.equation_error import equation_errors
+from updating.inference.explain import Explanation, coordinates_of
+from updating.inference.protocol import Coordinate, LocalModel
+from updating.inference.search import Search
+from updating.inference.spread import whitened
 
 Vector = NDArray[np.float64]
 
@@ -159,37 +164,20 @@ EXPERIMENTS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class NextTest:
-    """How well a further test would tell the explanations apart that are left.
-
-    Attributes
-    ----------
-    name, instruction : str
-        The test.
-    distance : float
-        Smallest discrimination distance between two explanations after it; above 3 it separates them.
-    now : float
-        The same before it.
-    """
-
-    name: str
-    instruction: str
-    distance: float
-    now: float
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Expected:
+    """Modes as an identification is expected to give them."""
+
     frequency: Vector
     frequency_std: Vector
     damping: Vector
     damping_std: Vector
     shape: NDArray[np.complex128]
     shape_std: Vector
+    sensor: NDArray[np.int64]
 
 
-def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
+def rank_tests(model: StackModel, found: Search, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
     """Rank further tests by the smallest distance that they leave between explanations, the best first.
 
     For explanations A and B the data of the further test are predicted with A, and B is fitted to them and to the data
@@ -197,161 +185,138 @@ def rank_tests(evidence: Assembled, explanations: Sequence[Explanation]) -> tupl
     """
     if len(explanations) < 2:
         return ()
-    now = min(np.sqrt(max(b.misfit - a.misfit, 0.0)) for a in explanations[:1] for b in explanations[1:])
-    found = []
+    misfits = [misfit(own, own.evidence.sizes) for own in explanations]
+    now = min(float(np.sqrt(max(own - misfits[0], 0.0))) for own in misfits[1:])
+    ranked = []
     for experiment in EXPERIMENTS:
-        if any(name == "test_clamps_moved" for name, _ in experiment.known) and not evidence.stack.clamps:
+        if any(name == "test_clamps_moved" for name, _ in experiment.known) and not model.stack.clamps:
             continue
-        if experiment.pressure_ratio != 1.0 and not evidence.touching:
+        if experiment.pressure_ratio != 1.0 and not model.touching:
             continue
         try:
-            apart = _distances(evidence, experiment, explanations)
-        except SolveError:  # clamps that are moved and sit elsewhere than stated, for instance
+            apart = _distances(model, found, experiment, explanations, misfits)
+        except np.linalg.LinAlgError:  # clamps that are moved and sit elsewhere than stated, for instance
             continue
-        found.append(
-            NextTest(
-                name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=float(now)
-            )
+        ranked.append(
+            NextTest(name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=now)
         )
-    again = _second_level(evidence, explanations)
+    again = _second_level(model, explanations, misfits)
     if again is not None:
         instruction = "test again at three times the force"
-        found.append(NextTest(name="second_force", instruction=instruction, distance=again, now=float(now)))
-    return tuple(sorted(found, key=lambda test: -test.distance))
+        ranked.append(NextTest(name="second_force", instruction=instruction, distance=again, now=now))
+    return tuple(sorted(ranked, key=lambda test: -test.distance))
 
 
-def _second_level(evidence: Evidence, explanations: Sequence[Explanation]) -> float | None:
+def _second_level(
+    model: StackModel, explanations: Sequence[Explanation], misfits: Sequence[float]
+) -> float | None:
     """Return the smallest distance that a second force level leaves; None where several levels were tested.
 
     It tells what follows the amplitude from all that does not, by as much as slip of the usual strength does, and
     nothing else.
     """
-    shows = second_level(evidence.supposing(explanations[0].effects), explanations[0])
+    shows = second_level(model, explanations[0])
     if shows is None:
         return None
     moves = [
-        any(name in evidence.effects and evidence.effects[name].family == "amplitude" for name in own.effects)
+        any(name in model.effects and model.effects[name].family == "amplitude" for name in own.terms)
         for own in explanations
     ]
-    apart = [
-        float(np.hypot(np.sqrt(abs(a.misfit - b.misfit)), shows if moves[i] != moves[j] else 0.0))
-        for (i, a), (j, b) in itertools.combinations(enumerate(explanations), 2)
-    ]
-    return min(apart)
-
-
-def _pressure(evidence: Evidence, experiment: Experiment) -> float:
-    tested = [t.pressure for t in evidence.tested]
-    if experiment.pressure_ratio < 0.0:
-        return -experiment.pressure_ratio * min(tested)
-    return experiment.pressure_ratio * max(tested)
+    return min(
+        float(np.hypot(np.sqrt(abs(misfits[i] - misfits[j])), shows if moves[i] != moves[j] else 0.0))
+        for i, j in itertools.combinations(range(len(explanations)), 2)
+    )
 
 
 def _distances(
-    evidence: Assembled, experiment: Experiment, explanations: Sequence[Explanation]
+    model: StackModel,
+    found: Search,
+    experiment: Experiment,
+    explanations: Sequence[Explanation],
+    misfits: Sequence[float],
 ) -> list[float]:
     """Return the distance of every explanation from the data that every other one predicts for a test."""
-    found = []
-    for a in explanations:
-        further = _further(evidence, experiment, a)
-        found += [_distance(evidence, further, a, b) for b in explanations if b is not a]
-    return found
-
-
-def _distance(evidence: Assembled, further: Assembled | None, a: Explanation, b: Explanation) -> float:
-    """Return the distance of b from the data of a further test that a predicts, with what is known already."""
-    if further is None:  # a test without a mode in the band tells nothing
-        return 0.0
-    nuisance = b.nuisance[: evidence.n_common]
-    weighed = replace(further, covariance=covariance_of(further, nuisance, b.parameter, b.coordinate))
-    fresh = residual(weighed, nuisance, b.parameter, b.coordinate)
-    return float(np.sqrt(max(_misfit_with(evidence, fresh, b) - a.misfit, 0.0)))
-
-
-def _further(evidence: Assembled, experiment: Experiment, a: Explanation) -> Assembled | None:
-    """Return the evidence of a further test alone as an explanation predicts it; None without a mode in the band."""
-    alone = _alone(evidence, experiment)
-    theta = alone.theta(a.nuisance[: evidence.n_common], 0)
-    modes = solved(alone, 0, {**theta, **a.effect_values}, (), N_MODEL)
-    seen = _seen(modes, max(float(t.modes.frequency.max()) for t in evidence.tested))
-    if not seen.size:
-        return None
-    expected = _expected(modes, seen)
-    usual = np.median(evidence.sensor_scatter[0][evidence.used[0]])  # the same sensors at the same points
-    number = (np.arange(seen.size),)
-    alone = replace(
-        alone,
-        tested=(replace(alone.tested[0], modes=expected),),
-        used=number,
-        identity=number,
-        sensor_scatter=(np.full(seen.size, usual),),
-    )
-    shift = base_shift(alone, 0, theta["G_f"])
-    as_measured = replace(alone.tested[0], modes=_refined_mesh(expected, shift))
-    return replace(alone, tested=(as_measured,), shift=(shift,))
-
-
-def _alone(evidence: Assembled, experiment: Experiment) -> Assembled:
-    """Return the evidence with a further test in place of those at hand: first with the modes of one of these."""
-    test = Tested(
+    tested = [own.pressure for own in model.tested]
+    ratio = experiment.pressure_ratio
+    pressure = -ratio * min(tested) if ratio < 0.0 else ratio * max(tested)
+    first = Tested(
         name=experiment.name,
-        pressure=_pressure(evidence, experiment),
-        modes=evidence.tested[0].modes,
+        pressure=pressure,
+        modes=model.tested[0].modes,
         known=dict(experiment.known),
     )
-    return replace(
-        evidence,
-        tested=(test,),
-        observation=evidence.observation[:1],
-        observed=evidence.observed[:1],
-        place_slope=evidence.place_slope[:1],
-        sensor=evidence.sensor[:1],
-        hypotheses={},
-        released=(),
-    )
+    alone = model.of_tests([first], model.observation[:1])
+    names = dict.fromkeys(name for own in explanations for name in own.terms)
+    every = coordinates_of(alone, [alone.terms[n] for n in names if n in alone.terms])
+    local = alone.about(every, [_at(every, explanations[0])])
+    apart = []
+    for i, one in enumerate(explanations):
+        own = coordinates_of(alone, [alone.terms[n] for n in one.terms if n in alone.terms])
+        expected = _expected(model, local.of(own), _at(own, one))
+        if expected is None:  # a test without a mode in the band tells nothing
+            return [0.0]
+        test = alone.of_tests([replace(first, modes=expected)], model.observation[:1])
+        for j, other in enumerate(explanations):
+            if i != j:
+                rise = _misfit_with(test, found, local, other) - misfits[i]
+                apart.append(float(np.sqrt(max(rise, 0.0))))
+    return apart
 
 
-def _seen(modes: Modes, top: float) -> NDArray[np.intp]:
-    """Return the modes that a test up to a frequency, Hz, identifies: not those that z sensors hardly see."""
-    seen = np.flatnonzero(modes.frequency < 1.05 * top)
-    large = np.sqrt(np.mean(modes.shape[:, seen] ** 2, axis=0))
-    return np.asarray(seen[large > 0.2 * large.max(initial=0.0)])
+def _at(coordinates: Sequence[Coordinate], own: Explanation) -> Vector:
+    """Return coordinates of a further test where an explanation has them; its reassembly is not known."""
+    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    return np.array([have.get(c.name, 0.0) for c in coordinates])
 
 
-def _expected(modes: Modes, seen: NDArray[np.intp]) -> _Expected:
-    """Return what an identification is expected to give of modes."""
-    shape = modes.shape[:, seen]
+def _expected(model: StackModel, local: LocalModel, x: Vector) -> _Expected | None:
+    """Return what an identification is expected to give up to the band's end; None without a mode in it.
+
+    Modes that the sensors hardly see are not identified.
+    """
+    modal = local.modal(x, 0)
+    frequency = np.sqrt(modal.eigenvalue) / (2.0 * np.pi)
+    top = max(float(own.frequency.max()) for own in model.states)
+    seen = np.flatnonzero((np.arange(frequency.size) >= modal.n_rigid) & (frequency < 1.05 * top))
+    shape = modal.rows[:, seen]
+    large = np.sqrt(np.mean(shape**2, axis=0))
+    seen = seen[large > 0.2 * large.max(initial=0.0)]
+    if not seen.size:
+        return None
+    shape = modal.rows[:, seen]
+    damping = np.einsum("ii->i", modal.damping[0])[seen] / (4.0 * np.pi * frequency[seen])
     return _Expected(
-        frequency=modes.frequency[seen],
-        frequency_std=_FREQUENCY_STD * modes.frequency[seen],
-        damping=modes.damping[seen],
-        damping_std=_DAMPING_STD * modes.damping[seen],
+        frequency=frequency[seen],
+        frequency_std=_FREQUENCY_STD * frequency[seen],
+        damping=damping,
+        damping_std=_DAMPING_STD * damping,
         shape=shape.astype(complex),
-        shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (shape.shape[0], 1)),
+        shape_std=np.tile(_SHAPE_STD * np.sqrt(np.mean(shape**2, axis=0)), (len(shape), 1)),
+        sensor=model.tested[0].modes.sensor,
     )
 
 
-def _refined_mesh(expected: _Expected, shift: Shift) -> _Expected:
-    """Return expected modes as an ever finer mesh would give them."""
-    return replace(
-        expected,
-        frequency=np.exp(shift.mesh) * expected.frequency,
-        shape=expected.shape + np.linalg.norm(expected.shape.real, axis=0) * shift.mesh_shape,
-    )
-
-
-def _misfit_with(evidence: Assembled, fresh: Residual, b: Explanation) -> float:
-    """Return the misfit of b to the data at hand and to `fresh`, those of a further test, after a linear step."""
-    data, old = fresh.kind != "prior", b.residual
-    n_old, n_effect, common = old.jacobian.shape[1], len(b.parameter), evidence.n_common
-    n_own = 2  # the further test's own reassembly: G_f and d_f
-    jacobian = np.zeros((int(data.sum()), n_old + n_own))
-    jacobian[:, np.r_[0:common, n_old - n_effect : n_old]] = fresh.jacobian[data]
-    jacobian[:, n_old:] = fresh.jacobian[data][:, :n_own]
-    priors = np.zeros((n_own, n_old + n_own))
-    priors[:, n_old:] = -np.diag([1.0 / evidence.scatter.stiffness, 1.0 / evidence.scatter.loss])
-    before = np.hstack([old.jacobian, np.zeros((old.value.size, n_own))])
-    free = ~np.r_[np.zeros(n_old - n_effect, bool), b.at_bound, np.zeros(n_own, bool)]
-    value = np.concatenate([old.value, fresh.value[data], np.zeros(n_own)])
-    q = np.linalg.qr(np.vstack([before, jacobian, priors])[:, free])[0]
+def _misfit_with(test: StackModel, found: Search, local: LocalModel, own: Explanation) -> float:
+    """Return the misfit of an explanation to the data at hand and to a further test after a linear step."""
+    coordinates = coordinates_of(test, [test.terms[n] for n in own.terms if n in test.terms])
+    at = _at(coordinates, own)
+    noise = np.full(test.states[0].frequency.size, float(np.median(np.concatenate(found.setting.noise))))
+    errors = equation_errors(test.states[0], local.of(coordinates).modal(at, 0), noise, at.size)
+    fresh, slope = whitened(joined([errors], np.ones((1, 1))), own.evidence.sizes)
+    old, before = whitened(own.problem, own.evidence.sizes)
+    names = [c.name for c in own.coordinates]
+    jacobian = np.zeros((fresh.size, own.x.size + 2))
+    for i, c in enumerate(coordinates):
+        if c.name in names:
+            jacobian[:, names.index(c.name)] = slope[:, i]
+        for extra, shared in enumerate(("G_f", "d_f")):  # of the further test's own assembly
+            if c.name == shared:
+                jacobian[:, own.x.size + extra] = slope[:, i]
+    scatter = test.scatter
+    std = np.array([*(c.std for c in own.coordinates), scatter.stiffness, scatter.loss])
+    held = np.isfinite(std)
+    value = np.concatenate([old, fresh, np.append(own.x, [0.0, 0.0])[held] / std[held]])
+    matrix = np.vstack([np.hstack([before, np.zeros((old.size, 2))]), jacobian, np.diag(1.0 / std)[held]])
+    free = ~np.append(own.at_bound, [False, False])
+    q = np.linalg.qr(matrix[:, free])[0]
     return float(value @ value - np.sum((q.T @ value) ** 2))

@@ -22,27 +22,26 @@ LABELS = {
     WINDOW: "the damping of an exponential window",
 }
 """What each is called."""
-_PRESSURE, _SIZE, _GAIN = (
-    0.07,
-    0.01,
-    0.3,
-)  # standard deviations of logarithms where something was stated wrongly
-_PLACE = 8e-3  # m
-_WINDOW = 3.0  # 1/s, of a window that falls to a hundredth in 1.5 s
+PRESSURE, SIZE, GAIN = 0.07, 0.01, 0.3
+"""Standard deviations of logarithms where something was stated wrongly."""
+PLACE = 8e-3
+"""The same of a place, m."""
+FALL = 3.0
+"""The same of a decay, 1/s: of a window that falls to a hundredth in 1.5 s."""
 
 
 def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
     """Return the hypotheses that these data allow: of each, the standard deviations that nuisances then have."""
     found: dict[str, Mapping[str, float]] = {}
     if len(evidence.states) > 1 and evidence.touching:
-        found[STATED_PRESSURE] = {f"G_f[{name}]": _PRESSURE for name in evidence.states}
+        found[STATED_PRESSURE] = {f"G_f[{name}]": PRESSURE for name in evidence.states}
     if evidence.dimensions:
-        found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, _SIZE)
+        found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, SIZE)
     if evidence.places:
-        found[STATED_PLACE] = dict.fromkeys(evidence.places, _PLACE)
+        found[STATED_PLACE] = dict.fromkeys(evidence.places, PLACE)
     if evidence.n_gain:
-        found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": _GAIN for i in range(evidence.n_gain)}
-    found[STATED_POINTS] = {POINTS_SHIFT: _PLACE}
+        found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": GAIN for i in range(evidence.n_gain)}
+    found[STATED_POINTS] = {POINTS_SHIFT: PLACE}
     if evidence.touching:  # else damping is not compared
-        found[WINDOW] = {DECAY: _WINDOW}
+        found[WINDOW] = {DECAY: FALL}
     return found

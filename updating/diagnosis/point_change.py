@@ -6,101 +6,130 @@ points was chosen is counted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
 
-from model import Effect, Parameter
-from model.elements.equations import Monomial, Target
-from model.reduction.reduced_equations import ReducedTerm
+from model import Observation
+from updating.diagnosis.answer_parts import Kind, PointChange
 from updating.diagnosis.calibration import MOST, POINT_SHOWS
-from updating.diagnosis.coordinates import scaled
-from updating.diagnosis.evidence import Evidence
-from updating.diagnosis.explanation import Explanation
-from updating.diagnosis.screening import screen
+from updating.diagnosis.stack_model import StackModel
+from updating.inference.discrepancy import Evidence, Problem, evidence, spectrum
+from updating.inference.explain import Explanation
+from updating.inference.protocol import Coordinate
+from updating.inference.search import Search
+from updating.inference.spread import information, whitened
 
-Kind = Literal["mass", "spring"]
+Vector = NDArray[np.float64]
 
-_MOST: dict[Kind, tuple[Target, str, float]] = {"mass": ("M", "kg", 1.0), "spring": ("K", "N/m", 1e7)}
-"""Of each kind the matrix that it adds to, its unit, and the most that is tried, less or more."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PointChange:
-    """The change at a single point that explains most of what a model leaves, by a linear step.
-
-    Attributes
-    ----------
-    beside : tuple of str
-        Effects that the model has.
-    node : int
-        The measured point.
-    kind : "mass" or "spring"
-        What acts there, in the measured direction; a spring is fixed to the ground.
-    size : float
-        How much of it, kg or N/m; negative where the model has too much.
-    log_odds : float
-        Logarithm of the odds that it brings, the number of points counted.
-    """
-
-    beside: tuple[str, ...]
-    node: int
-    kind: Kind
-    size: float
-    log_odds: float
+_MOST: dict[Kind, tuple[str, float]] = {"mass": ("kg", 1.0), "spring": ("N/m", 1e7)}
+"""Of each kind its unit, and the most that is tried, less or more."""
 
 
-def point_change(evidence: Evidence, at: Explanation) -> PointChange | None:
+def point_change(model: StackModel, found: Search, own: Explanation) -> PointChange | None:
     """Return the change at one measured point that explains most of what an explanation leaves; None where none does.
 
     Parameters
     ----------
-    evidence : Evidence
+    model : StackModel
         Measurement and model.
-    at : Explanation
-        What is fitted already is taken out by projection.
+    found : Search
+        What fits share.
+    own : Explanation
+        What is fitted already; it takes its share of each step.
     """
-    observed = max(evidence.observed, key=lambda own: own.node.size)
-    equations, terms, effects = evidence.equations, [], {}
-    for i, row in enumerate(observed.reduced_rows):
-        square = np.outer(row, row)
-        for kind, (target, unit, most) in _MOST.items():
-            name = f"{kind}_{i}"
-            factor = Monomial(exponent={name: 1})
-            terms.append(ReducedTerm(name=name, target=target, factor=factor, matrix=square))
-            effects[name] = _anywhere(name, unit, most)
-    richer = replace(
-        equations,
-        terms=(*equations.terms, *terms),
-        theta={**equations.theta, **dict.fromkeys(effects, 0.0)},
+    largest = max(range(len(model.states)), key=lambda c: model.observation[c].node.size)
+    point = _points(model.observation[largest])
+    local, size = model.about(own.coordinates, [own.x]), own.x.size
+    columns: dict[Kind, list[Vector]] = {"mass": [], "spring": []}
+    for c, errors in enumerate(own.errors):
+        modal, place = local.modal(own.x, c), {p: i for i, p in enumerate(_points(model.observation[c]))}
+        rows = np.array(
+            [modal.rows[place[p]] if p in place else np.zeros(modal.eigenvalue.size) for p in point]
+        )
+        omega = np.sqrt(np.where(modal.eigenvalue > 0.0, modal.eigenvalue, np.nan))
+        scale = np.sqrt(errors.eigenvalue)[:, None] * np.where(
+            np.isfinite(omega), omega, np.sqrt(errors.eigenvalue)[:, None]
+        )
+        force = -np.einsum("ps,pt,rt->rsp", rows, rows, errors.weight) / scale[:, :, None]
+        columns["spring"].append(force.reshape(-1, len(point)))
+        columns["mass"].append((-errors.eigenvalue[:, None, None] * force).reshape(-1, len(point)))
+    best: tuple[float, Kind, int] | None = None
+    for kind, (_, most) in _MOST.items():
+        problem = _with(own.problem, most * np.vstack(columns[kind]))
+        extra = [Coordinate(name=f"{kind}_{i}", std=1.0) for i in range(len(point))]
+        known = np.arange(size + len(point)) < size
+        mean, std = information(
+            problem,
+            np.append(own.x, np.zeros(len(point))),
+            [*own.coordinates, *extra],
+            own.evidence.sizes,
+            known,
+        )
+        gain = 0.5 * (mean[size:] / std[size:]) ** 2
+        i = int(np.argmax(gain))
+        if best is None or gain[i] > best[0]:
+            best = float(gain[i]), kind, i
+    assert best is not None
+    _, kind, i = best
+    most = _MOST[kind][1]
+    problem = _with(own.problem, most * np.vstack(columns[kind])[:, [i]])
+    x, after = stepped(
+        problem, np.append(own.x, 0.0), (*own.coordinates, Coordinate(name=kind, std=1.0)), found, own
     )
-    fitted = {name: evidence.effects[name] for name in at.effects if name in evidence.effects}
-    screened = screen(replace(evidence, equations=richer, effects={**fitted, **effects}), at)
-    best = max(screened, key=lambda own: own.log_gain)
-    log_odds = best.log_gain - float(np.log(len(effects)))
-    left = at.misfit - at.residual.value.size  # beyond what the degrees of freedom leave
-    if log_odds < POINT_SHOWS or best.gain < MOST * left:
+    log_odds = after.log - own.log_evidence - float(np.log(2 * len(point)))
+    shrinks = after.sizes.stiffness**2 <= (1.0 - MOST) * own.evidence.sizes.stiffness**2
+    if log_odds < POINT_SHOWS or not shrinks or abs(x[-1]) > 1.0:
         return None
     return PointChange(
-        beside=at.effects,
-        node=int(observed.node[int(best.effect.partition("_")[2])]),
-        kind="mass" if best.effect.startswith("mass") else "spring",
-        size=scaled(best.parameter[0], float(best.start[0]))[0],
-        log_odds=log_odds,
+        beside=own.terms, node=point[i][0], kind=kind, size=float(most * x[-1]), log_odds=log_odds
     )
 
 
-def _anywhere(name: str, unit: str, most: float) -> Effect:
-    """Return an effect of which only the parameter is used: its term is made in the reduced equations."""
-    text = "a change at one point"
-    parameter = Parameter(name=name, unit=unit, nominal=most, lower=-most, upper=most, source=text)
-    return Effect(
-        name=name,
-        label="change at one point",
-        family="inertia",
-        summary=text,
-        description=text,
-        parameters=(parameter,),
-        terms=lambda _: (),
+def _points(observation: Observation) -> list[tuple[int, ...]]:
+    """Return node and direction, to a thousandth, of every measured component."""
+    return [
+        (int(node), *np.round(1e3 * direction).astype(int).tolist())
+        for node, direction in zip(observation.node, observation.direction, strict=True)
+    ]
+
+
+def _with(problem: Problem, columns: Vector) -> Problem:
+    """Return the errors with further coordinates, (N, n), on which only equation errors depend."""
+    n, total = columns.shape[1], problem.jacobian.shape[1] + columns.shape[1]
+    curvature = np.zeros((total, total))
+    curvature[: total - n, : total - n] = problem.curvature
+    return replace(
+        problem,
+        jacobian=np.hstack([problem.jacobian, columns]),
+        damping_jacobian=np.hstack([problem.damping_jacobian, np.zeros((problem.damping.size, n))]),
+        slope=np.append(problem.slope, np.zeros(n)),
+        curvature=curvature,
     )
+
+
+def stepped(
+    problem: Problem, x: Vector, coordinates: tuple[Coordinate, ...], found: Search, own: Explanation
+) -> tuple[Vector, Evidence]:
+    """Return where a linear step of all coordinates leads, and the evidence there."""
+    value, jacobian = whitened(problem, own.evidence.sizes)
+    precision = np.array([c.std**-2.0 for c in coordinates])
+    hessian = jacobian.T @ jacobian + problem.curvature + np.diag(precision + 1e-12)
+    step = -la.solve(hessian, jacobian.T @ value + problem.slope + precision * x, assume_a="pos")
+    moved = replace(
+        problem,
+        value=problem.value + problem.jacobian @ step,
+        damping=problem.damping + problem.damping_jacobian @ step,
+    )
+    there = evidence(
+        spectrum(moved.value, moved.jacobian, moved.noise, moved.discrepancy),
+        spectrum(moved.damping, moved.damping_jacobian, moved.damping_noise, moved.damping_discrepancy),
+        moved,
+        x + step,
+        precision,
+        0.5 * float(np.sum(np.log(precision[precision > 0.0]))),
+        found.setting.priors,
+    )
+    return x + step, there

@@ -1,84 +1,181 @@
-"""Explanations in the order of their probability."""
+"""Explanations in the order of their probability, as an answer lists them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 
 import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
 
-from updating.diagnosis.answer import Ranked
-from updating.diagnosis.explanation import Z95, Explanation, explained
-from updating.diagnosis.held_out import LeftOut, left_out
-from updating.diagnosis.search import Search
+from updating.diagnosis.answer import Ranked, Strained
+from updating.diagnosis.answer_parts import SensorGain, Sizes
+from updating.diagnosis.calibration import STRAINED
+from updating.diagnosis.coordinates import scaled
+from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.diagnosis.stack_model import StackModel
 from updating.fitting.estimate import ParameterEstimate
+from updating.inference import discrepancy
+from updating.inference.explain import Explanation
+from updating.inference.search import Search
 
+Vector = NDArray[np.float64]
+
+Z95 = 1.96
+"""Standard deviations to either side that hold 95 % of a normal distribution."""
 _JUDGED = 16  # explanations whose errors on what is left out are computed
-_NONE = LeftOut(frequency=float("nan"), damping=float("nan"), shape=float("nan"))
 
 
-def rank(found: Search, named: Sequence[Explanation] = ()) -> tuple[Ranked, ...]:
-    """Rank explanations by posterior probability; what is left out is judged for the first and for those named."""
-    every = sorted(found.explanations, key=lambda x: -found.odds(x))
+def rank(
+    model: StackModel, found: Search, first: Explanation, named: Collection[Explanation]
+) -> tuple[Ranked, ...]:
+    """Rank explanations by posterior probability; what is left out is predicted by the first and by those named.
+
+    Parameters
+    ----------
+    model : StackModel
+        The model.
+    found : Search
+        All that were fitted.
+    first : Explanation
+        The answer: by the discrepancy that it leaves, misfits are measured.
+    named : collection of Explanation
+        See above.
+    """
+    every = sorted(found.fitted.values(), key=lambda x: -found.odds(x))
     odds = np.array([found.odds(x) for x in every])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    judged = {*every[:_JUDGED], found.base, *found.asked, *named}
+    judged = {id(x) for x in (*every[:_JUDGED], found.base, first, *named)}
+    sizes = first.evidence.sizes
+    most = misfit(found.base, sizes)
     return tuple(
-        ranked(found, x, float(chance), judged=x in judged)
+        _ranked(model, found, x, float(chance), judged=id(x) in judged, sizes=sizes, most=most)
         for x, chance in zip(every, probability, strict=True)
     )
 
 
-def ranked(found: Search, own: Explanation, probability: float, *, judged: bool) -> Ranked:
+def _ranked(
+    model: StackModel,
+    found: Search,
+    own: Explanation,
+    probability: float,
+    *,
+    judged: bool,
+    sizes: discrepancy.Sizes,
+    most: float,
+) -> Ranked:
     """Return what is said of one explanation; its errors on what is left out only where it is judged."""
-    mode, configuration = (
-        left_out(found.evidence, own, by) if judged else _NONE for by in ("mode", "configuration")
-    )
+    nan = float("nan")
+    if judged:
+        seen = found.prediction(own)
+        left = (seen.mode.frequency, seen.mode.damping, seen.state.frequency, seen.state.damping)
+    else:
+        left = (nan, nan, nan, nan)
+    frequency, damping = log_ratios(own)
+    rest = misfit(own, sizes)
     return Ranked(
-        effects=own.effects,
-        explained=explained(found.base, own),
+        effects=own.terms,
+        explained=float(np.clip(1.0 - rest / most, 0.0, 1.0)),
         log_odds=found.odds(own),
         probability=probability,
-        parameter=(*_estimates(own), *_misstated(found, own)),
-        frequency_error=own.residual.frequency_error,
-        damping_error=own.residual.damping_error,
-        left_out_error=mode.frequency,
-        left_out_damping_error=mode.damping,
-        left_out_shape_error=mode.shape,
-        left_out_configuration_error=configuration.frequency,
-        left_out_configuration_damping_error=configuration.damping,
-        misfit=own.misfit,
-        n_residual=own.residual.value.size,
-        discrepancy=own.mean,
+        parameter=(*_estimates(model, own), *_misstated(model, own)),
+        frequency_error=mean_error(frequency),
+        damping_error=mean_error(damping),
+        left_out_error=left[0],
+        left_out_damping_error=left[1],
+        left_out_configuration_error=left[2],
+        left_out_configuration_damping_error=left[3],
+        misfit=rest,
+        n_residual=own.problem.value.size + own.problem.damping.size,
+        discrepancy=sizes_of(found, own)[0],
     )
 
 
-def _estimates(own: Explanation) -> tuple[ParameterEstimate, ...]:
+def sizes_of(found: Search, own: Explanation) -> tuple[Sizes, Sizes]:
+    """Return what an explanation leaves of a frequency and of a damping ratio, and how well its logarithm is known."""
+    middle, spread = own.evidence.moments(found.setting.priors)
+    damped = own.problem.damping.size > 0
+    return (
+        Sizes(
+            frequency=middle.stiffness / float(np.sqrt(2.0)),
+            damping=middle.damping if damped else float("nan"),
+        ),
+        Sizes(frequency=spread.stiffness, damping=spread.damping),
+    )
+
+
+def log_ratios(own: Explanation) -> tuple[Vector, Vector]:
+    """Return logarithms of measured over modelled frequencies, and damping ratios that are compared, state by state."""
+    damping = np.concatenate([e.damping for e in own.errors])
+    return np.concatenate([e.frequency for e in own.errors]), damping[np.isfinite(damping)]
+
+
+def mean_error(log_ratio: Vector) -> float:
+    """Return the mean relative error of the model, NaN of nothing."""
+    return float(np.mean(np.abs(np.expm1(-log_ratio)))) if log_ratio.size else float("nan")
+
+
+def misfit(own: Explanation, sizes: discrepancy.Sizes) -> float:
+    """Return the squares of an explanation's errors over their variances by noise and a discrepancy of given sizes."""
+    problem, total = own.problem, 0.0
+    for value, noise, common, size in (
+        (problem.value, problem.noise, problem.discrepancy, sizes.stiffness),
+        (problem.damping, problem.damping_noise, problem.damping_discrepancy, sizes.damping),
+    ):
+        if value.size:
+            total += float(value @ la.solve(noise + size**2 * common, value, assume_a="pos"))
+    return total + float(np.sum(own.pulls[np.isfinite([c.std for c in own.coordinates])] ** 2))
+
+
+def strained(own: Explanation) -> tuple[Strained, ...]:
+    """Return the nuisances that an explanation needs far from what is known of them; gains are reported apart."""
     return tuple(
-        ParameterEstimate(
-            name=p.name,
-            unit=p.unit,
-            value=float(own.value[i]),
-            lower=float(own.lower[i]),
-            upper=float(own.upper[i]),
-            at_bound=bool(own.at_bound[i]),
-        )
-        for i, p in enumerate(own.parameter)
+        Strained(name=c.name, value=float(x), std=c.std)
+        for c, x in zip(own.coordinates[: own.n_nuisance], own.x, strict=False)
+        if abs(x) > STRAINED * c.std and not c.name.startswith("gain")
     )
 
 
-def _misstated(found: Search, own: Explanation) -> tuple[ParameterEstimate, ...]:
-    """Return what hypotheses about the measurement say: factors on what was stated, or places in m."""
-    evidence, estimates = found.evidence, []
-    for name in own.effects:
-        for nuisance in evidence.hypotheses.get(name, ()):
-            i = evidence.nuisances.index(nuisance)
-            unit = evidence.unit(nuisance)
-            ends = own.nuisance[i] + Z95 * own.nuisance_std[i] * np.array([0.0, -1.0, 1.0])
-            value, lower, upper = (ends if unit != "1" else np.exp(ends)).tolist()
-            estimates.append(
-                ParameterEstimate(
-                    name=nuisance, unit=unit, value=value, lower=lower, upper=upper, at_bound=False
-                )
+def sensor_gains(own: Explanation) -> tuple[SensorGain, ...]:
+    """Return the gains of all roving accelerometers but the first, as an explanation was fitted with them."""
+    return tuple(
+        SensorGain(sensor=int(c.name[12:-1]), excess=float(np.expm1(x)), std=float(std))
+        for c, x, std in zip(own.coordinates, own.x, own.std, strict=True)
+        if c.name.startswith("gain[sensor ")
+    )
+
+
+def _estimates(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
+    found, known = [], model.parameters
+    for i in range(own.n_nuisance, own.x.size):
+        c, p = own.coordinates[i], known[own.coordinates[i].name]
+        ends = np.clip(own.x[i] + Z95 * own.std[i] * np.array([-1.0, 1.0]), c.lower, c.upper)
+        value, lower, upper = (scaled(p, float(z))[0] for z in (own.x[i], *ends))
+        found.append(
+            ParameterEstimate(
+                name=p.name,
+                unit=p.unit,
+                value=value,
+                lower=lower,
+                upper=upper,
+                at_bound=bool(own.at_bound[i]),
             )
-    return tuple(estimates)
+        )
+    return found
+
+
+def _misstated(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
+    """Return what hypotheses about the measurement say: factors on what was stated, places in m, or a decay in 1/s."""
+    found = []
+    names = [c.name for c in own.coordinates]
+    for nuisance in (n for term in own.terms for n in model.hypotheses.get(term, ())):
+        i = names.index(nuisance)
+        place = nuisance in (*model.places, POINTS_SHIFT)
+        unit = "m" if place else "1/s" if nuisance == DECAY else "1"
+        ends = own.x[i] + Z95 * own.std[i] * np.array([0.0, -1.0, 1.0])
+        value, lower, upper = (ends if unit != "1" else np.exp(ends)).tolist()
+        found.append(
+            ParameterEstimate(name=nuisance, unit=unit, value=value, lower=lower, upper=upper, at_bound=False)
+        )
+    return found

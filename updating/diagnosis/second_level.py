@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from model.effects.contact_slip import EFFECT, STRAIN
-from updating.diagnosis.evidence import Evidence, solved
-from updating.diagnosis.explanation import Explanation
 from updating.diagnosis.slipping import N_SHARE, slipped
+from updating.diagnosis.stack_model import StackModel
+from updating.inference.explain import Explanation
 
 FORCE = 3.0
 """Force of the second level over that of the first."""
 _DRIFT = 2e-4  # of a frequency, by which tests on one day differ
 
 
-def second_level(evidence: Evidence, own: Explanation) -> float | None:
+def second_level(model: StackModel, own: Explanation) -> float | None:
     """Return by how many standard deviations usual slip would move frequencies at three times the force.
 
     What the amplitude of a test at one level is, nobody knows: the first is taken to shear the contact by the strain at
@@ -23,7 +23,7 @@ def second_level(evidence: Evidence, own: Explanation) -> float | None:
 
     Parameters
     ----------
-    evidence : Evidence
+    model : StackModel
         Measurement and model.
     own : Explanation
         What the stack is taken to be.
@@ -33,20 +33,19 @@ def second_level(evidence: Evidence, own: Explanation) -> float | None:
     float or None
         None where several levels are there, or no contact.
     """
-    if not evidence.touching or any(tested.strain is not None for tested in evidence.tested):
+    if not model.touching or any(tested.strain is not None for tested in model.tested):
         return None
     values = {p.name: p.nominal for p in EFFECT.parameters}
-    moved, first = [], 0
-    for c, (used, tested) in enumerate(zip(evidence.used, evidence.tested, strict=True)):
-        theta = evidence.theta(own.nuisance, c)
-        modes = solved(evidence, c, {**theta, **own.effect_values}, ("G_f",))
-        column = own.residual.partner[first : first + used.size]
-        first += used.size
-        held = 2.0 * theta["G_f"] * modes.frequency_gradient[column, 0] / modes.frequency[column]
+    local, moved = model.about(own.coordinates, [own.x]), []
+    contact = [c.name for c in own.coordinates].index("G_f")
+    for c, (state, errors) in enumerate(zip(model.states, own.errors, strict=True)):
+        modal = local.modal(own.x, c)
+        stiffness = modal.stiffness[modal.moves.tolist().index(contact)]  # what the contact holds
+        held = np.einsum("ri,ij,rj->r", errors.weight, stiffness, errors.weight) / errors.eigenvalue
         root = [
-            slipped(EFFECT, values, np.full((used.size, N_SHARE), times * STRAIN), held).root
+            slipped(EFFECT, values, np.full((held.size, N_SHARE), times * STRAIN), held).root
             for times in (1.0, FORCE)
         ]
-        noise = np.hypot(tested.modes.frequency_std[used] / tested.modes.frequency[used], _DRIFT)
+        noise = np.hypot(state.frequency_std / state.frequency, _DRIFT)
         moved.append(np.log(root[1] / root[0]) / (np.sqrt(2.0) * noise))
     return float(np.linalg.norm(np.concatenate(moved)))

@@ -3,23 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ema.types.modal_model import ModalModel
-from model import Effect, Observation, Parameter, observe, shared_parameters
+from model import Effect, Observation, Parameter, ReducedEquations, observe, shared_parameters
 from model.elements.equations import OMEGA
 from model.reduction.reduced_equations import ReducedTerm
-from updating.diagnosis.candidates import G_F_RANGE, CandidateModel
+from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
 from updating.diagnosis.coordinates import bounds_of, coordinate_of, scaled
-from updating.diagnosis.evidence import D_F_START, DECAY, POINTS_SHIFT, DiagnosisScatter, unit_shape
+from updating.diagnosis.evidence import (
+    D_F_START,
+    DECAY,
+    POINTS_SHIFT,
+    DiagnosisScatter,
+    Tested,
+    unit_shape,
+)
+from updating.diagnosis.hypotheses import (
+    FALL,
+    GAIN,
+    PLACE,
+    PRESSURE,
+    SENSOR_GAIN,
+    SIZE,
+    STATED_PLACE,
+    STATED_POINTS,
+    STATED_PRESSURE,
+    STATED_SIZE,
+    WINDOW,
+)
 from updating.diagnosis.sensor_place import place_slopes
-from updating.diagnosis.stack_near import RATIOS, FinerMesh, StackNear, StackState
+from updating.diagnosis.slipping import slip_effect
+from updating.diagnosis.stack_near import RATIOS, RIGID, FinerMesh, StackNear, StackState, generic
 from updating.inference.protocol import Coordinate, State, Term
 
 Vector = NDArray[np.float64]
 
+TARGETS: tuple[Literal["K", "M"], ...] = ("K", "M")
+_LIKE = 0.05  # of the logarithm of contact stiffness and pressure, within which one answer does
 _FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 
 
@@ -30,54 +55,103 @@ class StackModel:
     ----------
     candidates : CandidateModel
         The reduced model with all effects that the stack can have.
-    tested : sequence of (str, float, ModalModel)
-        Name, pressure in Pa and identified modes of each configuration.
+    tested : sequence of Tested
+        The configurations.
     observation : sequence of Observation
         The measured points of each.
     scatter : DiagnosisScatter
         Priors of nuisances.
-    assembled : mapping of str to str, optional
-        Name of the state that a configuration is a force level of.
     effects : mapping of str to Effect, optional
         Candidates; all of `candidates` by default.
+    start : float
+        Logarithm of G_f over the stack file's, about which the model is near the measurement.
+    n_equation : int, optional
+        Modes, rigid ones included, whose equations are looked at; by default those to `above` times the band's end.
+        Those near the end of a list turn with the modes beyond it, and the derivative by a weak parameter has the wrong
+        sign with more.
+    above : float
+        See `n_equation`.
     """
 
     def __init__(
         self,
         candidates: CandidateModel,
-        tested: Sequence[tuple[str, float, ModalModel]],
+        tested: Sequence[Tested],
         observation: Sequence[Observation],
         scatter: DiagnosisScatter,
-        assembled: Mapping[str, str] | None = None,
         effects: Mapping[str, Effect] | None = None,
+        *,
+        start: float = 0.0,
+        n_equation: int | None = None,
+        above: float = 1.2,
     ) -> None:
         self.candidates, self.equations = candidates, candidates.system.equations
         self.stack, self.scatter = candidates.stack, scatter
-        self.effects = {
-            n: e
-            for n, e in (candidates.effects if effects is None else effects).items()
-            if e.over_strain is None
-        }
-        known, assembled = tested, assembled or {}
+        self.effects = dict(candidates.effects if effects is None else effects)
+        self.tested, self.observation, self.start = tuple(tested), tuple(observation), start
+        self.slip = slip_effect(self.effects)
         self.measured = tuple(
             StackState(
-                state=_state(name, assembled.get(name, name), modes, touching=self.stack.n_lamina > 1),
-                parameter={"pressure": pressure},
-                assembled=assembled.get(name, name),
+                state=_state(own, touching=self.stack.n_lamina > 1),
+                parameter={"pressure": own.pressure, **own.known},
+                assembled=own.assembled,
                 rows=observe(candidates.system, points).reduced_rows,
                 slope=place_slopes(candidates.system, points)[:, 0],
-                sensor=modes.sensor,
+                sensor=own.modes.sensor,
+                strain=own.strain,
             )
-            for (name, pressure, modes), points in zip(known, observation, strict=True)
+            for own, points in zip(tested, observation, strict=True)
         )
         self.states = tuple(own.state for own in self.measured)
         self.n_gain = _n_gain([own.sensor for own in self.measured])
         self.dimensions = tuple(candidates.resized)
         self.places = candidates.places
+        everywhere = {**self.equations.theta, OMEGA: 2.0 * np.pi * _MIDDLE}
         self._names = [
-            frozenset(t.factor.names(_generic(self.equations.theta))) for t in self.equations.terms
+            frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms
         ]
+        self.n_equation = n_equation or self._within(above)
         self.mesh = FinerMesh(candidates)
+        self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {}
+        self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = {}
+
+    def of_tests(self, tested: Sequence[Tested], observation: Sequence[Observation]) -> StackModel:
+        """Return the model of the same stack in other tests, the same equations being looked at."""
+        return StackModel(
+            self.candidates,
+            tested,
+            observation,
+            self.scatter,
+            self.effects,
+            start=self.start,
+            n_equation=self.n_equation,
+        )
+
+    def with_effects(self, effects: Mapping[str, Effect]) -> StackModel:
+        """Return the same model with other candidates."""
+        return StackModel(
+            self.candidates,
+            self.tested,
+            self.observation,
+            self.scatter,
+            effects,
+            start=self.start,
+            n_equation=self.n_equation,
+        )
+
+    def _within(self, above: float, *, spare: int = 4) -> int:
+        """Return how many modes lie below `above` times the band's end, and `spare` more than were measured at least.
+
+        What is missing may lower frequencies, and a mode that was measured must not be one beyond all equations.
+        """
+        theta = self.theta({"G_f": self.start}, 0)[0]
+        value = la.eigh(
+            self.equations.matrix("K", theta), self.equations.matrix("M", theta), eigvals_only=True
+        )
+        top = above * max(float(own.frequency.max()) for own in self.states)
+        rigid = int(np.count_nonzero(value < RIGID))
+        most = max(own.frequency.size for own in self.states)
+        return max(int(np.count_nonzero(value < (2.0 * np.pi * top) ** 2)), rigid + most + spare)
 
     @property
     def touching(self) -> bool:
@@ -125,11 +199,31 @@ class StackModel:
 
     @property
     def terms(self) -> dict[str, Term]:
-        """Every effect of the catalogue that the stack can have."""
+        """Every effect of the catalogue that the stack can have, and what may be wrong with the measurement."""
         return {
-            name: Term(name=name, coordinates=tuple(_coordinate(p) for p in effect.parameters))
-            for name, effect in self.effects.items()
+            **{
+                name: Term(name=name, coordinates=tuple(_coordinate(p) for p in effect.parameters))
+                for name, effect in self.effects.items()
+            },
+            **{name: Term(name=name, frees=frees) for name, frees in self.hypotheses.items()},
         }
+
+    @property
+    def hypotheses(self) -> dict[str, dict[str, float]]:
+        """What may have been stated or measured wrongly: of each, the nuisances whose prior it widens."""
+        known = [c.name for c in self.nuisances]
+        found = {
+            name: {c: std for c in known if c.startswith(which)}
+            for name, (which, std) in (
+                (STATED_PRESSURE, ("G_f[", PRESSURE)),
+                (STATED_SIZE, (DIMENSIONS, SIZE)),
+                (STATED_PLACE, ("clamp_", PLACE)),
+                (SENSOR_GAIN, ("gain[", GAIN)),
+                (STATED_POINTS, (POINTS_SHIFT, PLACE)),
+                (WINDOW, (DECAY, FALL)),
+            )
+        }
+        return {name: frees for name, frees in found.items() if frees and (name != WINDOW or self.touching)}
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -150,9 +244,10 @@ class StackModel:
             slope[name] = theta[name]
         for name in self.places:
             theta[name], slope[name] = at.get(name, 0.0), 1.0
+        slips = () if self.slip is None else [p.name for p in self.slip.parameters]  # at each mode's strain
         known = self.parameters
         for name, value in at.items():
-            if name in known:
+            if name in known and name not in slips:
                 theta[name], slope[name] = scaled(known[name], value)
         return theta, slope
 
@@ -160,23 +255,57 @@ class StackModel:
         """Return the model near some points of the coordinates."""
         return StackNear(self, coordinates, points)
 
+    def finer_mesh(self, theta: Mapping[str, float]) -> tuple[Vector | None, Vector]:
+        """Return what a finer mesh adds to the stiffness between the modes of the plain stack, and M times these.
+
+        The finer mesh knows neither effects nor clamps that sit elsewhere; what it adds follows the contact slowly, so
+        that one answer does for all contacts that are nearly as stiff.
+        """
+        contact, key = self._nearby(theta)
+        if key not in self._finer:
+            stiffness, mass = self.equations.matrix("K", contact), self.equations.matrix("M", contact)
+            value, vector = la.eigh(stiffness, mass)
+            bare = vector[:, : self.n_equation]
+            self._finer[key] = self.mesh.change(contact, value[: self.n_equation], bare), mass @ bare
+        return self._finer[key]
+
+    def dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:
+        """Return the derivatives of K and M, (n_basis, n_basis), by the logarithm of a dimension."""
+        contact, key = self._nearby(theta)
+        if (name, key) not in self._resized:
+            resized: ReducedEquations = self.candidates.resized[name]
+            plain, k = {t.name for t in resized.terms}, resized.size
+            ratio = np.log(getattr(resized.stack, name) / getattr(self.stack, name))
+            base = replace(self.equations, terms=tuple(t for t in self.equations.terms if t.name in plain))
+            found: dict[str, Vector] = {}
+            for target in TARGETS:
+                change = np.zeros((self.equations.size, self.equations.size))
+                change[:k, :k] = resized.matrix(target, contact) - base.matrix(target, contact)[:k, :k]
+                found[target] = change / ratio
+            self._resized[name, key] = found
+        return self._resized[name, key]
+
+    def _nearby(self, theta: Mapping[str, float]) -> tuple[dict[str, float], tuple[int, ...]]:
+        """Return parameters of the plain stack with a contact within `_LIKE` of some, and their key."""
+        contact = {**self.equations.theta, OMEGA: theta[OMEGA]}
+        key = [round(float(np.log(theta[name])) / _LIKE) for name in ("G_f", "pressure")]
+        contact["G_f"], contact["pressure"] = (float(np.exp(_LIKE * k)) for k in key)
+        return contact, tuple(key)
+
     def acting(
         self, thetas: Sequence[Mapping[str, float]], moving: frozenset[str]
     ) -> list[tuple[ReducedTerm, frozenset[str]]]:
         """Return the terms that do not vanish while some parameters move, with what of these each depends on."""
+        anywhere, idle = [generic(theta, moving) for theta in thetas], frozenset(self.parameters) - moving
         return [
             (term, names & moving)
             for term, names in zip(self.equations.terms, self._names, strict=True)
-            if names & moving or any(term.factor(theta) != 0.0 for theta in thetas)
+            # A place may be far from where a term acts; what an effect that is idle does not let act is nowhere.
+            if (names & moving and not names & idle) or any(term.factor(theta) != 0.0 for theta in anywhere)
         ]
 
 
 _MIDDLE = 600.0  # Hz, at which the eigenproblem is solved where stiffness depends on frequency
-
-
-def _generic(theta: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters at which no factor hides a dependence by chance."""
-    return {name: 1.0123 * value + 1.01e-3 for name, value in theta.items()} | {OMEGA: 2.0 * np.pi * _MIDDLE}
 
 
 def _coordinate(p: Parameter) -> Coordinate:
@@ -192,12 +321,13 @@ def _coordinate(p: Parameter) -> Coordinate:
     )
 
 
-def _state(name: str, assembled: str, modes: ModalModel, *, touching: bool) -> State:
+def _state(tested: Tested, *, touching: bool) -> State:
+    modes = tested.modes
     length = np.linalg.norm(modes.shape, axis=0)
     n = modes.frequency.size
     return State(
-        name=name,
-        path=("stack", assembled, name),
+        name=tested.name,
+        path=("stack", tested.assembled, tested.name),
         frequency=modes.frequency,
         frequency_std=modes.frequency_std,
         damping=modes.damping if touching else np.full(n, np.nan),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import copy
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,11 +11,12 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Observation, Parameter, ReducedEquations, observe
+from model import Effect, Observation, Parameter, ReducedEquations, observe
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import ReducedTerm
 from model.reduction.shared_range import InRange, Matrix
 from updating.diagnosis.candidates import EXTRAPOLATED, CandidateModel
+from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.inference.protocol import Coordinate, Modal, State
 
@@ -22,11 +24,9 @@ Vector = NDArray[np.float64]
 
 RATIOS = ("young", "density", "normal_modulus")
 """Nuisances that are logarithms of a ratio and parameters of the model."""
-N_EQUATION = 17
-"""Modes, rigid ones included, whose equations are looked at: to just above the usual band. Those near the end of
-a list turn with the modes beyond it, and the derivative by a weak parameter had the wrong sign with 24."""
-N_BASIS = 30
-"""Modes about a point that a local basis holds, beside the static responses of the lowest."""
+N_FURTHER = 13
+"""Modes about a point that a local basis holds beyond those whose equations are looked at, beside the static responses
+of these."""
 RESPONSE = 1e-2
 """Share of a mode's energy, as an amplitude, from which a response counts: 1e-2 leaves 1e-5 of a frequency nearby."""
 RIGID = (2.0 * np.pi * 20.0) ** 2  # (rad/s)**2: suspensions give rigid-body motion some hertz
@@ -50,6 +50,8 @@ class StackState:
         How these change as all points move along x, 1/m.
     sensor : (n_dof,) int
         The accelerometer that measured each shape component, from 0.
+    strain : (n_mode, n_share) float, optional
+        Strains of equal parts of the contact's energy in resonance of each mode, where amplitudes are known.
     """
 
     state: State
@@ -58,6 +60,7 @@ class StackState:
     rows: Vector
     slope: Vector
     sensor: NDArray[np.int64]
+    strain: Vector | None = None
 
 
 class Whole(Protocol):
@@ -69,7 +72,8 @@ class Whole(Protocol):
     places: tuple[str, ...]
     dimensions: tuple[str, ...]
     n_gain: int
-    mesh: FinerMesh
+    n_equation: int
+    slip: Effect | None
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -77,6 +81,12 @@ class Whole(Protocol):
 
     def theta(self, at: Mapping[str, float], state: int) -> tuple[dict[str, float], dict[str, float]]:
         """Return the model's parameters in a state at coordinates by name, and their derivatives by coordinates."""
+
+    def finer_mesh(self, theta: Mapping[str, float]) -> tuple[Vector | None, Vector]:
+        """Return what a finer mesh adds to the stiffness between the modes of the plain stack, and M times these."""
+
+    def dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:
+        """Return the derivatives of K and M by the logarithm of a dimension."""
 
     def acting(
         self, thetas: Sequence[Mapping[str, float]], moving: frozenset[str]
@@ -134,11 +144,21 @@ class FinerMesh:
         return np.asarray((change + change.T) / 2.0)
 
 
+def generic(theta: Mapping[str, float], moving: Iterable[str]) -> dict[str, float]:
+    """Return parameters at which no factor vanishes by chance, for those that move."""
+    return {**theta, **{name: 1.0123 * theta[name] + 1.01e-3 for name in moving}}
+
+
 def _times(matrix: Matrix, x: Vector) -> Vector:
     """Return the product of a matrix, in full or of low rank, with vectors."""
     if isinstance(matrix, InRange):
         return np.asarray(matrix.range @ (matrix.core @ (matrix.range.T @ x)))
     return np.asarray(matrix @ x)
+
+
+def _parallel(one: Vector, other: Vector) -> bool:
+    """Tell whether two forces differ by a factor only."""
+    return abs(np.vdot(one, other)) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other)
 
 
 class StackNear:
@@ -159,10 +179,12 @@ class StackNear:
 
     def __init__(self, whole: Whole, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> None:
         self.whole, self.names = whole, [c.name for c in coordinates]
+        self.n_equation = whole.n_equation
         self.at = {name: i for i, name in enumerate(self.names)}
         self.first = dict(zip(self.names, points[0], strict=True))
         known = whole.parameters
-        self.far = [n for n in self.names if n in ("G_f", "d_f", *RATIOS) or n in known]
+        slips = () if whole.slip is None else [p.name for p in whole.slip.parameters]
+        self.far = [n for n in self.names if n in ("G_f", "d_f", *RATIOS) or (n in known and n not in slips)]
         self.near = [n for n in self.names if n in whole.places]
         self.sized = [n for n in self.names if n in whole.dimensions]
         self.moving = frozenset(self.far)
@@ -173,8 +195,14 @@ class StackNear:
         ]
         terms = whole.acting(thetas, moving)
         step = {c.name: c.step for c in coordinates}
-        self._basis(terms, thetas, step)
+        self._basis(terms, thetas, step, self._elsewhere(coordinates))
         self._parts(terms, thetas[:n_state])
+
+    def _elsewhere(self, coordinates: Sequence[Coordinate]) -> list[dict[str, float]]:
+        """Return coordinates with those that are neutral at their starts: where an effect acts, its place matters."""
+        idle = [c for c in coordinates if len(c.starts) > 1 and self.first[c.name] == 0.0]
+        most = max((len(c.starts) for c in idle), default=0)
+        return [{**self.first, **{c.name: c.starts[i % len(c.starts)] for c in idle}} for i in range(most)]
 
     def _stack(self, parts: list[_Part]) -> None:
         """Set the parts with their matrices in one array for each target."""
@@ -187,11 +215,11 @@ class StackNear:
         terms: Sequence[tuple[ReducedTerm, frozenset[str]]],
         thetas: Sequence[Mapping[str, float]],
         step: Mapping[str, float],
+        elsewhere: Sequence[Mapping[str, float]],
     ) -> None:
         """Choose the basis: modes at every point, and how the lowest answer to each coordinate that moves."""
-        whole, blocks = self.whole, []
+        whole, blocks, n_basis = self.whole, list[Vector](), self.n_equation + N_FURTHER
         reference = None
-        changes = {}
         self.mesh: list[Vector | None] = []
         self._forces: list[Vector] = []
         for c, theta in enumerate(thetas):
@@ -202,40 +230,41 @@ class StackNear:
                 first_mass = mass
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
             size = np.sqrt(np.maximum(value, floor))
-            blocks.append(vector[:, :N_BASIS] * (size[0] / size[:N_BASIS]) * 30.0)
-            low, beyond = vector[:, :N_EQUATION], vector[:, N_BASIS:]
-            lam = np.maximum(value[:N_EQUATION], floor)
-            below = value[N_BASIS:, None] - lam
+            blocks.append(vector[:, :n_basis] * (size[0] / size[:n_basis]) * 30.0)
+            low, beyond = vector[:, : self.n_equation], vector[:, n_basis:]
+            lam = np.maximum(value[: self.n_equation], floor)
+            below = value[n_basis:, None] - lam
             slope = whole.theta(self.first, 0)[1]
-            force: dict[str, Vector] = {}
+            state = c % len(whole.measured)
+            variants = [dict(theta), *(whole.theta(at, state)[0] for at in elsewhere)]
+            force: dict[tuple[str, int], Vector] = {}
             for term, names in terms:
                 if term.target == "C":
                     continue
+                image = None
                 for name in names - {OMEGA}:
-                    derivative = term.factor.derivative(theta, name)
-                    if derivative:
-                        image = derivative * _times(term.matrix, low)
-                        image = -image * value[:N_EQUATION] if term.target == "M" else image
-                        force[name] = force.get(name, 0.0) + image
-            for name, own in force.items():
-                changes[name] = True
+                    for i, at in enumerate(variants):
+                        derivative = term.factor.derivative(at, name)
+                        if derivative:
+                            if image is None:
+                                image = _times(term.matrix, low)
+                                image = -image * value[: self.n_equation] if term.target == "M" else image
+                            force[name, i] = force.get((name, i), 0.0) + derivative * image
+            for (name, i), own in force.items():
+                if i and (name, 0) in force and _parallel(own, force[name, 0]):
+                    continue
                 answer = (
                     beyond @ ((beyond.T @ own) / below) * (step[name] * slope.get(name, 1.0)) / np.sqrt(lam)
                 )
                 blocks.append(answer * size[0])
             if c < len(whole.measured):
                 for name in self.sized:
-                    own = self._sized(name, theta, low, value[:N_EQUATION])
+                    own = self._sized(name, theta, low, value[: self.n_equation])
                     answer = beyond @ ((beyond.T @ own) / below) * step[name] / np.sqrt(lam)
                     blocks.append(answer * size[0])
-                plain = whole.theta({n: self.first[n] for n in self.first if n not in whole.places}, c)[0]
-                plain |= {n: whole.equations.theta[n] for n in whole.parameters}
-                if plain != theta:  # the finer mesh knows neither effects nor clamps that sit elsewhere
-                    mass = whole.equations.matrix("M", plain)
-                    value, vector = la.eigh(whole.equations.matrix("K", plain), mass)
-                bare = vector[:, :N_EQUATION]
-                self.mesh.append(whole.mesh.change(plain, value[:N_EQUATION], bare))
-                self._forces.append(mass @ bare)
+                finer, forces = whole.finer_mesh(theta)
+                self.mesh.append(finer)
+                self._forces.append(forces)
         assert reference is not None
         energy = reference.T @ np.hstack(blocks) / size[0]
         if energy.shape[1] > 2 * energy.shape[0]:
@@ -254,27 +283,8 @@ class StackNear:
 
     def _sized(self, name: str, theta: Mapping[str, float], low: Vector, lam: Vector) -> Vector:
         """Return the force by which a dimension acts on modes, per unit of its logarithm."""
-        change = self._dimension(name, theta)
+        change = self.whole.dimension(name, theta)
         return np.asarray(change["K"] @ low - (change["M"] @ low) * lam)
-
-    def _dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:
-        """Return the derivatives of K and M by the logarithm of a dimension, in the whole basis."""
-        resized: ReducedEquations = self.whole.candidates.resized[name]
-        plain = {t.name for t in resized.terms}
-        ratio = np.log(getattr(resized.stack, name) / getattr(self.whole.candidates.stack, name))
-        found, n = {}, self.whole.equations.size
-        base = ReducedEquations(
-            stack=resized.stack,
-            terms=tuple(t for t in self.whole.equations.terms if t.name in plain),
-            theta=resized.theta,
-            ranges=resized.ranges,
-        )
-        for target in ("K", "M"):
-            difference = np.zeros((n, n))
-            k = resized.size
-            difference[:k, :k] = (resized.matrix(target, theta) - base.matrix(target, theta)[:k, :k]) / ratio
-            found[target] = difference
-        return found
 
     def _parts(
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
@@ -310,7 +320,7 @@ class StackNear:
                     fixed[term.target][c] += term.factor(theta) * project(term.matrix)
         for i, name in enumerate(self.sized, len(self.near)):
             for c, theta in enumerate(thetas):
-                for target, change in self._dimension(name, theta).items():
+                for target, change in self.whole.dimension(name, theta).items():
                     self.linear[target][c, i] = self.basis.T @ change @ self.basis
         for c, finer in enumerate(self.mesh):
             if finer is not None:
@@ -321,14 +331,36 @@ class StackNear:
         self.rows = [own.rows @ self.basis for own in self.whole.measured]
         self.slopes = [own.slope @ self.basis for own in self.whole.measured]
 
+    def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
+        """Return the same for some of the coordinates; the others stay where they are neutral."""
+        part = copy.copy(self)
+        part.names = [c.name for c in coordinates]
+        part.at = {name: i for i, name in enumerate(part.names)}
+        part.far = [n for n in self.far if n in part.at]
+        part.moving = frozenset(part.far)
+        neutral = [self.whole.theta(dict.fromkeys(part.names, 0.0), c)[0] for c in range(len(self.rows))]
+        anywhere = [generic(theta, part.moving) for theta in neutral]
+        idle = frozenset(self.whole.parameters) - part.moving
+        keep: list[_Part] = []
+        fixed = {t: m.copy() for t, m in self.fixed.items()}
+        for p in self.parts:
+            if not p.names & (part.moving | {OMEGA}):
+                for c, theta in enumerate(neutral):
+                    fixed[p.target][c] += p.factor(theta) * p.matrix
+            elif not p.names & idle or any(p.factor(theta) != 0.0 for theta in anywhere):
+                keep.append(p)
+        part.fixed = fixed
+        part._stack(keep)
+        return part
+
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates."""
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
         matrix = self._matrices(at, theta, state)
         value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
-        vector, beyond = every[:, :N_EQUATION], value[N_EQUATION:]
-        value = value[:N_EQUATION]
+        vector, beyond = every[:, : self.n_equation], value[self.n_equation :]
+        value = value[: self.n_equation]
         n_rigid = int(np.count_nonzero(value < RIGID))
         value[:n_rigid] = 0.0
         between = {
@@ -336,7 +368,7 @@ class StackNear:
         }
         moves = self._moves(theta, slope, state, every, between)
         stiffness, mass = (
-            np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, self.size, N_EQUATION)
+            np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, self.size, self.n_equation)
             for which in (0, 1)
         )
         damping, damps = self._losses(theta, slope, state, vector, matrix["C"])
@@ -344,6 +376,25 @@ class StackNear:
             inertia = vector.T @ matrix["M"] @ vector
             damping = damping + 2.0 * at[DECAY] * inertia
             damps[self.at[DECAY]] = 2.0 * inertia[None]
+        of_mode, of_mode_change = self._of_mode(theta, state, between["K"]), dict[int, Vector]()
+        slipping = self._slipping(at, state)
+        if slipping is not None:
+            G = self._columns("G_f", state)
+            contact = moves[G[0]][0][: self.n_equation]  # what the contact holds
+            softer, lossy = slipping
+            omega = 2.0 * np.pi * self.whole.measured[state].state.frequency
+            for i, change in ((None, softer[0]), *softer[1].items(), *((i, softer[0]) for i in G)):
+                block = -change[:, None, None] * contact
+                if i is None:
+                    of_mode = block if of_mode is None else of_mode + block
+                else:
+                    of_mode_change[i] = block
+            for i, change in ((None, lossy[0]), *lossy[1].items(), *((i, lossy[0]) for i in G)):
+                block = (change / omega)[:, None, None] * contact
+                if i is None:
+                    damping = damping + block
+                else:
+                    damps[i] = damps.get(i, 0.0) + block
         n_each = max((len(change) for change in damps.values()), default=1)
         rows, looks, changes = self._rows(at, vector, state)
         return Modal(
@@ -352,20 +403,22 @@ class StackNear:
             shape=vector,
             rows=rows,
             moves=np.array(sorted(moves), dtype=np.intp),
-            stiffness=stiffness[:, :N_EQUATION],
-            mass=mass[:, :N_EQUATION],
+            stiffness=stiffness[:, : self.n_equation],
+            mass=mass[:, : self.n_equation],
             beyond=beyond,
-            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ every[:, N_EQUATION:]),
-            beyond_stiffness=stiffness[:, N_EQUATION:],
-            beyond_mass=mass[:, N_EQUATION:],
+            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ every[:, self.n_equation :]),
+            beyond_stiffness=stiffness[:, self.n_equation :],
+            beyond_mass=mass[:, self.n_equation :],
             damping=damping,
             damps=np.array(sorted(damps), dtype=np.intp),
             damping_change=np.array(
-                [np.broadcast_to(damps[i], (n_each, N_EQUATION, N_EQUATION)) for i in sorted(damps)]
-            ).reshape(-1, n_each, N_EQUATION, N_EQUATION),
+                [np.broadcast_to(damps[i], (n_each, self.n_equation, self.n_equation)) for i in sorted(damps)]
+            ).reshape(-1, n_each, self.n_equation, self.n_equation),
             looks=np.array(looks, dtype=np.intp),
             row_change=np.array(changes).reshape(-1, *rows.shape),
-            of_mode=self._of_mode(theta, state, between["K"]),
+            of_mode=of_mode,
+            of_mode_moves=np.array(sorted(of_mode_change), dtype=np.intp),
+            of_mode_change=np.array([of_mode_change[i] for i in sorted(of_mode_change)]),
         )
 
     def _matrices(self, at: Mapping[str, float], theta: Mapping[str, float], state: int) -> dict[str, Vector]:
@@ -395,11 +448,11 @@ class StackNear:
         every: Vector,
         between: Mapping[str, Vector],
     ) -> dict[int, Vector]:
-        """Return derivatives of K and M, (2, size, N_EQUATION), between all modes and the lowest, by coordinate."""
+        """Return derivatives of K and M, (2, size, n_equation), between all modes and the lowest, by coordinate."""
         found: dict[int, Vector] = {}
 
         def add(i: int, which: int, change: Vector) -> None:
-            found.setdefault(i, np.zeros((2, self.size, N_EQUATION)))[which] += change
+            found.setdefault(i, np.zeros((2, self.size, self.n_equation)))[which] += change
 
         for which, target in enumerate("KM"):
             for p, block in zip(self.of_target[target], between[target], strict=True):
@@ -407,7 +460,7 @@ class StackNear:
                     for i in self._columns(name, state):
                         add(i, which, p.factor.derivative(theta, name) * slope[name] * block)
             if self.near or self.sized:
-                lines = every.T @ (self.linear[target][state] @ every[:, :N_EQUATION])
+                lines = every.T @ (self.linear[target][state] @ every[:, : self.n_equation])
                 for name, block in zip((*self.near, *self.sized), lines, strict=True):
                     add(self.at[name], which, block)
         return found
@@ -452,9 +505,36 @@ class StackNear:
             if OMEGA in p.names:
                 away = np.array([p.factor(t) for t in self._at_modes(theta, state)]) - p.factor(theta)
                 if np.any(away):
-                    change = away[:, None, None] * block[:N_EQUATION]
+                    change = away[:, None, None] * block[: self.n_equation]
                     found = change if found is None else found + change
         return found
+
+    def _slipping(
+        self, at: Mapping[str, float], state: int, *, step: float = 1e-3
+    ) -> tuple[tuple[Vector, dict[int, Vector]], tuple[Vector, dict[int, Vector]]] | None:
+        """Return softening and loss factor of the contact by slip at each mode's strain, and derivatives by coordinate.
+
+        None where slip is not in the fit or no amplitude is known.
+        """
+        slip, strain = self.whole.slip, self.whole.measured[state].strain
+        if slip is None or slip.over_strain is None or strain is None:
+            return None
+        if not any(p.name in self.at for p in slip.parameters):
+            return None
+
+        def law(**moved: float) -> tuple[Vector, Vector]:
+            values = {p.name: scaled(p, {**at, **moved}.get(p.name, 0.0))[0] for p in slip.parameters}
+            softening, loss = slip.over_strain(values, strain)  # type: ignore[misc]
+            return softening.mean(axis=1), loss.mean(axis=1)
+
+        here = law()
+        softer, lossy = dict[int, Vector](), dict[int, Vector]()
+        for p in slip.parameters:
+            there = law(**{p.name: at[p.name] + step})
+            softer[self.at[p.name]], lossy[self.at[p.name]] = (
+                (after - before) / step for before, after in zip(here, there, strict=True)
+            )
+        return (here[0], softer), (here[1], lossy)
 
     def _rows(
         self, at: Mapping[str, float], vector: Vector, state: int

@@ -10,19 +10,22 @@ import numpy as np
 
 from model.effects.contact_slip import STRAIN
 from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
+from updating.diagnosis.answer_parts import MixedUp, PointChange, SensorGain
 from updating.diagnosis.calibration import HELPS, SEPARATE, STRAINED
-from updating.diagnosis.discrepancy import MEDIAN, SPREAD
-from updating.diagnosis.mixed_up import MixedUp
 from updating.diagnosis.nuisance_text import misstated, strained
-from updating.diagnosis.point_change import PointChange
-from updating.diagnosis.sensor_gain import SensorGain
+from updating.inference.discrepancy import DAMPING, STIFFNESS
+from updating.inference.levels import INADEQUATE
 from updating.results.text import percent, quantity, together
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are told in a sentence
 _MOST = 0.5  # share of the misfit from which it is most of it
 _ERRORS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
-_KINDS = {"frequency": "frequency", "damping": "damping ratio", "shape": "shape's length"}
+_MOST_LEFT = {
+    "frequency": STIFFNESS.quantile(1.0 - INADEQUATE) / float(np.sqrt(2.0)),
+    "damping": DAMPING.quantile(1.0 - INADEQUATE),
+}
+_KINDS = {"frequency": "frequency", "damping": "damping ratio"}
 
 
 def sentences(found: Diagnosis) -> tuple[str, ...]:
@@ -165,12 +168,10 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
             if own.left_out(kind) > base.left_out(kind):
                 text += " (so few modes tell the values of what was added that they foretell no other)"
         return f"{text}." if kind == "frequency" else f"{text}; {stays}."
-    length = f"{percent(own.discrepancy.shape)} of their length instead of {percent(base.discrepancy.shape)}"
-    predicted = ""
-    if np.isfinite([base.left_out_shape_error, own.left_out_shape_error]).all():
-        ends = percent(own.left_out_shape_error), percent(base.left_out_shape_error)
-        predicted = f" ({ends[0]} instead of {ends[1]} where each mode is predicted from all others)"
-    return f"{start} shapes are off by {length}{predicted}; {stays}."
+    if not np.isfinite(base.damping_error):
+        return f"{start} {stays}."
+    ends = percent(base.damping_error), percent(own.damping_error)
+    return f"{start} {stays}, and that of damping ratios goes from {ends[0]} to {ends[1]}."
 
 
 def _rests_on(found: Diagnosis) -> str:
@@ -222,7 +223,7 @@ def _sizes(found: Diagnosis) -> str:
         for kind, name in _KINDS.items()
         if np.isfinite(getattr(found.discrepancy, kind))
     ]
-    return f"{', '.join(parts[:-1])} and {parts[-1]}"
+    return " and ".join(parts)
 
 
 def _remains(found: Diagnosis) -> list[str]:
@@ -234,7 +235,7 @@ def _remains(found: Diagnosis) -> list[str]:
     if found.too_large:
         large = [
             f"{percent(getattr(found.discrepancy, kind))} of a {_KINDS[kind]}, where right models leave "
-            f"{percent(MEDIAN[kind] * float(np.exp(1.645 * SPREAD)))} at most"
+            f"{percent(_MOST_LEFT[kind])} at most"
             for kind in found.too_large
         ]
         text.append(

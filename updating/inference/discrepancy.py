@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from updating.inference.equation_error import Errors
 
@@ -46,17 +47,30 @@ class SizePrior:
         """Points, (n,), evenly spaced in the logarithm."""
         return np.geomspace(self.lowest, self.highest, self.n)
 
+    def quantile(self, share: float) -> float:
+        """Return the size that is not exceeded with some probability."""
+        return float(self.median * np.exp(self.spread * ndtri(share)))
+
+    @classmethod
+    def exactly(cls, size: float) -> SizePrior:
+        """Return the prior of a size that is known."""
+        return cls(median=size, spread=0.0, lowest=size, highest=size, n=1)
+
     @property
     def log_density(self) -> Vector:
         """Logarithm of the density of the logarithm of the size at these, times their spacing, (n,)."""
+        if self.n == 1:  # a laboratory states it
+            return np.zeros(1)
         away = np.log(self.grid / self.median) / self.spread
         step = np.log(self.highest / self.lowest) / (self.n - 1)
         return np.asarray(-0.5 * away**2 - np.log(self.spread * np.sqrt(2.0 * np.pi)) + np.log(step))
 
 
-STIFFNESS = SizePrior(median=0.004, spread=float(np.log(5.0)), lowest=3e-4, highest=0.1, n=16)
+SPREAD = float(np.log(5.0) / 1.645)
+"""Standard deviation of the logarithm of a size: nine of ten lie within a factor of 5 of the median."""
+STIFFNESS = SizePrior(median=0.004, spread=SPREAD, lowest=3e-4, highest=0.1, n=16)
 """Of equation errors: models of laminated stacks and plates that lack nothing leave 0.1 to 1 % of an eigenvalue."""
-DAMPING = SizePrior(median=0.1, spread=float(np.log(5.0)), lowest=4e-3, highest=1.2, n=10)
+DAMPING = SizePrior(median=0.1, spread=SPREAD, lowest=4e-3, highest=1.2, n=10)
 """Of the logarithm of a damping ratio: 2 to 50 %; the damping of reassembled stacks repeats to some 10 %."""
 
 
@@ -227,6 +241,21 @@ class Evidence:
     log: float
     sizes: Sizes
     probability: Vector
+
+    def moments(self, priors: tuple[SizePrior, SizePrior]) -> tuple[Sizes, Sizes]:
+        """Return the posterior medians of the sizes, and the standard deviations of their logarithms."""
+        found = []
+        for prior, chance in zip(
+            priors, (self.probability.sum(axis=1), self.probability.sum(axis=0)), strict=True
+        ):
+            mean = float(np.log(prior.grid) @ chance)
+            found.append(
+                (float(np.exp(mean)), float(np.sqrt(np.log(prior.grid) ** 2 @ chance - mean**2 + 1e-12)))
+            )
+        return (
+            Sizes(stiffness=found[0][0], damping=found[1][0]),
+            Sizes(stiffness=found[0][1], damping=found[1][1]),
+        )
 
 
 def evidence(

@@ -66,8 +66,11 @@ class Errors:
 
     @property
     def frequency(self) -> Vector:
-        """Logarithm of measured over modelled frequency, (n,): half the Rayleigh quotient of the errors."""
-        return 0.5 * np.sum(self.value * self.weight, axis=1)
+        """Logarithm of measured over modelled frequency, (n,).
+
+        Half the Rayleigh quotient of the errors is (omega_r / omega_s - omega_s / omega_r) / 2 of a mode s.
+        """
+        return np.asarray(np.arcsinh(0.5 * np.sum(self.value * self.weight, axis=1)))
 
 
 def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float = 0.7) -> Vector:
@@ -157,6 +160,9 @@ def equation_errors(
         force = np.einsum("qij,rj->rqi", modal.stiffness, weight)
         force -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.mass, weight)
         jacobian[:, :, modal.moves] = -(force / scale[:, None, :]).transpose(0, 2, 1)
+    if modal.of_mode_moves.size:
+        force = np.einsum("srij,rj->rsi", modal.of_mode_change, weight)
+        jacobian[:, :, modal.of_mode_moves] -= (force / scale[:, None, :]).transpose(0, 2, 1)
     look = _look(modal, lam, weight, n_coordinate)
     sure = (length / noise) ** 2
     da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]

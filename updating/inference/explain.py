@@ -10,9 +10,12 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.inference.discrepancy import (
+    DAMPING,
+    STIFFNESS,
     USUAL,
     Evidence,
     Problem,
+    SizePrior,
     Sizes,
     Spectrum,
     evidence,
@@ -38,10 +41,13 @@ class Setting:
         Standard deviation of a component of each measured shape, by state.
     common : (n_state, n_state) float
         Share of the discrepancy that two states have in common.
+    priors : (SizePrior, SizePrior)
+        Of its sizes: of equation errors, and of logarithms of damping ratios.
     """
 
     noise: tuple[Vector, ...]
     common: Vector
+    priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,6 +74,7 @@ class Explanation:
 
     terms: tuple[str, ...]
     coordinates: tuple[Coordinate, ...]
+    n_nuisance: int
     x: Vector
     std: Vector
     at_bound: NDArray[np.bool_]
@@ -96,15 +103,30 @@ def coordinates_of(model: Model, terms: Sequence[Term]) -> tuple[Coordinate, ...
     for term in terms:
         for name, std in term.frees.items():
             freed[name] = max(std, freed.get(name, 0.0))
-    base = [replace(c, std=freed.get(c.name, c.std)) for c in model.nuisances]
+    base = [_freed(c, freed[c.name]) if c.name in freed else c for c in model.nuisances]
     further = {c.name: c for term in terms for c in term.coordinates}
     return (*base, *further.values())
 
 
-def setting(model: Model, local: LocalModel, x: Vector, *, shares: Sequence[float]) -> Setting:
+def _freed(own: Coordinate, std: float) -> Coordinate:
+    """Return a coordinate with a wider prior, and bounds as many standard deviations away."""
+    wider = max(std / own.std, 1.0)
+    return replace(own, std=own.std * wider, lower=own.lower * wider, upper=own.upper * wider)
+
+
+def setting(
+    model: Model,
+    local: LocalModel,
+    x: Vector,
+    *,
+    shares: Sequence[float],
+    priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING),
+) -> Setting:
     """Return what fits of a campaign share: noise of the shapes beside a model near them, and what states share."""
     noise = tuple(shape_noise(state, local.modal(x, c)) for c, state in enumerate(model.states))
-    return Setting(noise=noise, common=shared_levels([state.path for state in model.states], shares))
+    return Setting(
+        noise=noise, common=shared_levels([state.path for state in model.states], shares), priors=priors
+    )
 
 
 def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> tuple[Errors, ...]:
@@ -164,8 +186,8 @@ def explain(
 ) -> Explanation:
     """Fit the model with some terms to all states by Levenberg and Marquardt's method.
 
-    Steps are taken at given sizes of the discrepancy on a model about the point; both are made anew where they end,
-    until the evidence stays.
+    Steps are taken at given sizes of the discrepancy on a model about the point; both are made anew where they end, the
+    model where any coordinate has moved by more than what it holds for, until the evidence stays.
 
     Parameters
     ----------
@@ -199,12 +221,14 @@ def explain(
     log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
+    here, made, near = local, x, np.array([c.step for c in coordinates])
     for _ in range(rounds):
-        here = model.about(coordinates, [x]) if local is None else local
+        if here is None or (local is None and np.any(np.abs(x - made) > near)):
+            here, made = model.about(coordinates, [x]), x
         errors = errors_at(model, here, setting, x)
         problem = joined(errors, setting.common)
         if best is not None:
-            sizes = _evidence(problem, x, precision, log_prior)[0].sizes
+            sizes = _evidence(problem, x, precision, log_prior, setting.priors)[0].sizes
         cost = _Cost(precision, sizes)
         white = cost.whitened(problem)
         at, damp = cost.total(white, x), 1e-3
@@ -227,11 +251,12 @@ def explain(
             at, damp = after, damp / 5.0
             if fall < small:
                 break
-        found, spectra = _evidence(problem, x, precision, log_prior)
+        found, spectra = _evidence(problem, x, precision, log_prior, setting.priors)
         gain = np.inf if best is None else abs(found.log - best.log_evidence)
         best = Explanation(
             terms=tuple(term.name for term in terms),
             coordinates=coordinates,
+            n_nuisance=len(model.nuisances),
             x=x,
             std=_std(spectra, found, problem.curvature + np.diag(precision + 1e-12)),
             at_bound=(x <= lower + 1e-9) | (x >= upper - 1e-9),
@@ -245,14 +270,53 @@ def explain(
     return best
 
 
+def outlook(
+    model: Model,
+    terms: Sequence[Term],
+    setting: Setting,
+    x: Vector,
+    local: LocalModel,
+    sizes: Sizes,
+) -> tuple[float, Vector]:
+    """Return what one step from some coordinates is expected to reach, minus the cost, and where it leads.
+
+    Parameters
+    ----------
+    model, terms, setting, local, sizes
+        As `explain` takes them.
+    x : (n_coordinate,)
+        Coordinates.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The model has no modes there.
+    """
+    coordinates = coordinates_of(model, terms)
+    lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
+    precision = np.array([c.std**-2.0 for c in coordinates])
+    longest = np.array([c.longest for c in coordinates])
+    problem = joined(errors_at(model, local, setting, x), setting.common)
+    cost = _Cost(precision, sizes)
+    white = cost.whitened(problem)
+    to = _step(white, problem, x, precision, lower, upper, longest, 1e-3)
+    slope, hessian = _newton(white, problem, x, precision)
+    step = to - x
+    return -cost.total(white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
+
+
 def _evidence(
-    problem: Problem, x: Vector, precision: Vector, log_prior: float
+    problem: Problem,
+    x: Vector,
+    precision: Vector,
+    log_prior: float,
+    priors: tuple[SizePrior, SizePrior],
 ) -> tuple[Evidence, tuple[Spectrum, Spectrum]]:
     stiffness = spectrum(problem.value, problem.jacobian, problem.noise, problem.discrepancy)
     damping = spectrum(
         problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy
     )
-    return evidence(stiffness, damping, problem, x, precision, log_prior), (stiffness, damping)
+    return evidence(stiffness, damping, problem, x, precision, log_prior, priors), (stiffness, damping)
 
 
 def _step(
@@ -266,15 +330,22 @@ def _step(
     damp: float,
 ) -> Vector:
     """Return where a damped step leads that leaves no bound and is nowhere longer than it may be."""
-    value, jacobian, _ = white
-    hessian = jacobian.T @ jacobian + np.diag(precision) + problem.curvature
-    slope = jacobian.T @ value + precision * x + problem.slope
+    slope, hessian = _newton(white, problem, x, precision)
     free = ~(((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0)))
     damped = hessian + damp * np.diag(np.diag(hessian)) + 1e-12 * np.eye(x.size)
     step = np.zeros(x.size)
     step[free] = -la.solve(damped[np.ix_(free, free)], slope[free], assume_a="pos")
     step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
     return np.clip(x + step, lower, upper)
+
+
+def _newton(
+    white: tuple[Vector, Vector, float], problem: Problem, x: Vector, precision: Vector
+) -> tuple[Vector, Vector]:
+    """Return the gradient of the cost and Gauss and Newton's approximation of its Hessian."""
+    value, jacobian, _ = white
+    hessian = jacobian.T @ jacobian + np.diag(precision) + problem.curvature
+    return jacobian.T @ value + precision * x + problem.slope, hessian
 
 
 def _std(spectra: tuple[Spectrum, Spectrum], found: Evidence, known: Vector) -> Vector:

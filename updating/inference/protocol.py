@@ -128,6 +128,8 @@ class Modal:
     of_mode : (n_measured, m, m) float, optional
         Stiffness that each measured mode feels beside that of the eigenvalues, where it depends on frequency or
         amplitude.
+    of_mode_moves, of_mode_change : (s,) int and (s, n_measured, m, m) float
+        Coordinates on which it depends, and its derivatives.
     """
 
     eigenvalue: Vector
@@ -147,10 +149,15 @@ class Modal:
     beyond_stiffness: Vector
     beyond_mass: Vector
     of_mode: Vector | None = None
+    of_mode_moves: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    of_mode_change: Vector = field(default_factory=lambda: np.zeros(0))
 
 
 class LocalModel(Protocol):
     """A model that holds near the point about which it was made."""
+
+    def of(self, coordinates: Sequence[Coordinate]) -> LocalModel:
+        """Return the same for some of the coordinates; the others stay where they are neutral."""
 
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates `x`; raises numpy.linalg.LinAlgError where it has no modes."""

@@ -1,0 +1,106 @@
+"""The decision on a search: one of five verdicts, the explanations that it leaves, and the steps to the first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import ndtr
+
+from updating.inference.discrepancy import SizePrior
+from updating.inference.explain import Explanation
+from updating.inference.levels import INADEQUATE, NAMED, SEPARATE
+from updating.inference.search import Search, better
+
+Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Decision:
+    """A verdict with the explanations that it leaves.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        One of five.
+    left : tuple of Explanation
+        What the data cannot tell apart, the most probable first; none where nothing is named.
+    steps : tuple of Explanation
+        From the base model to the first of these, one term at a time.
+    too_large : tuple of "frequency" or "damping"
+        Kinds of data of which more is left than a right model leaves.
+    """
+
+    verdict: Verdict
+    left: tuple[Explanation, ...]
+    steps: tuple[Explanation, ...]
+    too_large: tuple[Literal["frequency", "damping"], ...]
+
+
+def decide(found: Search) -> Decision:
+    """Give the verdict on a search.
+
+    Named is what `search` chose, where every step is told apart and predicts better. Beside it stand explanations of
+    as many terms or fewer that are nearly as probable and predict better than the base model, too.
+    """
+    own = found.chosen
+    large = too_large(own, found.setting.priors)
+    if not own.terms:
+        empty: Verdict = "unlike anything" if large else "nothing missing"
+        return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
+    left = _left(found)
+    verdict: Verdict = "partly explained" if large else "identified" if len(left) == 1 else "one of"
+    return Decision(verdict=verdict, left=left, steps=_steps(found, own), too_large=large)
+
+
+def too_large(
+    own: Explanation, priors: tuple[SizePrior, SizePrior]
+) -> tuple[Literal["frequency", "damping"], ...]:
+    """Return the kinds of data of which an explanation leaves more than a right model does."""
+    sizes, found = own.evidence.moments(priors)[0], list[Literal["frequency", "damping"]]()
+    if p_value(sizes.stiffness, priors[0]) < INADEQUATE:
+        found.append("frequency")
+    if own.problem.damping.size and p_value(sizes.damping, priors[1]) < INADEQUATE:
+        found.append("damping")
+    return tuple(found)
+
+
+def p_value(size: float, prior: SizePrior) -> float:
+    """Return the probability, by its prior, of a discrepancy as large; 1 where a laboratory states its size."""
+    if prior.n == 1:
+        return 1.0
+    return float(ndtr(-np.log(size / prior.median) / prior.spread))
+
+
+def _left(found: Search) -> tuple[Explanation, ...]:
+    """Return what cannot be told from the explanation that was chosen, which comes first."""
+    own, base = found.chosen, found.base
+    near = [
+        f
+        for f in found.fitted.values()
+        if f is not own
+        and 0 < len(f.terms) <= len(own.terms)
+        and found.odds(f) > NAMED
+        and found.odds(own) - found.odds(f) < SEPARATE
+        and better(found.prediction(f), found.prediction(base))
+        and not set(f.terms) < set(own.terms)
+    ]
+    kept = [f for f in near if not any(set(g.terms) < set(f.terms) for g in (*near, own))]
+    return (own, *sorted(kept, key=lambda f: -found.odds(f)))
+
+
+def _steps(found: Search, own: Explanation) -> tuple[Explanation, ...]:
+    """Return the way from the base model to an explanation, the most probable of its parts at each step."""
+    steps = [found.base]
+    while len(steps[-1].terms) + 1 < len(own.terms):
+        parts = [
+            f
+            for f in found.fitted.values()
+            if len(f.terms) == len(steps[-1].terms) + 1
+            and set(steps[-1].terms) < set(f.terms) < set(own.terms)
+        ]
+        if not parts:
+            break
+        steps.append(max(parts, key=found.odds))
+    return (*steps, own)

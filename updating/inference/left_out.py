@@ -1,0 +1,108 @@
+"""How well an explanation predicts modes and states that it has not seen, by the linear algebra of its fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.explain import Explanation
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """Root mean square relative errors of what is predicted from all other data; NaN where nothing is.
+
+    Attributes
+    ----------
+    frequency, damping : float
+        Of natural frequencies and of damping ratios.
+    """
+
+    frequency: float
+    damping: float
+
+
+def left_out(
+    own: Explanation, by: Literal["mode", "state"] = "mode", *, near: float = 0.3, alike: float = 0.5
+) -> LeftOut:
+    """Predict each mode of the structure, in all states at once, or each state, from all other data.
+
+    To first order about the fit nothing is fitted again: the other errors give the step that they would ask for.
+
+    Parameters
+    ----------
+    own : Explanation
+        A fit.
+    by : "mode" or "state"
+        What is left out at a time.
+    near, alike : float
+        Difference of the logarithm of eigenvalues, and cosine between modal coordinates, within which two measured
+        modes of different states are one of the structure.
+    """
+    problem, sizes = own.problem, own.evidence.sizes
+    m = own.errors[0].value.shape[1]
+    state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(own.errors)])
+    weight = np.vstack([e.weight @ (own.errors[0].shape.T @ e.shape).T for e in own.errors])
+    eigenvalue = np.concatenate([e.eigenvalue for e in own.errors])
+    covariance = sizes.stiffness**2 * problem.discrepancy + problem.noise
+    of_damping = sizes.damping**2 * problem.damping_discrepancy + problem.damping_noise
+    precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
+    damped = np.isfinite(np.concatenate([e.damping for e in own.errors]))
+    value = problem.value.reshape(-1, m)
+    jacobian = problem.jacobian.reshape(-1, m, own.x.size)
+    frequency: list[float] = []
+    damping: list[float] = []
+    for r in range(state.size):
+        if by == "state":
+            out = state == state[r]
+        else:
+            out = (np.abs(np.log(eigenvalue / eigenvalue[r])) < near) & (np.abs(weight @ weight[r]) > alike)
+            out[r] = True
+        if out.all():
+            return LeftOut(frequency=float("nan"), damping=float("nan"))
+        step = _step_without(own, out, m, covariance, of_damping, precision, damped)
+        a = own.errors[state[r]].weight[r - int(np.flatnonzero(state == state[r])[0])]
+        frequency.append(0.5 * float((value[r] + jacobian[r] @ step) @ a))
+        if damped[r]:
+            i = int(np.count_nonzero(damped[:r]))
+            damping.append(float(problem.damping[i] + problem.damping_jacobian[i] @ step))
+    return LeftOut(frequency=_rms(frequency), damping=_rms(damping))
+
+
+def _step_without(
+    own: Explanation,
+    out: NDArray[np.bool_],
+    m: int,
+    covariance: Vector,
+    of_damping: Vector,
+    precision: Vector,
+    damped: NDArray[np.bool_],
+) -> Vector:
+    """Return the step of the coordinates that the errors of all other modes ask for, (n_coordinate,)."""
+    problem = own.problem
+    hessian, slope = np.diag(precision), precision * own.x
+    for value, jacobian, matrix, keep in (
+        (problem.value, problem.jacobian, covariance, ~np.repeat(out, m)),
+        (problem.damping, problem.damping_jacobian, of_damping, ~out[damped]),
+    ):
+        if keep.any():
+            root = la.cholesky(matrix[np.ix_(keep, keep)], lower=True, check_finite=False)
+            white = la.solve_triangular(
+                root, np.column_stack([value[keep], jacobian[keep]]), lower=True, check_finite=False
+            )
+            hessian = hessian + white[:, 1:].T @ white[:, 1:]
+            slope = slope + white[:, 1:].T @ white[:, 0]
+    free = ~own.at_bound
+    step = np.zeros(own.x.size)
+    step[free] = -la.solve(hessian[np.ix_(free, free)], slope[free], assume_a="pos")
+    return step
+
+
+def _rms(errors: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan")

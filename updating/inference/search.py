@@ -1,0 +1,315 @@
+"""The search for what is missing: every term alone, then forward with a look back, by evidence and prediction."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
+from updating.inference.explain import Explanation, Setting, coordinates_of, explain, outlook, setting
+from updating.inference.left_out import LeftOut, left_out
+from updating.inference.levels import (
+    DAMPING_MATTERS,
+    FALLS,
+    FREQUENCY_MATTERS,
+    MISSING,
+    NAMED,
+    PULLED,
+    RELEASED,
+    RISES,
+)
+from updating.inference.protocol import Coordinate, Model, Term
+
+Vector = NDArray[np.float64]
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prediction:
+    """How an explanation predicts what is left out, and how far it pulls what is known.
+
+    Attributes
+    ----------
+    mode, state : LeftOut
+        Errors where modes, and where states, are left out.
+    pull : float
+        Standard deviations of its prior by which the farthest nuisance was moved.
+    """
+
+    mode: LeftOut
+    state: LeftOut
+    pull: float
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All explanations that were fitted.
+
+    Attributes
+    ----------
+    setting : Setting
+        What their fits share.
+    fitted : mapping of frozenset of str to Explanation
+        By their terms; the base model has none.
+    chosen : Explanation
+        The last of the way from the base model on which every step is told apart and predicts better.
+    """
+
+    setting: Setting
+    n_term: int
+    fitted: Mapping[frozenset[str], Explanation]
+    chosen: Explanation
+    _seen: dict[int, Prediction] = field(default_factory=dict, repr=False)
+
+    @property
+    def base(self) -> Explanation:
+        """The base model."""
+        return self.fitted[frozenset()]
+
+    def odds(self, own: Explanation) -> float:
+        """Return the logarithm of the posterior odds against the base model."""
+        prior = len(own.terms) * float(np.log(MISSING / self.n_term))
+        return own.log_evidence - self.base.log_evidence + prior
+
+    def prediction(self, own: Explanation) -> Prediction:
+        """Return how an explanation predicts what is left out."""
+        return predicted(own, self._seen)
+
+
+def predicted(own: Explanation, seen: dict[int, Prediction]) -> Prediction:
+    """Return how an explanation predicts what is left out; `seen` keeps what was computed."""
+    if id(own) not in seen:
+        held = np.array([np.isfinite(c.std) for c in own.coordinates])
+        held[own.n_nuisance :] = False
+        seen[id(own)] = Prediction(
+            mode=left_out(own),
+            state=left_out(own, "state"),
+            pull=float(np.max(np.abs(own.pulls[held]), initial=0.0)),
+        )
+    return seen[id(own)]
+
+
+def better(new: Prediction, old: Prediction) -> bool:
+    """Tell whether an explanation predicts better by what matters, or lets go of what is known and was pulled far.
+
+    Errors of frequencies and of damping ratios are compared where modes, and where states, are left out. One must fall,
+    and that of frequencies of left-out modes may not rise; that of left-out states is for the most part what assembly
+    does to each. What explains a difference between two states cannot be predicted from one of them: there it is the
+    pull that tells.
+    """
+    falls = False
+    for now, before in ((new.mode, old.mode), (new.state, old.state)):
+        for kind, matters in (("frequency", FREQUENCY_MATTERS), ("damping", DAMPING_MATTERS)):
+            a, b = getattr(now, kind), getattr(before, kind)
+            falls |= bool(a < FALLS * b and b - a > matters)
+    a, b = new.mode.frequency, old.mode.frequency
+    if a > RISES * b and a - b > 0.1 * FREQUENCY_MATTERS:
+        return False
+    return falls or (old.pull > PULLED and new.pull < RELEASED * old.pull)
+
+
+def begin(
+    model: Model,
+    *,
+    shares: Sequence[float],
+    starts: Sequence[Vector],
+    priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING),
+) -> tuple[Setting, Explanation]:
+    """Fit the base model from the best of several starts, and return what all fits share and the fit.
+
+    The noise of shapes is that beside the model where it fits: beside one that is far off, it would be misfit.
+    """
+    nuisances, found = model.nuisances, []
+    for start in starts:
+        local = model.about(nuisances, [start])
+        own = setting(model, local, start, shares=shares, priors=priors)
+        found.append(explain(model, [], own, start, local=local, rounds=1))
+    best = min(found, key=lambda f: float(np.mean([np.mean(e.frequency**2) for e in f.errors])))
+    for _ in range(2):
+        common = setting(model, model.about(nuisances, [best.x]), best.x, shares=shares, priors=priors)
+        best = explain(model, [], common, best.x)
+    return common, best
+
+
+def search(
+    model: Model,
+    common: Setting,
+    base: Explanation,
+    *,
+    asked: Sequence[Sequence[str]] = (),
+    in_full: int = 8,
+    beside: int = 3,
+    deepest: int = 3,
+    behind: float = 12.0,
+    say: Callable[[str], None] = _LOG.info,
+) -> Search:
+    """Fit every term alone, then further ones beside the best, and look back for what is no longer needed.
+
+    Parameters
+    ----------
+    model, common, base
+        The model, what fits share, and the fit of the base model.
+    asked : sequence of sequence of str
+        Terms that are fitted together in any case.
+    in_full : int
+        Explanations of each extension that are fitted to the end.
+    beside : int
+        Explanations beside which a further term is looked for.
+    deepest : int
+        Most terms.
+    behind : float
+        Logarithm of the odds by which an explanation beside which a further term is looked for may be behind the best.
+    say : callable
+        Takes progress.
+    """
+    terms, seen = model.terms, dict[int, Prediction]()
+    fitted: dict[frozenset[str], Explanation] = {frozenset(): base}
+    further = float(np.log(len(terms) / MISSING))  # what one more term must overcome of its prior
+
+    def odds(own: Explanation) -> float:
+        return own.log_evidence - fitted[frozenset()].log_evidence - further * len(own.terms)
+
+    def extend(at: Explanation) -> None:
+        further_ones = extended(model, common, at)
+        for one in further_ones[:in_full]:
+            if (
+                further_ones[0].log_evidence - one.log_evidence < behind
+                and frozenset(one.terms) not in fitted
+            ):
+                fitted[frozenset(one.terms)] = explain(model, [terms[n] for n in one.terms], common, one.x)
+        say(f"{len(fitted)} explanations fitted")
+
+    extend(base)
+    common, refit = _sharpened(model, common, max(fitted.values(), key=odds))
+    if refit:  # the noise was misfit of the base model: all is compared anew, that where it stands
+        fitted = {
+            names: explain(model, [terms[n] for n in f.terms], common, f.x, steps=8 if names else 0)
+            for names, f in fitted.items()
+        }
+        base = fitted[frozenset()]
+    else:
+        again = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
+        if again.log_evidence > base.log_evidence:
+            base = fitted[frozenset()] = again
+    chosen = base
+    for depth in range(1, deepest + 1):
+        pool = sorted((f for f in fitted.values() if len(f.terms) == depth), key=odds, reverse=True)
+        top = next(
+            (
+                f
+                for f in pool[:in_full]
+                if odds(f) - odds(chosen) > NAMED and better(predicted(f, seen), predicted(chosen, seen))
+            ),
+            None,
+        )
+        if top is None and depth > 1:
+            break
+        chosen = top if top is not None else chosen
+        if depth == deepest or not pool:
+            break
+        fewer = max(odds(f) for f in fitted.values() if len(f.terms) < depth)
+        for at in pool[:beside]:
+            if (
+                odds(at) > fewer and odds(pool[0]) - odds(at) < behind
+            ):  # one that raises the odds, and is near the best
+                extend(at)
+    for names in map(frozenset, asked):
+        if names and names not in fitted:
+            fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
+    return Search(common, len(terms), fitted, chosen, seen)
+
+
+def _sharpened(
+    model: Model, common: Setting, best: Explanation, *, less: float = 0.7
+) -> tuple[Setting, bool]:
+    """Return the setting with the noise of shapes beside an explanation where that is less, and whether it matters."""
+    beside = setting(model, model.about(best.coordinates, [best.x]), best.x, shares=(1.0, 0.0, 0.0))
+    noise = tuple(np.minimum(*pair) for pair in zip(common.noise, beside.noise, strict=True))
+    ratio = np.concatenate(noise) / np.concatenate(common.noise)
+    return (replace(common, noise=noise), True) if np.any(ratio < less) else (common, False)
+
+
+def extended(
+    model: Model,
+    common: Setting,
+    at: Explanation,
+    *,
+    last: int = 16,
+    steps: int = 3,
+) -> list[Explanation]:
+    """Fit each further term beside an explanation by few steps on one basis about it, the likeliest first.
+
+    Terms are ordered by what one step from each of their starts is expected to reach; the `last` likeliest take
+    `steps`.
+    """
+    present = [model.terms[n] for n in at.terms]
+    further = [t for n, t in model.terms.items() if n not in at.terms]
+    coordinates = coordinates_of(model, [*present, *further])
+    have = {c.name: value for c, value in zip(at.coordinates, at.x, strict=True)}
+    origins = [have]
+    known = [c.name for c in at.coordinates[: at.n_nuisance] if np.isfinite(c.std)]
+    if (
+        np.max(np.abs([have[n] / c.std for n, c in zip(known, _named(at, known), strict=True)]), initial=0.0)
+        > PULLED
+    ):
+        origins.append({**have, **dict.fromkeys(known, 0.0)})  # what is missing may have pulled them
+    local = model.about(
+        coordinates, [np.array([own.get(c.name, 0.0) for c in coordinates]) for own in origins]
+    )
+    ahead: dict[str, tuple[float, Vector]] = {}
+    for term in further:
+        terms = [*present, term]
+        together = coordinates_of(model, terms)
+        near = local.of(together)
+        new = [c for c in together if c.name not in have]
+        for values, origin in itertools.product(itertools.product(*(c.starts for c in new)), origins):
+            own = {**origin, **dict(zip((c.name for c in new), values, strict=True))}
+            start = np.array([own[c.name] for c in together])
+            try:
+                one = outlook(model, terms, common, start, near, at.evidence.sizes)
+            except (np.linalg.LinAlgError, ValueError):  # no modes at this start
+                continue
+            if term.name not in ahead or one[0] > ahead[term.name][0]:
+                ahead[term.name] = one
+    found = []
+    for name in sorted(ahead, key=lambda n: -ahead[n][0])[:last]:
+        terms = [*present, model.terms[name]]
+        near = local.of(coordinates_of(model, terms))
+        try:
+            found.append(
+                explain(
+                    model,
+                    terms,
+                    common,
+                    ahead[name][1],
+                    local=near,
+                    rounds=1,
+                    steps=steps,
+                    sizes=at.evidence.sizes,
+                )
+            )
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+    return sorted(found, key=lambda f: -f.log_evidence)
+
+
+def _named(own: Explanation, names: Sequence[str]) -> list[Coordinate]:
+    by_name = {c.name: c for c in own.coordinates}
+    return [by_name[n] for n in names]
+
+
+def _from_parts(
+    model: Model, common: Setting, fitted: Mapping[frozenset[str], Explanation], together: Sequence[Term]
+) -> Explanation:
+    """Fit terms together from where the best explanation of a part of them has what it has."""
+    names = {t.name for t in together}
+    at = max((f for k, f in fitted.items() if k < names), key=lambda f: f.log_evidence)
+    coordinates = coordinates_of(model, together)
+    have = {c.name: value for c, value in zip(at.coordinates, at.x, strict=True)}
+    x = np.array([have.get(c.name, c.starts[0]) for c in coordinates])
+    return explain(model, together, common, x)

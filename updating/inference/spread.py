@@ -1,0 +1,73 @@
+"""What data say, to first order, of coordinates that a fit does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.discrepancy import Problem, Sizes
+from updating.inference.protocol import Coordinate
+
+Vector = NDArray[np.float64]
+
+
+def whitened(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector]:
+    """Return errors (N,) and derivatives (N, n_coordinate) over their noise and a discrepancy of given sizes."""
+    values, jacobians = [], []
+    for value, jacobian, noise, common, size in (
+        (problem.value, problem.jacobian, problem.noise, problem.discrepancy, sizes.stiffness),
+        (
+            problem.damping,
+            problem.damping_jacobian,
+            problem.damping_noise,
+            problem.damping_discrepancy,
+            sizes.damping,
+        ),
+    ):
+        if value.size:
+            root = la.cholesky(noise + size**2 * common, lower=True)
+            white = la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True)
+            values.append(white[:, 0])
+            jacobians.append(white[:, 1:])
+    return np.concatenate(values), np.vstack(jacobians)
+
+
+def information(
+    problem: Problem,
+    x: Vector,
+    coordinates: Sequence[Coordinate],
+    sizes: Sizes,
+    fitted: Sequence[bool] | NDArray[np.bool_],
+) -> tuple[Vector, Vector]:
+    """Return the estimate and standard deviation of each coordinate beside those that are fitted, each alone.
+
+    Parameters
+    ----------
+    problem : Problem
+        Errors of all states at `x`.
+    x : (n_coordinate,)
+        Where.
+    coordinates : sequence of Coordinate
+        All of them.
+    sizes : Sizes
+        Of the discrepancy.
+    fitted : (n_coordinate,) bool
+        Which the explanation has.
+    """
+    value, jacobian = whitened(problem, sizes)
+    precision = np.array([c.std**-2.0 for c in coordinates])
+    have = np.array(fitted, dtype=bool)
+    hessian = jacobian.T @ jacobian + problem.curvature
+    slope = jacobian.T @ value + problem.slope
+    inner = hessian[np.ix_(have, have)] + np.diag(precision[have] + 1e-12)
+    towards = la.solve(inner, hessian[np.ix_(have, ~have)], assume_a="pos")
+    mean, std = np.array(x, float), np.full(x.size, np.inf)
+    left = np.diag(hessian)[~have] - np.sum(hessian[np.ix_(have, ~have)] * towards, axis=0)
+    pull = slope[~have] - towards.T @ (slope[have] + precision[have] * x[have])
+    left = np.maximum(left, 1e-12)
+    std[~have] = left**-0.5
+    mean[~have] = x[~have] - pull / left
+    return mean, std
