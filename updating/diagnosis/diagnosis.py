@@ -47,7 +47,7 @@ _LOG = logging.getLogger(__name__)
 
 _SHOWN = 8  # single effects whose changes are told mode by mode
 _COMPARED = 3  # explanations between which further tests are to tell
-SHARES = (0.9, 0.1, 0.0)
+SHARES = (0.9, 0.0, 0.1)
 """Shares of the discrepancy that all states of a stack, and all force levels of one state, have in common: what a model
 misses of a mode changes little with the torque."""
 
