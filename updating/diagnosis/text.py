@@ -11,10 +11,10 @@ import numpy as np
 from model.effects.contact_slip import STRAIN
 from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
 from updating.diagnosis.answer_parts import MixedUp, PointChange, SensorGain
-from updating.diagnosis.calibration import HELPS, SEPARATE, STRAINED
+from updating.diagnosis.calibration import STRAINED
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.inference.discrepancy import DAMPING, STIFFNESS
-from updating.inference.levels import INADEQUATE
+from updating.inference.levels import FALLS, INADEQUATE, NAMED
 from updating.results.text import percent, quantity, together
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
@@ -259,7 +259,7 @@ def _further(found: Diagnosis) -> list[str]:
 def _likelier(found: Diagnosis) -> list[str]:
     """Say what is more probable than the answer and why it is not the answer: the table has it first."""
     first, own = found.ranking[0], found.ranked(found.set[0] if found.set else ())
-    if first.effects in found.set or first.log_odds - own.log_odds < SEPARATE:
+    if first.effects in found.set or first.log_odds - own.log_odds < NAMED:
         return []
     further = [name for name in first.effects if name not in own.effects]
     beside = " beside it" if further and found.set and set(own.effects) < set(first.effects) else ""
@@ -273,7 +273,7 @@ def _likelier(found: Diagnosis) -> list[str]:
     if np.isfinite([own.left_out(kind), first.left_out(kind)]).all():
         ends = percent(own.left_out(kind)), percent(first.left_out(kind))
         text += f" ({ends[0]} to {ends[1]} where each mode is predicted from all others)"
-        if first.left_out(kind) < HELPS * own.left_out(kind):
+        if first.left_out(kind) < FALLS * own.left_out(kind):
             why = "so small a gain"
     return [f"{text}: {why} may be an error of the model alone, so it is not said to be there."]
 
