@@ -155,6 +155,8 @@ def _values(own: Ranked) -> str:
 
 def _change(base: Ranked, own: Ranked, start: str) -> str:
     """Say what the error falls to, also where each mode is predicted from all others."""
+    if _stays(base, own):
+        return f"{start} {_as_before(own)}."
     kind = telling(base, own)
     before, after = percent(base.frequency_error), percent(own.frequency_error)
     stays = (
@@ -172,6 +174,26 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
         return f"{start} {stays}."
     ends = percent(base.damping_error), percent(own.damping_error)
     return f"{start} {stays}, and that of damping ratios goes from {ends[0]} to {ends[1]}."
+
+
+def _stays(base: Ranked, own: Ranked) -> bool:
+    """Tell whether no error changes: then what speaks for an explanation is what it relieves."""
+    pairs = [
+        pair
+        for kind in _ERRORS
+        for pair in ((base.error(kind), own.error(kind)), (base.left_out(kind), own.left_out(kind)))
+        if np.isfinite(pair).all()
+    ]
+    return all(FALLS * before <= after <= before / FALLS for before, after in pairs)
+
+
+def _as_before(own: Ranked) -> str:
+    """Say how well what changes no error meets the data."""
+    damping = f" and {percent(own.damping_error)} of damping ratios" if np.isfinite(own.damping_error) else ""
+    return (
+        f"the mean errors, {percent(own.frequency_error)} of frequencies{damping}, stay as they were, and less that is "
+        "known has to give way"
+    )
 
 
 def _rests_on(found: Diagnosis) -> str:
@@ -201,6 +223,9 @@ def _way(found: Diagnosis) -> str:
     parts = []
     for before, after in itertools.pairwise(found.steps):
         added = [name for name in after.effects if name not in before.effects]
+        if _stays(before, after):
+            parts.append(f"with {named(found, added)} {_as_before(after)}")
+            continue
         kind = telling(before, after)
         text = (
             f"{named(found, added)} brings the mean {_ERRORS[kind]} from {percent(before.error(kind))} to "
