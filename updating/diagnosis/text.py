@@ -12,6 +12,7 @@ from model.effects.contact_slip import STRAIN
 from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
 from updating.diagnosis.answer_parts import MixedUp, PointChange, SensorGain
 from updating.diagnosis.calibration import STRAINED
+from updating.diagnosis.moved import REPORTED, moved_text
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.inference.discrepancy import DAMPING, STIFFNESS
 from updating.inference.levels import FALLS, INADEQUATE, NAMED
@@ -60,6 +61,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
     text += [f"Beware: {own}" for own in strained(found.strained)]
+    text += _moved(found)
     text += _at_bounds(found)
     text += _misread(found.sensor_gains)
     text += _next(found)
@@ -174,6 +176,19 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
         return f"{start} {stays}."
     ends = percent(base.damping_error), percent(own.damping_error)
     return f"{start} {stays}, and that of damping ratios goes from {ends[0]} to {ends[1]}."
+
+
+def _moved(found: Diagnosis) -> list[str]:
+    """Name what was moved by more than two standard deviations; what is strained has a sentence of its own."""
+    known = {own.name for own in found.strained}
+    far = [
+        moved_text(own)
+        for own in found.moved
+        if abs(own.deviations or 0.0) > REPORTED and own.name not in known and not own.name.startswith("gain")
+    ]
+    if not far:
+        return []
+    return [f"Moved beside it, by more than two standard deviations of what is known: {'; '.join(far)}."]
 
 
 def _stays(base: Ranked, own: Ranked) -> bool:
