@@ -44,6 +44,9 @@ from updating.inference.protocol import Coordinate, State, Term
 Vector = NDArray[np.float64]
 
 TARGETS: tuple[Literal["K", "M"], ...] = ("K", "M")
+_BELOW = (
+    0.3  # of the lowest measured frequency, for what is held may have modes as low as rigid-body motion has
+)
 _LIKE = 0.05  # of the logarithm of contact stiffness and pressure, within which one answer does
 _FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 
@@ -103,6 +106,8 @@ class StackModel:
             for own, points in zip(tested, observation, strict=True)
         )
         self.states = tuple(own.state for own in self.measured)
+        lowest = min(float(own.frequency.min()) for own in self.states)
+        self.rigid = min(RIGID, (2.0 * np.pi * _BELOW * lowest) ** 2)
         self.n_gain = _n_gain([own.sensor for own in self.measured])
         self.dimensions = tuple(candidates.resized)
         self.places = candidates.places
@@ -149,7 +154,7 @@ class StackModel:
             self.equations.matrix("K", theta), self.equations.matrix("M", theta), eigvals_only=True
         )
         top = above * max(float(own.frequency.max()) for own in self.states)
-        rigid = int(np.count_nonzero(value < RIGID))
+        rigid = int(np.count_nonzero(value < self.rigid))
         most = max(own.frequency.size for own in self.states)
         return max(int(np.count_nonzero(value < (2.0 * np.pi * top) ** 2)), rigid + most + spare)
 
@@ -266,16 +271,24 @@ class StackModel:
             stiffness, mass = self.equations.matrix("K", contact), self.equations.matrix("M", contact)
             value, vector = la.eigh(stiffness, mass)
             bare = vector[:, : self.n_equation]
-            self._finer[key] = self.mesh.change(contact, value[: self.n_equation], bare), mass @ bare
+            self._finer[key] = (
+                self.mesh.change(contact, value[: self.n_equation], bare, self.rigid),
+                mass @ bare,
+            )
         return self._finer[key]
 
     def dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:
-        """Return the derivatives of K and M, (n_basis, n_basis), by the logarithm of a dimension."""
+        """Return the derivatives of K and M, (n_basis, n_basis), by the logarithm of a dimension.
+
+        Supports are left out: what is held is held as stiffly at any size.
+        """
         contact, key = self._nearby(theta)
         if (name, key) not in self._resized:
-            resized: ReducedEquations = self.candidates.resized[name]
-            plain, k = {t.name for t in resized.terms}, resized.size
-            ratio = np.log(getattr(resized.stack, name) / getattr(self.stack, name))
+            other: ReducedEquations = self.candidates.resized[name]
+            k, ratio = other.size, np.log(getattr(other.stack, name) / getattr(self.stack, name))
+            free = [t for t in other.terms if not t.name.startswith("support")]
+            plain = {t.name for t in free}
+            resized = replace(other, terms=tuple(free))
             base = replace(self.equations, terms=tuple(t for t in self.equations.terms if t.name in plain))
             found: dict[str, Vector] = {}
             for target in TARGETS:

@@ -29,7 +29,8 @@ N_FURTHER = 13
 of these."""
 RESPONSE = 1e-2
 """Share of a mode's energy, as an amplitude, from which a response counts: 1e-2 leaves 1e-5 of a frequency nearby."""
-RIGID = (2.0 * np.pi * 20.0) ** 2  # (rad/s)**2: suspensions give rigid-body motion some hertz
+RIGID = (2.0 * np.pi * 20.0) ** 2
+"""Eigenvalue, (rad/s)**2, up to which a mode is rigid-body motion: suspensions give that some hertz."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,6 +74,7 @@ class Whole(Protocol):
     dimensions: tuple[str, ...]
     n_gain: int
     n_equation: int
+    rigid: float
     slip: Effect | None
 
     @property
@@ -125,8 +127,13 @@ class FinerMesh:
         self.finer_rows = observe(self.finer, everywhere).reduced_rows
         self.finer_equations = self.finer.equations
 
-    def change(self, theta: Mapping[str, float], eigenvalue: Vector, vectors: Vector) -> Vector | None:
-        """Return what an ever finer mesh adds to the modal stiffness, (m, m), of modes (n_basis, m)."""
+    def change(
+        self, theta: Mapping[str, float], eigenvalue: Vector, vectors: Vector, rigid: float
+    ) -> Vector | None:
+        """Return what an ever finer mesh adds to the modal stiffness, (m, m), of modes (n_basis, m).
+
+        Modes of eigenvalues below `rigid` are rigid-body motion.
+        """
         if self.finer is None:
             return None
         finer = self.finer_equations
@@ -136,11 +143,10 @@ class FinerMesh:
         turn = la.lstsq(self.rows @ vectors, self.finer_rows @ vector[:, :m])[0]
         u, _, v = la.svd(turn)
         turn = u @ v
-        rigid = value[:m] < RIGID
-        found = turn @ np.diag(np.where(rigid, 0.0, value[:m])) @ turn.T
-        change = EXTRAPOLATED * (found - np.diag(np.where(eigenvalue < RIGID, 0.0, eigenvalue)))
-        change[eigenvalue < RIGID] = 0.0
-        change[:, eigenvalue < RIGID] = 0.0
+        found = turn @ np.diag(np.where(value[:m] < rigid, 0.0, value[:m])) @ turn.T
+        change = EXTRAPOLATED * (found - np.diag(np.where(eigenvalue < rigid, 0.0, eigenvalue)))
+        change[eigenvalue < rigid] = 0.0
+        change[:, eigenvalue < rigid] = 0.0
         return np.asarray((change + change.T) / 2.0)
 
 
@@ -225,7 +231,7 @@ class StackNear:
         for c, theta in enumerate(thetas):
             stiffness, mass = (whole.equations.matrix(t, theta) for t in ("K", "M"))
             value, vector = la.eigh(stiffness, mass)
-            floor = value[value > RIGID][0]
+            floor = value[value > whole.rigid][0]
             if reference is None:
                 first_mass = mass
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
@@ -367,7 +373,7 @@ class StackNear:
         value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
         vector, beyond = every[:, : self.n_equation], value[self.n_equation :]
         value = value[: self.n_equation]
-        n_rigid = int(np.count_nonzero(value < RIGID))
+        n_rigid = int(np.count_nonzero(value < self.whole.rigid))
         value[:n_rigid] = 0.0
         between = {
             t: every.T @ (self.stacked[t] @ vector) if self.of_target[t] else np.zeros(0) for t in "KM"

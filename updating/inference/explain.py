@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from updating.inference.algebra import scaled_inverse, scaled_solve
 from updating.inference.discrepancy import (
     DAMPING,
     STIFFNESS,
@@ -332,9 +333,8 @@ def _step(
     """Return where a damped step leads that leaves no bound and is nowhere longer than it may be."""
     slope, hessian = _newton(white, problem, x, precision)
     free = ~(((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0)))
-    damped = hessian + damp * np.diag(np.diag(hessian)) + 1e-12 * np.eye(x.size)
     step = np.zeros(x.size)
-    step[free] = -la.solve(damped[np.ix_(free, free)], slope[free], assume_a="pos")
+    step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free], damp=damp + 1e-9)
     step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
     return np.clip(x + step, lower, upper)
 
@@ -372,7 +372,7 @@ def _std(
             value, jacobian, _ = own.at(float(size))
             hessian = hessian + jacobian.T @ jacobian
             slope = slope + jacobian.T @ value
-        covariance = la.pinvh(hessian)
+        covariance = scaled_inverse(hessian)
         step = -covariance @ slope
         total += share * np.maximum(np.diag(covariance), 0.0)
         middle += share * step

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from updating.inference.algebra import scaled_solve
 from updating.inference.explain import Explanation
 
 Vector = NDArray[np.float64]
@@ -100,7 +101,7 @@ def _step_without(
             slope = slope + white[:, 1:].T @ white[:, 0]
     free = ~own.at_bound
     step = np.zeros(own.x.size)
-    step[free] = -la.solve(hessian[np.ix_(free, free)], slope[free], assume_a="pos")
+    step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
     return step
 
 

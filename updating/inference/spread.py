@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from updating.inference.algebra import scaled_solve
 from updating.inference.discrepancy import Problem, Sizes
 from updating.inference.protocol import Coordinate
 
@@ -63,7 +64,7 @@ def information(
     hessian = jacobian.T @ jacobian + problem.curvature
     slope = jacobian.T @ value + problem.slope
     inner = hessian[np.ix_(have, have)] + np.diag(precision[have] + 1e-12)
-    towards = la.solve(inner, hessian[np.ix_(have, ~have)], assume_a="pos")
+    towards = scaled_solve(inner, hessian[np.ix_(have, ~have)])
     mean, std = np.array(x, float), np.full(x.size, np.inf)
     left = np.diag(hessian)[~have] - np.sum(hessian[np.ix_(have, ~have)] * towards, axis=0)
     pull = slope[~have] - towards.T @ (slope[have] + precision[have] * x[have])
