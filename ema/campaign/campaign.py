@@ -19,6 +19,7 @@ from ema.campaign.campaign_file import (
 from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
 from ema.campaign.references import Reassembly, reference_faults
+from ema.io.data_arrays import holds_data_arrays
 from ema.io.form import did_you_mean, read_form
 from ema.io.found_modes import ModesStd
 from ema.io.table import TableLayout, read_points
@@ -377,7 +378,11 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
 
 def _require_description(path: Path, given: MeasurementSection, files: list[Path]) -> None:
     """Refuse files that do not describe themselves and that the campaign file does not describe."""
-    formats = {format_of(file, given.format) for file in files}
+    own = given.variables is None  # functions of SDynPy need no description
+    formats = {
+        f for file in files
+        if not ((f := format_of(file, given.format)) == "numpy" and own and holds_data_arrays(file))
+    }  # fmt: skip
     stated = given.unit is not None or given.time is not None
     if ("wav" in formats) != bool(given.full_scale) or ("wav" in formats and given.time is None):
         message = (

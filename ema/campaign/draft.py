@@ -11,8 +11,10 @@ import numpy as np
 
 from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
 from ema.io.contents import UNKNOWN, Code, Contents, point_in
+from ema.io.data_arrays import holds_data_arrays, read_data_arrays
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
+from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_points
 from ema.io.uff import OF_GEOMETRY, UNSTATED, read_uff_functions, read_uff_geometry
 from ema.io.uff58 import cut
@@ -143,6 +145,8 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         kind = format_of(file)
         if kind == "uff":
             return _universal(file)
+        if kind == "numpy" and holds_data_arrays(file):
+            return _of_functions(file, read_data_arrays(file, None))
         if kind != "csv":
             return _at_point(guess_variables(file, matlab=kind == "mat"))
     except MeasurementError as error:
@@ -190,6 +194,17 @@ def _universal(file: Path) -> Contents | None:
     if holds_points and {s.kind for s in cut(file, heads=True)} <= OF_GEOMETRY:
         return None  # a list of points
     functions, notes = read_uff_functions(file, heads=True)
+    return _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
+
+
+def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstated: bool = False) -> Contents:
+    """Return what a file holds that describes its functions itself.
+
+    Raises
+    ------
+    MeasurementError
+        It holds neither FRFs nor time histories.
+    """
     frfs = [f for f in functions if f.kind == "frf"]
     used = frfs or [f for f in functions if f.kind == "response"]
     if not used:
@@ -202,7 +217,7 @@ def _universal(file: Path) -> Contents | None:
     stated = {
         "output": all(f.output is not None for f in used),
         "input": all(f.input is not None for f in frfs),  # of time histories it is the DOF of the force
-        "unit": all(f.quantity is not None for f in used) and not any(UNSTATED in note for note in notes),
+        "unit": all(f.quantity is not None for f in used) and not unstated,
     }
     return Contents(
         file=file,

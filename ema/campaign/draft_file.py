@@ -142,6 +142,8 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
             said = f"nothing in {described[0].file.name} looks like it"
             if key == "frf" and described[0].guesses:
                 said = f"{described[0].guesses[0]}; name the one that holds FRFs"
+            elif key == "phase_unit":
+                said = f"{next(g for g in described[0].guesses if g.startswith('the phase'))}; say deg or rad"
             missing.append(f"measurement.{section}.{key}: {said}")
         yield f"{key} = {_toml(value)}{'  # to be filled in' if unknown else ''}"
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, with_names
+from ema.io.polar import polar_units
 from ema.io.sampling import is_uneven, rate_of_rounded
 from ema.io.table import number
 
@@ -128,7 +129,9 @@ def guess_table(path: Path) -> Contents | None:
     if coherence:
         keys["coherence_columns"] = [c + 1 for c in coherence]
     if layout == "magnitude-phase":
-        keys |= _polar_units(text, groups, guesses)
+        titles = [" ".join(text.title(group[k]) for group in groups) for k in (0, 1)]
+        size, phase = (text.value[:, [group[k] for group in groups]].real for k in (0, 1))
+        keys |= polar_units((titles[0], titles[1]), size, phase, guesses)
     if any(lacks_sign(text.title(group[0])) for group in groups):
         guesses.append("DOFs without a sign are taken as +")
     dofs, named = with_names(path, [dofs_in(text.title(group[0])) for group in groups])
@@ -358,19 +361,3 @@ def _functions(
 
 def _is_coherence(value: NDArray[np.float64]) -> bool:
     return value.size > 0 and bool(np.all((value >= 0) & (value <= 1)))
-
-
-def _polar_units(text: _Text, groups: list[list[int]], guesses: list[str]) -> dict[str, str]:
-    keys = {}
-    titles = [" ".join(text.title(group[k]) for group in groups).lower() for k in (0, 1)]
-    magnitude = text.value[:, [group[0] for group in groups]].real
-    if "db" in titles[0] or magnitude.min() < 0:
-        keys["magnitude_unit"] = "dB"
-        if "db" not in titles[0]:
-            guesses.append("the magnitude is taken as dB, since some of it is negative")
-    phase = np.abs(text.value[:, [group[1] for group in groups]].real).max()
-    if "rad" in titles[1] or ("deg" not in titles[1] and "°" not in titles[1] and phase <= 2 * np.pi):
-        keys["phase_unit"] = "rad"
-        if "rad" not in titles[1]:
-            guesses.append(f"the phase is taken as rad, since it does not pass {phase:.3g}")
-    return keys

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction
+from ema.io.polar import from_polar
 from ema.io.sampling import require_ascending
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
@@ -355,5 +356,6 @@ def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[Any]:
     first, second = columns[0].real, columns[1].real
     if layout.layout == "real-imaginary":
         return np.asarray(first + 1j * second)
-    magnitude = 10 ** (first / 20) if layout.magnitude_unit == "dB" else first
-    return np.asarray(magnitude * np.exp(1j * (np.deg2rad(second) if layout.phase_unit == "deg" else second)))
+    return from_polar(
+        first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg"
+    )
