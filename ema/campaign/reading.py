@@ -12,7 +12,7 @@ from ema.campaign.named_files import Format, format_of
 from ema.io.array_histories import read_histories
 from ema.io.data_arrays import read_data_arrays
 from ema.io.measured_function import MeasuredFunction
-from ema.io.table import read_table
+from ema.io.table import TableLayout, read_records, read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import read_variables
 from ema.io.wav import read_wav
@@ -85,7 +85,17 @@ def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_C
     if kind in _ARRAYS and not _describes_itself(campaign, kind):
         assert campaign.variables is not None
         return read_histories(file, campaign.variables, matlab=kind == "mat")
+    if kind == "csv" and campaign.table is not None:
+        return (_of_table(campaign.table, file, notes),)
     return ((_plain(campaign, file, notes),),)
+
+
+def _of_table(table: TableLayout, file: Path, notes: list[str]) -> tuple[_Channels, ...]:
+    """Return the records of a text file; those of its segments are averaged."""
+    records = read_records(file, table)
+    if len(records) > 1:
+        notes.append(f"{file}: its {len(records)} segments are blows or blocks that are averaged")
+    return records
 
 
 def _describes_itself(campaign: Campaign, kind: Format) -> bool:

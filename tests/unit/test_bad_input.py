@@ -257,7 +257,7 @@ TABLE = {
     "no name of a universal file": ("ema campaign.toml", campaign('"points.csv"', '"\\u0000.uff"'), ["null byte"]),
     "no name of a curve": ("model stack.toml",
                            stack("normal_modulus_GPa = 5", PRESSING.replace("curve.csv", "\\u0000")), ["null byte"]),
-    "another program's points": ("ema campaign.toml", holds("points.csv", b"\xff\xfe\x00\x01"),
+    "another program's points": ("ema campaign.toml", holds("points.csv", b"\x93\xff\x00\x01"),
                                  ["points.csv", "cannot be read as text", "encoding"]),
     # a file for another purpose
     "stack for a virtual test": ("simulate stack.toml", untouched,

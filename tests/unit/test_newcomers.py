@@ -75,6 +75,37 @@ def sdynpy_array(abscissa, ordinate, dofs):
     return array
 
 
+def text(content, name="a.csv", encoding="utf-8") -> Write:
+    return lambda folder: (folder / name).write_bytes(content.encode(encoding))
+
+
+TITLES = ["f [Hz]", "1+z Re", "1+z Im", "2+z Re", "2+z Im", "3+z Re", "3+z Im"]
+PARTS = np.column_stack([FREQUENCY, *(part for v in VALUE.T for part in (v.real, v.imag))])
+COMPLEX = np.column_stack([FREQUENCY, VALUE])
+
+
+def table(titles=TITLES, rows=PARTS, between=",", form=lambda x: f"{x:.17g}"):
+    """Return rows of titles (none, or one text or more) and numbers."""
+    above = [between.join(titles)] if isinstance(titles, list) else list(titles)
+    return "\n".join([*above, *(between.join(map(form, row)) for row in rows)]) + "\n"
+
+
+def quoted(x):
+    return '"' + (x if isinstance(x, str) else f"{x:.17g}".replace(".", ",")) + '"'
+
+
+def fortran(x):
+    return f"{x:.16e}".replace("e", "D")
+
+
+def savetxt(folder):
+    np.savetxt(folder / "a.txt", COMPLEX, header="f 1+z 2+z 3+z")
+
+
+def python_complex(x):
+    return str(complex(x)) if x.imag else f"{x.real:.17g}"
+
+
 SDYNPY = sdynpy_array(FREQUENCY, VALUE.T, [[(n, 3), (1, 3)] for n in (1, 2, 3)])
 SPLIT = {
     f"{what}{k + 1}": part[:, k]
@@ -106,6 +137,59 @@ KINDS: dict[str, Kind] = {
     "NumPy: functions of SDynPy": Kind(npz({"data": SDYNPY, "function_type": 4})),
     "NumPy: functions of SDynPy, a matrix of them, by numpy.savez": Kind(npz({"frfs": SDYNPY.reshape(3, 1)})),
     "NumPy: functions of SDynPy, by numpy.save": Kind(lambda folder: np.save(folder / "a.npy", SDYNPY)),
+    "text: decimal commas in quotes, commas between": Kind(
+        text(table([quoted(t) for t in TITLES], form=quoted)), said='decimal = ","'
+    ),
+    "text: decimal commas in quotes, semicolons between": Kind(
+        text(table([quoted(t) for t in TITLES], between=";", form=quoted)), said='decimal = ","'
+    ),
+    "text: decimal points in quotes": Kind(text(table(form=lambda x: f'"{x:.17g}"'))),
+    "text: quotes where there is a comma alone": Kind(
+        text(table(form=lambda x: quoted(x) if "." in f"{x:.17g}" else f"{x:.0f}"))
+    ),
+    "text: titles and units in quotes, ME'scope": Kind(
+        text(
+            table(
+                (
+                    "\t".join(map('"{}"'.format, ["Frequency", *TITLES[1:]])),
+                    "\t".join(['"Hz"', *6 * ['"g/N"']]),
+                ),
+                PARTS / [1.0, *6 * [9.80665]],
+                "\t",
+            ),
+            "a.txt",
+        ),
+        said='unit = "g/N"  # as the header says',
+    ),
+    "text: titles in quotes, blanks between": Kind(
+        text(table([f'"{t}"' for t in TITLES], between=" "), "a.txt"), said='layout = "real-imaginary"'
+    ),
+    "text: Fortran's exponents": Kind(
+        text(table([t.replace(" ", "_") for t in TITLES], between="  ", form=fortran), "a.txt")
+    ),
+    "text: Fortran's exponents of three digits": Kind(
+        text(
+            table((), between=" ", form=lambda x: f"{x:.16e}".replace("e+0", "+00").replace("e-0", "-00")),
+            "a.txt",
+        )
+    ),
+    "text: UTF-16": Kind(text(table(), encoding="utf-16")),
+    "text: UTF-16 without a mark": Kind(text(table(), encoding="utf-16-le"), said='encoding = "utf-16-le"'),
+    "text: UTF-16, big end first": Kind(text(table(), encoding="utf-16-be")),
+    "text: UTF-8 with a mark": Kind(text(table(), encoding="utf-8-sig")),
+    "text: Python's complex numbers": Kind(
+        text(table(["f", "1+z", "2+z", "3+z"], COMPLEX, form=python_complex))
+    ),
+    "text: numpy.savetxt of complex numbers": Kind(savetxt),
+    "text: complex numbers with i and blanks": Kind(
+        text(
+            table((), COMPLEX, "\t", lambda x: f"{x.real:.17g} + {x.imag:.17g}i".replace("+ -", "- ")),
+            "a.txt",
+        )
+    ),
+    "text: complex numbers with +-": Kind(
+        text(table((), COMPLEX, ",", lambda x: f"({x.real:.17g}+{x.imag:.17g}j)"))
+    ),
 }
 REFUSED: dict[str, tuple[Write, str]] = {
     "auto spectra of SDynPy": (
@@ -167,3 +251,73 @@ def test_a_file_is_refused_with_the_reason(tmp_path, name):
         missing = (str(error),)
 
     assert any(re.search(reason, line) for line in missing), missing
+
+
+HEAD = """LabVIEW Measurement\t
+Separator\tTab
+Multi_Headings\tYes
+X_Columns\t{columns}
+Time\t14:18:17.000
+***End_of_Header***
+
+"""
+SEGMENT = """Channels\t2
+Samples\t{count}\t{count}
+Time\t{clock}\t{clock}
+Y_Unit_Label\tN\tm/s^2
+X_Dimension\tTime\tTime
+X0\t{start:E}\t{start:E}
+Delta_X\t0.001\t0.001
+***End_of_Header***
+X_Value\tforce\tacc\tComment
+"""
+HAMMER = np.zeros(600)
+HAMMER[5:9] = 1.0, 2.0, 2.0, 1.1
+
+
+def labview(records, clocks, starts, *, times):
+    """Return LabVIEW's text of records (force and acceleration), each a segment with its clock and its start."""
+    parts = [HEAD.format(columns="One" if times else "No")]
+    for record, clock, start in zip(records, clocks, starts, strict=True):
+        rows = "".join(
+            f"{start + k / 1000 if times else ''}\t{force:.17g}\t{acc:.17g}\t\n"
+            for k, (force, acc) in enumerate(record.T)
+        )
+        parts.append(SEGMENT.format(count=record.shape[1], clock=clock, start=start) + rows + "\n\n")
+    return "".join(parts)
+
+
+def blow(scale):
+    decay = np.exp(-0.02 * np.arange(600)) * np.sin(0.3 * np.arange(600))
+    return scale * np.array([HAMMER, np.convolve(HAMMER, decay)[:600]])
+
+
+def functions_of(folder, content):
+    folder.mkdir()
+    (folder / "a.lvm").write_text(content)
+    answers = (('# output = ["12+z"]', 'output = ["2+z"]'), ('# input = ["12+z"]', 'input = ["1+z"]'))
+    return read(folder, answers)
+
+
+@pytest.mark.parametrize("times", [True, False])
+def test_segments_of_labview_are_averaged(tmp_path, times):
+    records = [blow(1.0), blow(1.2), blow(0.9)]
+    content = labview(records, ["14:18:20.25", "14:18:25", "14:19:02"], [0.0] * 3, times=times)
+    measured, drafted = functions_of(tmp_path / "three", content)
+    alone, _ = functions_of(tmp_path / "one", labview(records[:1], ["14:18:20.25"], [0.0], times=times))
+    assert "guessed: the 3 segments of the file are records that are averaged" in drafted
+    assert any("3 segments" in note for note in measured.notes)
+    np.testing.assert_allclose(measured.frf.value, alone.frf.value, rtol=1e-6)
+    assert measured.frf.coherence is not None
+
+
+@pytest.mark.parametrize("times", [True, False])
+@pytest.mark.parametrize(
+    ("clocks", "starts"), [(["14:18:20.25", "14:18:20.55"], [0.0, 0.0]), (["14:18:20.25"] * 2, [0.0, 0.3])]
+)
+def test_segments_of_one_record_are_joined(tmp_path, times, clocks, starts):
+    record = blow(1.0)
+    parts = [record[:, :300], record[:, 300:]]
+    measured, _ = functions_of(tmp_path / "two", labview(parts, clocks, starts, times=times))
+    whole, _ = functions_of(tmp_path / "one", labview([record], clocks[:1], [0.0], times=times))
+    np.testing.assert_allclose(measured.frf.value, whole.frf.value, rtol=1e-9)
