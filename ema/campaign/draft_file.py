@@ -89,7 +89,8 @@ def write_draft(found: Draft, file: DraftFile) -> Path:
 def _points(found: Draft, missing: list[str]) -> list[str]:
     if found.points is None:
         missing.append(
-            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit"
+            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit, to draw shapes "
+            "and to compare them with a model"
         )
         return [
             '# file = "points.csv"  # to be filled in: columns node,x,y,z with the origin in the centre of the stack',

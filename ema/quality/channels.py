@@ -465,8 +465,9 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 
 def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     frf = measurement.frf
-    size = float(np.ptp(measurement.geometry.coordinate, axis=0).max())
-    if measurement.geometry.node.size > 1 and not _SIZES[0] < size < _SIZES[1]:
+    several = measurement.geometry.node.size > 1
+    size = float(np.ptp(measurement.geometry.coordinate, axis=0).max()) if several else 0.0
+    if several and not _SIZES[0] < size < _SIZES[1]:
         text = f"the structure is {size:.3g} m long: check [points] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
     lines = frf.frequency > 0

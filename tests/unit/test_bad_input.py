@@ -243,7 +243,7 @@ TABLE = {
     "no poles": ("ema campaign.toml --poles .", untouched, ["no */poles.txt", "lamella ema"]),
     "no stack named": ("fit campaign.toml", campaign('stack = "stack.toml"', ""),
                        ['add stack = "stack.toml" under [structure]']),
-    "empty campaign": ("ema campaign.toml", holds("campaign.toml", ""), ["points: this key is missing"]),
+    "empty campaign": ("ema campaign.toml", holds("campaign.toml", ""), ["configuration: this key is missing"]),
     "empty stack": ("model stack.toml", holds("stack.toml", ""), ["stack.toml: key name is missing"]),
     "empty run": ("ema campaign.toml", holds("run_2.csv", ""), ["run_2.csv", "no rows of numbers"]),
     "empty poles": ("ema campaign.toml --poles .",

@@ -293,7 +293,6 @@ def test_what_nobody_can_know_is_printed_and_asked_for(tmp_path):
     said = [line.partition("campaign.toml: ")[2] for line in str(fault.value).splitlines()]
     keys = {line.partition(":")[0] for line in said}
     assert keys == {
-        "points.file",
         "measurement.unit",
         "configuration[1].output[1]",
         "configuration[1].input[1]",

@@ -14,12 +14,16 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
+from typer.testing import CliRunner
 
 from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
 from ema.types.errors import CampaignError
+from updating.commands.command_line import app
+from updating.errors import FitError
+from updating.fitting.target import model_file
 
 FREQUENCY = 0.5 * np.arange(1, 401)
 POLES = 2 * np.pi * np.array([60.0, 110.0])
@@ -321,3 +325,55 @@ def test_segments_of_one_record_are_joined(tmp_path, times, clocks, starts):
     measured, _ = functions_of(tmp_path / "two", labview(parts, clocks, starts, times=times))
     whole, _ = functions_of(tmp_path / "one", labview([record], clocks[:1], [0.0], times=times))
     np.testing.assert_allclose(measured.frf.value, whole.frf.value, rtol=1e-9)
+
+
+WITHOUT_POINTS = f"""
+[campaign]
+name = "t"
+{{points}}
+[measurement]
+unit = "m/s2/N"
+[measurement.table]
+layout = "real-imaginary"
+header_rows = 1
+[[configuration]]
+name = "A"
+files = ["a.csv"]
+output = {OUTPUTS}
+input = "1+z"
+[identification]
+band_Hz = [30, 150]
+order = 8
+"""
+
+
+def test_a_list_of_points_is_not_needed_to_identify_and_report(tmp_path, monkeypatch):
+    text(table())(tmp_path)
+    (tmp_path / "campaign.toml").write_text(WITHOUT_POINTS.format(points=""))
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["ema", "campaign.toml", "-o", "out"])
+    assert done.exit_code == 0, done.output
+    assert "no list of points" in " ".join(done.output.split())
+    rows = (tmp_path / "out/A/modes.csv").read_text().splitlines()
+    frequency = [float(row.split(",")[rows[0].split(",").index("frequency_Hz")]) for row in rows[1:]]
+    np.testing.assert_allclose(frequency, POLES / (2 * np.pi), rtol=1e-6)
+    assert not list(tmp_path.glob("out/A/shape_*.png"))
+    done = CliRunner().invoke(app, ["report", "out"])
+    assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(app, ["ema", "campaign.toml", "-o", "out"])  # what is there is used
+    assert done.exit_code == 0, done.output
+
+
+def test_a_fit_asks_for_the_list_of_points(tmp_path):
+    text(table())(tmp_path)
+    stack = '[structure]\nstack = "stack.toml"\n'
+    (tmp_path / "campaign.toml").write_text(WITHOUT_POINTS.format(points=stack))
+    with pytest.raises(FitError, match=r"a fit compares shapes .*file = \"points.csv\""):
+        model_file(read_campaign(tmp_path / "campaign.toml"), "a fit")
+
+
+def test_a_unit_of_no_points_is_refused(tmp_path):
+    text(table())(tmp_path)
+    (tmp_path / "campaign.toml").write_text(WITHOUT_POINTS.format(points='[points]\nunit = "mm"\n'))
+    with pytest.raises(CampaignError, match="points: 'unit' and 'lines' are of the points that 'file' lists"):
+        read_campaign(tmp_path / "campaign.toml")
