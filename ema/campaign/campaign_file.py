@@ -140,7 +140,8 @@ class MeasurementSection(Section):
     def _is_frf_unit(self) -> MeasurementSection:
         if self.unit is not None and parse_unit(self.unit).frf is None:
             message = (
-                f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'"
+                f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'; volts are "
+                "divided by the sensor's sensitivity: 'V/N/(100 mV/g)'"
             )
             raise ValueError(message)
         if self.time is not None and "exponential_window_s" in self.model_fields_set:

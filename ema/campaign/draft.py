@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.campaign.draft_histories import is_of_force, side_by_side
 from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
 from ema.io.contents import UNKNOWN, Code, Contents, point_in
 from ema.io.data_arrays import holds_data_arrays, read_data_arrays
@@ -16,7 +17,7 @@ from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_points
-from ema.io.uff import OF_GEOMETRY, UNSTATED, read_uff_functions, read_uff_geometry
+from ema.io.uff import OF_GEOMETRY, UNSTATED, VOLTS, read_uff_functions, read_uff_geometry
 from ema.io.uff58 import cut
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
@@ -94,7 +95,7 @@ def draft(folder: Path) -> Draft:
         contents = _beside_forces(contents)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
-    configurations = _of_one_layout(configurations, left_out)
+    configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
     if not configurations:
         said = f" ({'; '.join(_shortened(left_out))})" if left_out else ""
         message = (
@@ -194,7 +195,9 @@ def _universal(file: Path) -> Contents | None:
     if holds_points and {s.kind for s in cut(file, heads=True)} <= OF_GEOMETRY:
         return None  # a list of points
     functions, notes = read_uff_functions(file, heads=True)
-    return _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
+    volts = [note.rpartition(f"{VOLTS} ")[2] for note in notes if VOLTS in note]
+    contents = _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
+    return replace(contents, volts=volts[0] if "/" in volts[0] else f"{volts[0]}/N") if volts else contents
 
 
 def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstated: bool = False) -> Contents:
@@ -224,6 +227,7 @@ def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstat
         dofs=tuple((f.output, f.input) for f in used),
         states=frozenset(key for key, there in stated.items() if there),
         is_time=not frfs,
+        n_channel=sum(f.kind in ("response", "force") for f in functions),
     )
 
 
@@ -259,6 +263,32 @@ def _of_one_layout(
     return kept
 
 
+def _with_forces(
+    configurations: dict[str, tuple[Contents, ...]], left_out: list[str]
+) -> dict[str, tuple[Contents, ...]]:
+    """Leave out time histories of one channel that no file with a force stands beside."""
+    kept = {}
+    for name, contents in configurations.items():
+        sets = side_by_side(contents)
+        alone = [own[0] for own in sets if own[0].is_time and sum(map(_channels, own)) == 1]
+        if len(alone) < len(sets) or any(
+            map(is_of_force, contents)
+        ):  # which may be put beside each other by hand
+            kept[name] = contents
+            continue
+        left_out.extend(
+            f"{c.file}: holds one time history, and an FRF needs a force and a response: put both into one file, or "
+            "into two whose names differ in a word alone, such as hit1_force and hit1_acc"
+            for c in alone
+        )
+    return kept
+
+
+def _channels(contents: Contents) -> int:
+    """Return how many channels of time histories a file holds."""
+    return contents.n_channel if contents.section is None else len(contents.titles)
+
+
 def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
     """Return arrays of one channel described as those of several in other files, which have an axis more."""
     axes = contents.keys.get("axes", ())
@@ -271,7 +301,7 @@ def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
 
 def _differing(contents: Contents, usual: Contents) -> str:
     """Say in words which keys of a file, and perhaps which unit, are others than the usual ones."""
-    here, there = ({**own.keys, "unit": own.unit or "unknown"} for own in (contents, usual))
+    here, there = ({**own.keys, "unit": own.unit or own.volts or "unknown"} for own in (contents, usual))
     names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
     return "; ".join(
         f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names

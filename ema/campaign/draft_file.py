@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import json
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,9 +113,10 @@ def _measurement(found: Draft, missing: list[str]) -> list[str]:
     units = {c.unit for c in found.contents if "unit" not in c.states}
     if units and not is_time:
         unit = next(iter(units)) if len(units) == 1 else None
+        comment = "as the header says"
         if unit is None:
-            missing.append("measurement.unit: the unit of the FRFs, such as (m/s2)/N or g/N")
-        comment = "to be filled in: such as (m/s2)/N, g/N or mm/N" if unit is None else "as the header says"
+            comment = "to be filled in: such as (m/s2)/N, g/N or mm/N"
+            missing.append(f"measurement.unit: {_asked_unit(found.contents)}")
         lines.append(f"unit = {_toml(unit or UNKNOWN)}  # {comment}")
     for section in ("table", "variables"):
         described = [c for c in found.contents if c.section == section]
@@ -126,12 +128,32 @@ def _measurement(found: Draft, missing: list[str]) -> list[str]:
     return lines
 
 
+def _asked_unit(contents: tuple[Contents, ...]) -> str:
+    """Say which unit is asked for, and why the headers do not tell it."""
+    labels = Counter(c.unit or c.volts for c in contents if "unit" not in c.states)
+    label, count = labels.most_common(1)[0]
+    if len(labels) > 1:
+        said = ", ".join(f"{name or 'none'} in {n} files" for name, n in labels.most_common())
+        return (
+            f"the files state several units, {said}: give that of most of them, and scale the others by a "
+            "[[correction]]"
+        )
+    if label:
+        return (
+            f"the {'file states' if count == 1 else 'files state'} {label}, the volts of a sensor: divide by its "
+            f'sensitivity, such as unit = "{label}/(100 mV/g)" for a sensor of 100 mV/g'
+        )
+    return "the unit of the FRFs, such as (m/s2)/N or g/N"
+
+
 def _averaging(keys: dict[str, Guessed], missing: list[str]) -> Iterable[str]:
     for key, guessed in keys.items():
         yield f"{key} = {_toml(guessed.value)}  # {guessed.comment}"
         if guessed.value == UNKNOWN:
             meant = '"hann" for random excitation, "boxcar" for impacts or whole periods'
-            missing.append(f"measurement.time.{key}: {meant if key == 'window' else 'such as N and m/s2'}")
+            missing.append(
+                f"measurement.time.{key}: {meant if key == 'window' else 'such as N and m/s2, of volts V/(100 mV/g)'}"
+            )
 
 
 def _section(section: str, described: list[Contents], missing: list[str]) -> Iterable[str]:

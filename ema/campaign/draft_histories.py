@@ -76,6 +76,11 @@ def _without(contents: Contents, start: int, end: int) -> str:
     )
 
 
+def is_of_force(contents: Contents) -> bool:
+    """Whether a file's name says that it holds a force."""
+    return _force_key(contents) is not None
+
+
 def _force_key(contents: Contents) -> str | None:
     for word in _words(contents):
         if _FORCE_FILE.match(word[0]):

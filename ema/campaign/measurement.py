@@ -266,7 +266,8 @@ def _corrected(
     if function.quantity is None:
         message = (
             f"{function.source}: the file does not state which quantity over force this FRF is; "
-            "say [measurement] unit = 'm/s2/N' or what it is in the campaign file"
+            "say [measurement] unit = 'm/s2/N' or what it is in the campaign file, of volts with the sensor's "
+            "sensitivity: unit = 'V/N/(100 mV/g)'"
         )
         raise MeasurementError(message)
     assert output is not None

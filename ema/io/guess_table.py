@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, with_names
+from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, volts_in, with_names
 from ema.io.polar import polar_units
 from ema.io.rows import SEPARATORS, cells_of, decoded, encoding_of, number, unpacked
 from ema.io.sampling import is_uneven, rate_of_rounded
@@ -22,6 +22,14 @@ _LOOKED_AT = 400  # rows of numbers
 _MOST_HEADER = 200  # rows
 _LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
+_OF_FRFS = (
+    r"frequency.?response|transfer|\bfrf|\bH[12v]?\b|response.?func|(?:m|g|mm|in)\W?/\W?(?:s|N|lbf)|accelerance|"
+    r"inertance|mobility|receptance|compliance|Übertragung|prenosn"
+)
+_OF_SPECTRA = (
+    r"auto.?(?:power.?)?(?:spectr|spekt)\w*|(?:power|cross|frequency|leistungs|amplituden).?(?:spectr|spekt)\w*|"
+    r"\b(?:psd|asd|csd)\b|spectral densit\w*|\b(?:amplitude|linear|complex) spectrum|\bspectrum$"
+)
 _OF_TIME = (
     r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
 )
@@ -129,6 +137,8 @@ def _guess(path: Path, text: _Text) -> Contents | None:
     if axis is not None and _is_time(text, axis, guesses):
         return _with_times(path, text, axis, keys, guesses)
     n_told = len(guesses)
+    if _spectrum_in(text, columns):
+        return None
     found = _functions(text, columns, guesses)
     by_numbers = len(guesses) > n_told
     if found is None or (guesses and not has_axis):  # any table of numbers
@@ -148,12 +158,14 @@ def _guess(path: Path, text: _Text) -> Contents | None:
         keys |= polar_units((titles[0], titles[1]), size, phase, guesses)
     if any(lacks_sign(text.title(group[0])) for group in groups):
         guesses.append("DOFs without a sign are taken as +")
+    said = " ".join(cell for row in text.header for cell in row)
     dofs, named = with_names(path, [dofs_in(text.title(group[0])) for group in groups])
     return Contents(
         file=path,
         section="table",
         keys={"layout": layout} | keys,
-        unit=unit_in(" ".join(cell for row in text.header for cell in row)),
+        unit=unit_in(said),
+        volts=volts_in(said),
         dofs=dofs,
         by_numbers=by_numbers,
         guesses=(*guesses, *named),
@@ -167,6 +179,11 @@ def not_understood(path: Path) -> str | None:
         return None
     width = text.value.shape[1]
     titles = ", ".join(filter(None, (text.title(c) for c in range(width))))
+    spectrum = _spectrum_in(text, list(range(1, width)))
+    if spectrum:
+        return (
+            f"it tells of {spectrum!r}: spectra of one channel are no FRFs; export FRFs, response over force"
+        )
     columns = f"{width} columns" + (f" ({titles})" if titles else "") + " of numbers, "
     if np.all(np.diff(text.value[:, 0].real) > 0):
         return (
@@ -177,6 +194,15 @@ def not_understood(path: Path) -> str | None:
         f"{columns}none of frequencies or times before them; write a campaign file by hand, with layout, "
         "axis_column = 0 and axis_step, or of histories sampling_Hz, under [measurement.table]"
     )
+
+
+def _spectrum_in(text: _Text, columns: list[int]) -> str:
+    """Return the words by which titles or header tell of spectra and of no FRFs; empty where they do not."""
+    titles = [text.title(c) for c in columns]
+    if re.search(_OF_FRFS, "\n".join((text.words, *titles)), re.IGNORECASE):
+        return ""
+    found = re.search(_OF_SPECTRA, "\n".join((text.words, *titles)), re.IGNORECASE)
+    return "" if found is None else found[0].strip()
 
 
 def _cut(path: Path) -> _Text | None:

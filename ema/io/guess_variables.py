@@ -25,6 +25,7 @@ _FRF = re.compile(
     re.IGNORECASE,
 )
 _SPECTRUM = re.compile(r"^[sgx]\d*(_\d+)?$|spec|psd|csd|cross|auto|fft|corr", re.IGNORECASE)
+_OF_SPECTRA = re.compile(r"spec|psd|csd|cross|auto(?!mat)|corr(?!ect)", re.IGNORECASE)
 _ESTIMATE = re.compile(
     r"(?:^|[_ ])H[12v]?(?=_|\d|$)"
 )  # H1_2_1 in a name as FFT1_H1_2_1: it outweighs a word of spectra
@@ -131,7 +132,7 @@ def _of_frfs(
 def _frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
     """Return the keys of the FRFs, an array in their shape, and what was guessed."""
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
-    spectra = [n for n in whole if _SPECTRUM.search(_last(n)) and not _ESTIMATE.search(_last(n))]
+    spectra = [n for n in whole if _is_spectrum(n)]
     called = [
         name
         for name in whole
@@ -154,6 +155,14 @@ def _frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], ND
     said = f"complex variables {', '.join(map(repr, spectra[:_LISTED]))} look like spectra" if spectra else ""
     said = said or magnitudes_alone(arrays)
     return {"frf": UNKNOWN}, None, [said] if said else []
+
+
+def _is_spectrum(name: str) -> bool:
+    """Whether a name, or that of the structure that it is in, is one of spectra and not of FRFs."""
+    if _ESTIMATE.search(_last(name)) or _SPECTRUM.search(_last(name)):
+        return not _ESTIMATE.search(_last(name))
+    parts = re.split(r"[./@]", name)
+    return any(map(_OF_SPECTRA.search, parts)) and not any(map(_FRF.search, parts))
 
 
 def _last(name: str) -> str:

@@ -41,6 +41,8 @@ UNSTATED = (
     "what it is, in the campaign file"
 )
 """What a note says of a unit that nobody stated, after the file and the data set."""
+VOLTS = "its unit is one of volts, without the sensitivity of the sensor:"
+"""What a note says of a unit of volts, after the file and the data set and before the unit."""
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 
 
@@ -372,6 +374,9 @@ def _axis_unit(record: Record58, axis: str, units: FileUnits, notes: list[str]) 
     except MeasurementError as error:
         notes.append(f"{record.where}: field '{axis} units label': {error}; its data type {code} is used")
         return from_type
+    if from_label.volt:
+        notes.append(f"{record.where}: {axis}: {VOLTS} {label}")
+        return from_label
     single = from_label.frf is None  # a label of the whole FRF says more than the type of its numerator
     if from_type is not None and single and from_type.dimension != from_label.dimension:
         notes.append(

@@ -20,6 +20,7 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
+from ema.io.uff58 import encode_58b
 from ema.types.errors import CampaignError
 from updating.commands.command_line import app
 from updating.errors import FitError
@@ -110,6 +111,54 @@ def python_complex(x):
     return str(complex(x)) if x.imag else f"{x.real:.17g}"
 
 
+HEADER = {
+    "function type": 4,
+    "response direction": 3,
+    "reference node": 1,
+    "reference direction": 3,
+    "abscissa specific data type": 18,
+    "abscissa units label": "Hz",
+    "ordinate numerator specific data type": 12,
+    "ordinate denominator specific data type": 13,
+    "ordinate denominator units label": "N",
+}
+
+
+def universal(label="m/s^2", scale=1.0, value=VALUE, **header) -> Write:
+    """Write the functions to a universal file, with a label of the response's unit."""
+
+    def write(folder):
+        sets = [
+            encode_58b(
+                HEADER | {"response node": n, "ordinate numerator units label": label} | header,
+                0.5,
+                0.5,
+                own * scale,
+            )
+            for n, own in enumerate(value.T, start=1)
+        ]
+        (folder / "a.uff").write_bytes(b"".join(sets))
+
+    return write
+
+
+TIME = np.arange(600) / 1000
+
+
+def history(folder, titles=("t [s]", "acc [g]"), name="a.csv"):
+    rows = "".join(f"{t:.3f},{np.sin(99 * t):.6f}\n" for t in TIME)
+    (folder / name).write_text(",".join(titles) + "\n" + rows)
+
+
+def mixed_units(folder):
+    text(table(["f", *(f"{t} [g/N]" for t in TITLES[1:])]), "a.csv")(folder)
+    text(table(["f", *(f"{t} [V/N]" for t in TITLES[1:])]), "b.csv")(folder)
+
+
+def spectra(*above) -> Write:
+    return text(table((*above, "f [Hz],Magnitude,Phase"), PARTS[:, :3]))
+
+
 SDYNPY = sdynpy_array(FREQUENCY, VALUE.T, [[(n, 3), (1, 3)] for n in (1, 2, 3)])
 SPLIT = {
     f"{what}{k + 1}": part[:, k]
@@ -194,11 +243,66 @@ KINDS: dict[str, Kind] = {
     "text: complex numbers with +-": Kind(
         text(table((), COMPLEX, ",", lambda x: f"({x.real:.17g}+{x.imag:.17g}j)"))
     ),
+    "text: volts over N, with the sensor's sensitivity": Kind(
+        text(table(["f [Hz]", *(f"{t} [V/N]" for t in TITLES[1:])], PARTS / [1.0, *6 * [98.0665]])),
+        fill=(('unit = "?"', 'unit = "V/N/(100 mV/g)"'),),
+    ),
+    "UFF: volts over N, with the sensor's sensitivity": Kind(
+        universal("V", scale=1 / 98.0665),
+        fill=(('unit = "?"', 'unit = "V/N/(100 mV/g)"'),),
+        rtol=1e-6,  # of single precision
+    ),
 }
 REFUSED: dict[str, tuple[Write, str]] = {
     "auto spectra of SDynPy": (
         npz({"data": SDYNPY, "function_type": 2}),
         "holds neither FRFs .* export FRFs",
+    ),
+    "text: volts over N": (
+        text(table(["f [Hz]", *(f"{t} [V/N]" for t in TITLES[1:])])),
+        r'measurement.unit: the file states V/N, the volts of a sensor: .* unit = "V/N/\(100 mV/g\)"',
+    ),
+    "UFF: volts over N": (
+        universal("V"),
+        r"measurement.unit: the file states V/N, the volts of a sensor: .* unit =",
+    ),
+    "text: two units": (
+        mixed_units,
+        r"the files state several units, g/N in 1 files, V/N in 1 files: .*correction",
+    ),
+    "text: one time history alone": (
+        history,
+        "a.csv: holds one time history, and an FRF needs a force and a response",
+    ),
+    "NumPy: one time history alone": (
+        npz({"acc": np.sin(99 * TIME), "t": TIME}),
+        "a.npz: holds one time history, and an FRF needs",
+    ),
+    "UFF: one time history alone": (
+        universal(value=VALUE.real[:, :1], **{"function type": 1, "abscissa units label": "s"}),
+        "a.uff: holds one time history, and an FRF needs",
+    ),
+    "UFF: auto spectra": (universal(**{"function type": 2}), "holds neither FRFs .* of kind other: spectra"),
+    "UFF: spectra": (universal(**{"function type": 12}), "holds neither FRFs .* of kind other: spectra"),
+    "text: auto spectra by the header": (
+        spectra("AutoSpectrum of channel 2"),
+        "tells of 'AutoSpectrum': spectra of one channel are no FRFs",
+    ),
+    "text: a frequency spectrum by the header": (
+        spectra("Type,FrequencySpectrum"),
+        "tells of 'FrequencySpectrum': spectra of one channel are no FRFs",
+    ),
+    "text: spectral densities by the title": (
+        text(table(["f [Hz]", "PSD Re", "PSD Im"], PARTS[:, :3])),
+        "tells of 'PSD': spectra of one channel",
+    ),
+    "MATLAB: a frequency spectrum by the structure": (
+        mat({"FrequencySpectrum": {"values": VALUE, "f": FREQUENCY}}),
+        "'FrequencySpectrum.values' look like spectra; name the one that holds FRFs",
+    ),
+    "HDF5: auto powers by the group": (
+        hdf5({"AutoPower/y": VALUE, "AutoPower/f": FREQUENCY}),
+        "'AutoPower/y' look like spectra",
     ),
     "magnitudes alone in arrays": (
         mat({"f": FREQUENCY, "H_mag": np.abs(VALUE)}),
