@@ -99,7 +99,8 @@ def guess_table(path: Path) -> Contents | None:
     titles say, else what their numbers look like.
     """
     text = _cut(path)
-    contents = None if text is None else _guess(path, text)
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
+        contents = None if text is None else _guess(path, text)
     if text is None or contents is None or text.n_segment == 1:
         return contents
     what = (
@@ -214,6 +215,8 @@ def _cut(path: Path) -> _Text | None:
     try:
         rows = decoded(data, encoding).splitlines()
     except UnicodeDecodeError:
+        if encoding != "utf-8":
+            return None  # its first bytes tell another one, in which it cannot be read
         encoding = "latin-1"
         rows = decoded(data, encoding).splitlines()
     quoted = any('"' in row for row in rows[: _MOST_HEADER + _LOOKED_AT])

@@ -66,6 +66,12 @@ def guess_variables(
     with arrays_in(path, matlab=matlab) as held:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
         units = {name: found.unit for name, found in held.items() if found.unit}
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
+        return _guess(path, arrays, units, beside)
+
+
+def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mapping[str, int]) -> Contents:
+    """Return what the arrays of a file seem to hold."""
     keys, block, guesses = _frfs(arrays, units)
     if block is None:
         found = guess_histories(arrays, beside)

@@ -5,6 +5,8 @@ functions of a structure with two modes, so that one check is enough: what is re
 filled in, are these functions.
 """
 
+import contextlib
+import random
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,9 +21,10 @@ from typer.testing import CliRunner
 from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
+from ema.campaign.draft_modes import draft_modes, modes_draft_file
 from ema.campaign.measurement import read_measurement
 from ema.io.uff58 import encode_58b
-from ema.types.errors import CampaignError
+from ema.types.errors import CampaignError, MeasurementError
 from updating.commands.command_line import app
 from updating.errors import FitError
 from updating.fitting.target import model_file
@@ -481,3 +484,61 @@ def test_a_unit_of_no_points_is_refused(tmp_path):
     (tmp_path / "campaign.toml").write_text(WITHOUT_POINTS.format(points='[points]\nunit = "mm"\n'))
     with pytest.raises(CampaignError, match="points: 'unit' and 'lines' are of the points that 'file' lists"):
         read_campaign(tmp_path / "campaign.toml")
+
+
+SIGNS = [
+    b'"',
+    b",",
+    b"\n",
+    b"#",
+    b"\x00",
+    b"nan",
+    b"inf",
+    b"-",
+    b"1e400",
+    b"\xff\xfe",
+    b";",
+    b"\t",
+    b" ",
+    b"()",
+    b"j",
+]
+
+
+def damaged(rng, content):
+    """Return bytes of which some are changed, taken away, repeated or put in."""
+    spoiled = bytearray(content)
+    for _ in range(rng.choice([1, 1, 2, 5, 20])):
+        if not spoiled:
+            break
+        place = rng.randrange(min(len(spoiled), rng.choice([200, 2000, len(spoiled)])))
+        match rng.randrange(5):
+            case 0:
+                spoiled[place] = rng.randrange(256)
+            case 1:
+                del spoiled[place : place + rng.choice([1, 3, 10, 100])]
+            case 2:
+                spoiled[place:place] = rng.choice([*SIGNS, b"***End_of_Header***\n"])
+            case 3:
+                del spoiled[place:]
+            case _:
+                other = rng.randrange(len(spoiled))
+                spoiled[place : place + 20] = spoiled[other : other + 20]
+    return bytes(spoiled)
+
+
+@pytest.mark.parametrize("name", [*KINDS, *REFUSED])
+def test_no_guess_crashes_on_damaged_files(tmp_path, name):
+    """A first campaign file is drafted, or refused in words, whatever happened to the file."""
+    write = KINDS[name].write if name in KINDS else REFUSED[name][0]
+    (tmp_path / "whole").mkdir()
+    write(tmp_path / "whole")
+    rng = random.Random(name)
+    for number in range(12):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        for file in (tmp_path / "whole").iterdir():
+            (folder / file.name).write_bytes(damaged(rng, file.read_bytes()))
+        with contextlib.suppress(CampaignError, MeasurementError):
+            modes = draft_modes(folder)
+            draft_file(draft(folder)) if modes is None else modes_draft_file(modes)
