@@ -104,12 +104,13 @@ def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measureme
         reasons = "\n".join(whole or [v.message for v in failed])
         message = f"configuration {measurement.name!r} cannot be used:\n{reasons}"
         raise MeasurementError(message)
+    frf = measurement.frf if keep.all() else measurement.frf.outputs(keep)
     force = measurement.frf.input
     turned = np.isin(np.arange(force.node.size), [j for v in verdicts for j in v.force])
     direction = np.where(turned[:, None], -force.direction, force.direction)
     return replace(
         measurement,
-        frf=replace(measurement.frf.outputs(keep), input=Dofs(node=force.node, direction=direction)),
+        frf=replace(frf, input=Dofs(node=force.node, direction=direction)),
         overload=measurement.overload[keep],
         notes=(*measurement.notes, *(f"left out: {v.message}" for v in failed)),
     )
