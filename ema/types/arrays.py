@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-BLOCK = 32
+BLOCK = 8
 """Outputs whose functions are worked on at a time, where all at once would take several times their memory."""
 
 

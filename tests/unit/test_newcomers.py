@@ -6,6 +6,7 @@ filled in, are these functions.
 """
 
 import contextlib
+import gzip
 import random
 import re
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 from typer.testing import CliRunner
 
@@ -127,15 +129,15 @@ HEADER = {
 }
 
 
-def universal(label="m/s^2", scale=1.0, value=VALUE, **header) -> Write:
+def universal(label="m/s^2", scale=1.0, value=VALUE, step=0.5, **header) -> Write:
     """Write the functions to a universal file, with a label of the response's unit."""
 
     def write(folder):
         sets = [
             encode_58b(
                 HEADER | {"response node": n, "ordinate numerator units label": label} | header,
-                0.5,
-                0.5,
+                step,
+                step,
                 own * scale,
             )
             for n, own in enumerate(value.T, start=1)
@@ -143,6 +145,14 @@ def universal(label="m/s^2", scale=1.0, value=VALUE, **header) -> Write:
         (folder / "a.uff").write_bytes(b"".join(sets))
 
     return write
+
+
+def tdms(folder):
+    channels = {"f": FREQUENCY}
+    channels |= {f"H{k + 1}_re": v.real for k, v in enumerate(VALUE.T)}
+    channels |= {f"H{k + 1}_im": v.imag for k, v in enumerate(VALUE.T)}
+    with TdmsWriter(folder / "a.tdms") as writer:
+        writer.write_segment([ChannelObject("frf", name, value) for name, value in channels.items()])
 
 
 TIME = np.arange(600) / 1000
@@ -255,6 +265,43 @@ KINDS: dict[str, Kind] = {
         fill=(('unit = "?"', 'unit = "V/N/(100 mV/g)"'),),
         rtol=1e-6,  # of single precision
     ),
+    "UFF: frequencies in kHz": Kind(
+        universal(**{"abscissa units label": "kHz"}, step=5e-4), rtol=1e-6, said="[measurement]"
+    ),
+    "UFF: frequencies in rad/s": Kind(universal(**{"abscissa units label": "rad/s"}, step=np.pi), rtol=1e-6),
+    "UFF: metres per square second as ms-2": Kind(universal("ms-2"), rtol=1e-6),
+    "UFF: g": Kind(universal("g", scale=1 / 9.80665), rtol=1e-6),
+    "UFF: of function type 0": Kind(universal(**{"function type": 0}), rtol=1e-6),
+    "text: a header with an empty row and a lone sign of a comment": Kind(
+        text("# test 3\n#\n\n" + table((), between=" "), "a.txt"), said="header_rows = 3"
+    ),
+    "text: packed": Kind(lambda folder: (folder / "a.csv.gz").write_bytes(gzip.compress(table().encode()))),
+    "text: rows that are counted": Kind(
+        text(table(["no", *TITLES], np.column_stack([np.arange(1, 401), PARTS]))), said="axis_column = 2"
+    ),
+    "text: frequencies in kHz": Kind(
+        text(table(["f [kHz]", *TITLES[1:]], PARTS / [1e3, *6 * [1.0]])), said="axis_step = 0.5"
+    ),
+    "text: magnitude in dB and phase in degrees": Kind(
+        text(
+            table(
+                [
+                    "f [Hz]",
+                    *(f"{n}+z {what}" for n in (1, 2, 3) for what in ("Magnitude (dB)", "Phase (deg)")),
+                ],
+                np.column_stack(
+                    [FREQUENCY, *(x for d, a in zip(DECIBEL.T, DEGREES.T, strict=True) for x in (d, a))]
+                ),
+            )
+        ),
+        said='magnitude_unit = "dB"',
+    ),
+    "MATLAB: complex functions in a structure": Kind(mat({"test": {"H": VALUE, "freq": FREQUENCY}})),
+    "MATLAB: functions along the second axis": Kind(mat({"FRF": VALUE.T, "f": FREQUENCY})),
+    "MATLAB: a step of frequencies": Kind(
+        mat({"H": VALUE, "df": 0.5, "fstart": 0.5}), said="axis_start = 0.5"
+    ),
+    "TDMS: real and imaginary channels": Kind(tdms),
 }
 REFUSED: dict[str, tuple[Write, str]] = {
     "auto spectra of SDynPy": (
@@ -307,6 +354,32 @@ REFUSED: dict[str, tuple[Write, str]] = {
         hdf5({"AutoPower/y": VALUE, "AutoPower/f": FREQUENCY}),
         "'AutoPower/y' look like spectra",
     ),
+    "a workbook": (
+        lambda folder: (folder / "a.xlsx").write_bytes(b"PK"),
+        "a workbook: save its sheet as CSV",
+    ),
+    "a file of one program": (
+        lambda folder: (folder / "a.frf").write_bytes(b"x"),
+        "export its FRFs as a universal",
+    ),
+    "an unknown suffix": (
+        lambda folder: (folder / "a.nc4").write_bytes(b"CDF"),
+        "its suffix '.nc4' is none of a format",
+    ),
+    "a sound file": (
+        lambda folder: (folder / "a.wav").write_bytes(b"RIFF"),
+        "a sound file: write .* full_scale",
+    ),
+    "a matrix in MATLAB's file that is none": (
+        lambda folder: (folder / "a.mat").write_bytes(b"no"),
+        "cannot be read as a MATLAB file",
+    ),
+    "an empty universal file": (lambda folder: (folder / "a.uff").write_bytes(b""), r"a\.uff: "),
+    "UFF: times in an unknown unit": (
+        universal(**{"abscissa units label": "furlong"}),
+        "'abscissa units label' is 'furlong'",
+    ),
+    "nothing": (lambda folder: None, "no file in it looks like a measurement; looked for"),
     "magnitudes alone in arrays": (
         mat({"f": FREQUENCY, "H_mag": np.abs(VALUE)}),
         "'H_mag' would be magnitudes or real parts, and their phases .* not in the file",
