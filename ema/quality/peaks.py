@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ema.types.arrays import in_blocks
 from ema.types.frf import FRF
+from ema.types.peak_finding import find_peaks, peak_widths
 
 MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""
@@ -72,13 +73,11 @@ def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> l
     """
     if frf.frequency.size < 5 or not channels.size:
         return []
-    from scipy import signal  # here: it takes long to import, and few commands need it
-
     power = summed_power(frf, channels)
     power = np.maximum(power, 1e-12 * power.max())
     step = float(np.median(np.diff(frf.frequency)))
-    lines, _ = signal.find_peaks(10 * np.log10(power), prominence=prominence)
-    wide = signal.peak_widths(power, lines, rel_height=0.5)[0]
+    lines, _ = find_peaks(10 * np.log10(power), prominence)
+    wide = peak_widths(power, lines)
     found = []
     for line, width in zip(lines, wide, strict=True):
         frequency, bandwidth = float(frf.frequency[line]), float(width * step)
