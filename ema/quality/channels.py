@@ -22,7 +22,7 @@ from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undete
 from ema.quality.structure import formless
 from ema.quality.turned import turned_functions
 from ema.quality.verdict import Verdict
-from ema.types.arrays import in_blocks, inner_products
+from ema.types.blocks import in_blocks, inner_products
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.geometry import Dofs

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import in_blocks
+from ema.types.blocks import in_blocks
 from ema.types.frf import FRF
 from ema.types.peak_finding import find_peaks, peak_widths
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import inner_products
+from ema.types.blocks import inner_products
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
 
