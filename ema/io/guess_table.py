@@ -23,7 +23,7 @@ _MOST_HEADER = 200  # rows
 _LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
-    r"frequency.?response|transfer|\bfrf|\bH[12v]?\b|response.?func|(?:m|g|mm|in)\W?/\W?(?:s|N|lbf)|accelerance|"
+    r"frequency.?response|transfer|\bfrf|\bH[12v]?\b|response.?func|/\W?(?:[km]?N|lbf?)\b|accelerance|"
     r"inertance|mobility|receptance|compliance|Übertragung|prenosn"
 )
 _OF_SPECTRA = (

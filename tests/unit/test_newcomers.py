@@ -338,6 +338,10 @@ REFUSED: dict[str, tuple[Write, str]] = {
         spectra("AutoSpectrum of channel 2"),
         "tells of 'AutoSpectrum': spectra of one channel are no FRFs",
     ),
+    "text: an auto spectrum with its unit": (
+        spectra("Auto spectrum,m/s^2"),
+        "tells of 'Auto spectrum': spectra of one channel are no FRFs",
+    ),
     "text: a frequency spectrum by the header": (
         spectra("Type,FrequencySpectrum"),
         "tells of 'FrequencySpectrum': spectra of one channel are no FRFs",
