@@ -17,7 +17,7 @@ from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_points
-from ema.io.uff import OF_GEOMETRY, UNSTATED, VOLTS, read_uff_functions, read_uff_geometry
+from ema.io.uff import OF_GEOMETRY, REAL, UNSTATED, VOLTS, read_uff_functions, read_uff_geometry
 from ema.io.uff58 import cut
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
@@ -196,6 +196,10 @@ def _universal(file: Path) -> Contents | None:
         return None  # a list of points
     functions, notes = read_uff_functions(file, heads=True)
     volts = [note.rpartition(f"{VOLTS} ")[2] for note in notes if VOLTS in note]
+    real = any(REAL in note for note in notes)
+    if real and not any(f.kind in ("frf", "response") for f in functions):
+        message = f"{file}: {REAL}; export complex FRFs"
+        raise MeasurementError(message)
     contents = _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
     return replace(contents, volts=volts[0] if "/" in volts[0] else f"{volts[0]}/N") if volts else contents
 

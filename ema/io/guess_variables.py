@@ -18,6 +18,7 @@ from ema.io.contents import UNKNOWN, Code, Contents, with_names
 from ema.io.guess_histories import RATE, HistoriesFound, guess_histories
 from ema.io.guess_parts import magnitudes_alone, parts_of_frfs
 from ema.io.variables import FIRST_COLUMN, WAYS
+from ema.types.errors import MeasurementError
 
 _Arrays = dict[str, NDArray[Any]]
 _FRF = re.compile(
@@ -66,6 +67,9 @@ def guess_variables(
     with arrays_in(path, matlab=matlab) as held:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
         units = {name: found.unit for name, found in held.items() if found.unit}
+    if not arrays:
+        message = f"{path}: holds no arrays of numbers; text and objects are not read"
+        raise MeasurementError(message)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
         return _guess(path, arrays, units, beside)
 

@@ -41,6 +41,8 @@ UNSTATED = (
     "what it is, in the campaign file"
 )
 """What a note says of a unit that nobody stated, after the file and the data set."""
+REAL = "its values are real, and those of an FRF are complex: it holds magnitudes or one part alone; it is not used"
+"""What a note says of an FRF without its other part, after the file and the data set."""
 VOLTS = "its unit is one of volts, without the sensitivity of the sensor:"
 """What a note says of a unit of volts, after the file and the data set and before the unit."""
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
@@ -296,6 +298,9 @@ def _function(record: Record58, units: FileUnits, unit: Unit | None, notes: list
     output, force_at = (_degree(record, end, notes) for end in ("response", "reference"))
     if any(abs(header[f"{end} direction"]) > 3 for end in ("response", "reference")):
         notes.append(f"{record.where}: a rotation or an unknown direction; it is not used")
+        kind = "other"
+    if kind == "frf" and not np.iscomplexobj(record.value):
+        notes.append(f"{record.where}: {REAL}")
         kind = "other"
     component = "" if header["response name"].upper() == "NONE" else header["response name"]
     quantity: Quantity | None = None

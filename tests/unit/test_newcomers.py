@@ -358,6 +358,14 @@ REFUSED: dict[str, tuple[Write, str]] = {
         hdf5({"AutoPower/y": VALUE, "AutoPower/f": FREQUENCY}),
         "'AutoPower/y' look like spectra",
     ),
+    "UFF: real numbers as FRFs": (
+        universal(value=np.abs(VALUE)),
+        "its values are real, and those of an FRF are complex: .* export complex FRFs",
+    ),
+    "NumPy: objects alone": (
+        lambda folder: np.savez(folder / "a.npz", a=np.array(["x", None], dtype=object)),
+        "a.npz: holds no arrays of numbers",
+    ),
     "a workbook": (
         lambda folder: (folder / "a.xlsx").write_bytes(b"PK"),
         "a workbook: save its sheet as CSV",
