@@ -135,6 +135,6 @@ def test_what_does_not_exist_is_seen():
         "theory.md#none",
     ]
     assert not exists("ema.lscf")
-    assert not exists("updating.diagnosis.verdict.GAIN_SINGLE")
+    assert not exists("updating.inference.levels.GAIN_SINGLE")
     assert exists("ema.identification.lscf")
     assert commands("`lamella play SPEC`\n    lamella fit\nnot lamella this") == {"play", "fit"}

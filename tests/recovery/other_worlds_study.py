@@ -8,16 +8,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import beta
 from threadpoolctl import threadpool_limits
-from updating.diagnosis.held_out import left_out
-from updating.diagnosis.search import Search, search
-from updating.diagnosis.verdict import decide
 
 import model
 from model.stack.effect import PRESSURE_REFERENCE as REFERENCE
@@ -28,13 +25,18 @@ from tests.independent.layered import Layered
 from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
 from tests.recovery.other_worlds import simulated
-from updating.diagnosis.assembly import Assembled, assemble_evidence
+from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import instruments_of
 from updating.diagnosis.coordinates import coordinate_of
+from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
-from updating.diagnosis.explanation import Z95, Explanation
-from updating.diagnosis.residual import residual, reweighed, span_of
+from updating.diagnosis.ranking import Z95, estimates, log_ratios, sizes_of
+from updating.diagnosis.stack_model import StackModel
+from updating.inference.decide import decide
+from updating.inference.explain import Explanation, errors_at
+from updating.inference.search import Search
+from updating.inference.spread import whitened
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "other_worlds.jsonl"
 """The cases of the published table."""
@@ -159,9 +161,10 @@ def run(seed: int, kind: str, world: str, stack: str = "shipped") -> OtherCase:
         candidates = cached_model(stated, instruments_of(tested[0][2]), model.catalogue(), aids())
         truth = tuple(name for key in test.planted if (name := TABLE[key].catalogue) is not None)
         singles = [(name,) for name in truth if len(truth) > 1]
-        found = search(assemble_evidence(candidates, tested), asked=[truth, *singles] if truth else [])
+        evidence = assemble_evidence(candidates, tested)
+        whole_model, found, mixed_up = searched(candidates, evidence, [truth, *singles] if truth else [])
         decision = decide(found)
-    true = next((x for x in found.fitted if set(x.effects) == set(truth)), found.base)
+    true = found.fitted.get(frozenset(truth), found.base)
     first = decision.left[0] if decision.left else found.base
     return OtherCase(
         seed=seed,
@@ -171,30 +174,41 @@ def run(seed: int, kind: str, world: str, stack: str = "shipped") -> OtherCase:
         faults=test.disturbances,
         truth=truth,
         verdict=decision.verdict,
-        named=tuple(x.effects for x in decision.left),
+        named=tuple(x.terms for x in decision.left),
         steps=_steps(decision.steps),
-        mixed_up=len(found.mixed_up),
+        mixed_up=len(mixed_up),
         before=_left_out(found, found.base),
         after=_left_out(found, first),
         best=_left_out(found, true),
-        alone=tuple(_left_out(found, x) for x in found.fitted if x.effects in singles),
+        alone=tuple(_left_out(found, found.fitted[frozenset(names)]) for names in singles),
         odds=(found.odds(first), found.odds(true)),
-        said=first.mean.frequency,
-        real=_real(found.evidence, first),
-        whole=_whole(found.evidence, first, made),
-        covered=_covered(true, test.planted) if truth else (),
+        said=sizes_of(found, first)[0].frequency,
+        real=_real(first),
+        whole=_whole(whole_model, found, first, made),
+        covered=_covered(whole_model, true, test.planted) if truth else (),
         stack=stack,
     )
 
 
-def _real(evidence: Assembled, own: Explanation) -> float:
+def _real(own: Explanation) -> float:
     """Return the root mean square of what a fit leaves of frequencies, over the degrees of freedom that it leaves."""
-    found = reweighed(own.residual, replace(evidence.supposing(own.effects), sizes=own.likeliest))
-    leverage = np.sum(span_of(found.jacobian)[found.kind == "frequency"] ** 2, axis=1)
-    return float(np.sqrt(np.sum(found.log_frequency**2) / np.sum(1.0 - leverage)))
+    problem, size = own.problem, own.evidence.sizes.stiffness
+    n, m = len(log_ratios(own)[0]), own.errors[0].value.shape[1]
+    weight = np.vstack([e.weight @ (own.errors[0].shape.T @ e.shape).T for e in own.errors])
+    of_frequency = np.zeros((n, n * m))  # half the Rayleigh quotient of the errors
+    for row, a in enumerate(weight):
+        of_frequency[row, m * row : m * (row + 1)] = 0.5 * a
+    _, jacobian = whitened(problem, own.evidence.sizes)
+    precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
+    covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag(precision))
+    slope = of_frequency @ problem.jacobian
+    fitted = np.einsum("ni,ij,nj->n", slope, covariance, slope)
+    noise = problem.noise + size**2 * problem.discrepancy
+    free = 1.0 - fitted / np.einsum("ni,ij,nj->n", of_frequency, noise, of_frequency)
+    return float(np.sqrt(np.sum(log_ratios(own)[0] ** 2) / np.sum(np.clip(free, 0.02, 1.0))))
 
 
-def _whole(evidence: Assembled, first: Explanation, made: Simulated) -> float | None:
+def _whole(of: StackModel, found: Search, first: Explanation, made: Simulated) -> float | None:
     """Return the root mean square by which frequencies differ from those of the model with the true stack's numbers."""
     planted = made.plan.planted
     true = {
@@ -203,24 +217,24 @@ def _whole(evidence: Assembled, first: Explanation, made: Simulated) -> float | 
         if key in SAME
         for name, own in PARAMETER.get(key, {}).items()
     }
-    if not {p.name for p in first.parameter} <= set(true):
+    names = {c.name for c in first.coordinates[first.n_nuisance :]}
+    if not names <= set(true):
         return None
-    exponent = true["exponent"] if "exponent" in {p.name for p in first.parameter} else 1.0
-    nuisance = dict.fromkeys(evidence.nuisances, 0.0) | _true_nuisances(evidence, made, exponent)
-    coordinate = np.array([coordinate_of(p, true[p.name]) for p in first.parameter])
-    at = residual(evidence, np.array([*nuisance.values()]), first.parameter, coordinate)
-    return float(np.sqrt(np.mean(at.log_frequency**2)))
+    at = _true_nuisances(of, made, true["exponent"] if "exponent" in names else 1.0)
+    at |= {name: float(coordinate_of(of.parameters[name], true[name])) for name in names}
+    x = np.array([at.get(c.name, 0.0) for c in first.coordinates])
+    errors = errors_at(of, of.about(first.coordinates, [x]), found.setting, x)
+    frequency = np.concatenate([e.frequency for e in errors])
+    return float(np.sqrt(np.mean(frequency**2)))
 
 
-def _true_nuisances(evidence: Assembled, made: Simulated, exponent: float) -> dict[str, float]:
+def _true_nuisances(of: StackModel, made: Simulated, exponent: float) -> dict[str, float]:
     """Return the nuisance coordinates of the true stack, those that are not 0, of a model with a pressure exponent."""
-    stack, stated, bench = evidence.stack, read_bench(made.plan.stack), made.bench[0]
+    stack, stated, bench = of.stack, read_bench(made.plan.stack), made.bench[0]
     true = {
         name: float(np.log(getattr(bench, name) / getattr(stated, name))) for name in ("young", "density")
     }
-    true |= {
-        name: float(np.log(getattr(bench, name) / getattr(stated, name))) for name in evidence.dimensions
-    }
+    true |= {name: float(np.log(getattr(bench, name) / getattr(stated, name))) for name in of.dimensions}
     for i, (clamp, was) in enumerate(zip(bench.clamps, stated.clamps, strict=True), 1):
         true |= {f"clamp_{i}_x": clamp.x - was.x, f"clamp_{i}_y": clamp.y - was.y}
     stiffness = np.array(
@@ -228,16 +242,16 @@ def _true_nuisances(evidence: Assembled, made: Simulated, exponent: float) -> di
             np.log(own.G_f / stack.contact.G_f)
             + exponent * np.log(own.pressure / tested.pressure)
             + (exponent - 1.0) * np.log(REFERENCE / PRESSURE_REFERENCE)
-            for own, tested in zip(made.bench, evidence.tested, strict=True)
+            for own, tested in zip(made.bench, of.tested, strict=True)
         ]
     )
     true |= {"G_f": float(np.mean(stiffness)), "d_f": float(np.log(bench.d_f / stack.contact.d_f))}
-    away = zip(evidence.tested, stiffness - np.mean(stiffness), strict=True)
+    away = zip(of.tested, stiffness - np.mean(stiffness), strict=True)
     return true | {f"G_f[{tested.name}]": float(own) for tested, own in away}
 
 
 def _left_out(found: Search, own: Explanation) -> tuple[float, float]:
-    errors = left_out(found.evidence, own)
+    errors = found.prediction(own).mode
     return errors.frequency, errors.damping
 
 
@@ -245,7 +259,7 @@ def _steps(steps: Sequence[Explanation]) -> tuple[str, ...]:
     """Return effects in the order in which they were added."""
     order: list[str] = []
     for step in steps:
-        order += [name for name in step.effects if name not in order]
+        order += [name for name in step.terms if name not in order]
     return tuple(order)
 
 
@@ -256,16 +270,14 @@ def _value(key: str, planted: float) -> float:
     return 1.0 - (1.0 - planted) / (1.0 - planted * MEAN_OF_SHAPE[key])
 
 
-def _covered(true: Explanation, planted: dict[str, dict[str, float]]) -> tuple[bool, ...]:
-    hits = []
+def _covered(of: StackModel, true: Explanation, planted: dict[str, dict[str, float]]) -> tuple[bool, ...]:
+    hits, fitted = [], {p.name: p for p in estimates(of, true)}
     for key, values in planted.items():
         for name, value in values.items() if key in SAME else ():
-            own = PARAMETER.get(key, {}).get(name)
-            at = [p.name for p in true.parameter].index(own) if own is not None else -1
-            if at >= 0 and not true.at_bound[at]:
-                half = Z90 / Z95 * 0.5 * (true.upper[at] - true.lower[at])
-                middle = 0.5 * (true.upper[at] + true.lower[at])
-                hits.append(bool(abs(_value(key, value) - middle) <= half))
+            own = fitted.get(PARAMETER.get(key, {}).get(name, ""))
+            if own is not None and not own.at_bound:
+                half = Z90 / Z95 * 0.5 * (own.upper - own.lower)
+                hits.append(bool(abs(_value(key, value) - 0.5 * (own.upper + own.lower)) <= half))
     return tuple(hits)
 
 

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
-from updating.diagnosis.search import search
-from updating.diagnosis.verdict import decide
 
 import model
 from ema.types.geometry import Geometry
@@ -23,9 +21,11 @@ from tests.recovery.other_worlds_study import Share
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
+from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
-from updating.diagnosis.explanation import Z95
+from updating.diagnosis.ranking import Z95, estimates, log_ratios, mean_error
 from updating.diagnosis.slipping import AtLevel
+from updating.inference.decide import decide
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "slipping.jsonl"
 """The cases of the published table."""
@@ -120,9 +120,11 @@ def run(seed: int, slips: bool, candidates: CandidateModel) -> SlippingCase:
         name: AtLevel(state=STATE.name, rms_motion=motion, motion=motion)
         for (name, _, _), motion in zip(tested, test.motion, strict=True)
     }
-    found = search(assemble_evidence(candidates, tested, levels=levels), asked=[("contact_slip",)])
-    alone = next(x for x in found.fitted if x.effects == ("contact_slip",))
-    values = dict(zip((p.name for p in alone.parameter), alone.value.tolist(), strict=True))
+    evidence = assemble_evidence(candidates, tested, levels=levels)
+    whole, found, _ = searched(candidates, evidence, [("contact_slip",)])
+    alone = found.fitted[frozenset(("contact_slip",))]
+    fitted = estimates(whole, alone)
+    values = {p.name: p.value for p in fitted}
     truth, limit = (0.0, 0.0), float("nan")
     if slips:
         law = model.SlipLaw(friction=test.friction, exponent=test.exponent)
@@ -136,13 +138,10 @@ def run(seed: int, slips: bool, candidates: CandidateModel) -> SlippingCase:
         moved=test.moved,
         truth=truth,
         verdict=(decision := decide(found)).verdict,
-        named=tuple(x.effects for x in decision.left),
-        found=tuple(
-            (float(v), float(low), float(high))
-            for v, low, high in zip(alone.value, alone.lower, alone.upper, strict=True)
-        ),
+        named=tuple(x.terms for x in decision.left),
+        found=tuple((p.value, p.lower, p.upper) for p in fitted),
         limit=limit,
-        error=(found.base.residual.frequency_error, alone.residual.frequency_error),
+        error=(mean_error(log_ratios(found.base)[0]), mean_error(log_ratios(alone)[0])),
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from model import Mesh, Observation, catalogue, read_stack, solve_modes
 from model.effects.parts import known_or_usual_instruments
+from updating.diagnosis import evidence
 from updating.diagnosis.candidates import candidate_model
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.stack_model import StackModel
@@ -35,7 +36,10 @@ def whole():
         shape=np.random.default_rng(0).standard_normal((n, N_SEEN)) + 0j, shape_std=np.full((n, N_SEEN), 0.01),
     )  # fmt: skip
     candidates = candidate_model(STACK, instruments, effects)
-    tested = [("M1", 160e3, modes), ("M2", 320e3, modes)]
+    tested = [
+        evidence.Tested(name=name, pressure=pressure, modes=modes)
+        for name, pressure in (("M1", 160e3), ("M2", 320e3))
+    ]
     return StackModel(candidates, tested, [observation, observation], DiagnosisScatter())
 
 

@@ -15,6 +15,7 @@ from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.answer_parts import (
     ContactAmplitude,
     MixedUp,
+    Moved,
     NextTest,
     PointChange,
     SensorGain,
@@ -180,6 +181,8 @@ class Diagnosis(Shown):
         Points of the measurement that were mixed up, and were put right.
     strained : tuple of Strained
         Nuisances that are far off with the first of the set, or the base model.
+    moved : tuple of Moved
+        Every quantity of stack file and measurement that fits may move, with the first of the set, or the base model.
     relieved : tuple of Strained
         Nuisances that are far off with the base model, but not with the first of the set.
     point_change : PointChange, optional
@@ -227,6 +230,7 @@ class Diagnosis(Shown):
     too_large: tuple[str, ...]
     mixed_up: tuple[MixedUp, ...]
     strained: tuple[Strained, ...]
+    moved: tuple[Moved, ...]
     relieved: tuple[Strained, ...]
     point_change: PointChange | None
     ranking: tuple[Ranked, ...]

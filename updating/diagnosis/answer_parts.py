@@ -18,6 +18,32 @@ class Sizes:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Moved:
+    """A quantity that every fit may move: of the stack file, or of the measurement.
+
+    Attributes
+    ----------
+    name, label, unit : str
+        The coordinate, what a person calls it, and its unit; G_f in 1 is Pa per Pa, and a ratio.
+    stated, value, std : float
+        As stated, as fitted, and the standard deviation of that.
+    prior : float, optional
+        Standard deviation of what is known of it beforehand; None of what nothing is known of.
+    deviations : float, optional
+        By how many of these it was moved.
+    """
+
+    name: str
+    label: str
+    unit: str
+    stated: float
+    value: float
+    std: float
+    prior: float | None
+    deviations: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class SensorGain:
     """The gain of an accelerometer that roves, relative to that of the first.
 

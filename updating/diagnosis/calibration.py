@@ -1,4 +1,4 @@
-"""Every threshold of a verdict, in one place.
+"""Thresholds of an answer on many specimens, and of what is said beside the verdict on one stack.
 
 They are odds and shares, not sizes: what a frequency or a shape may be off by is estimated from the data. They were set
 on tests simulated with the first second model (`tests/independent/solid.py`), and what they are worth is measured on
@@ -9,10 +9,6 @@ from __future__ import annotations
 
 SHOWS = 5.0
 """Logarithm of the posterior odds against the base model from which an effect is believed: 150 to 1."""
-SURE = 10.0
-"""The same of effects that do not halve the error of modes that are left out, of frequencies or of damping ratios: a
-wrong form that nobody supposed lends some effect a little, and odds as if it were sure. Of 342 tests
-(861200 to 861499 and 782100 to 782141 of `docs/validation.md`) three effects came first so at less, none rightly."""
 HELPS = 0.8
 """Ratio of the errors, of frequencies, damping ratios or shapes, of modes that are predicted from all others, below
 which an explanation helps to predict."""
@@ -25,13 +21,8 @@ off what a model leaves is of no matter, however sure it seems. Where a model mi
 so alike in kindred modes, as some effect would."""
 NEGLIGIBLE_HALF = 0.1
 """The same for what halves the error of frequencies of many specimens, or of those of them that have it."""
-MOST_JUDGED = 24
-"""Explanations that are judged by what they predict, the most probable first."""
 SEPARATE = 3.0
 """Difference of such logarithms below which two explanations are an ambiguity."""
-OVERRULED = 20.0
-"""Difference of such logarithms from which an explanation overrules others that have none of its effects, though it
-predicts no better what is left out: two places of an inertia cannot stand for four, and what came next was named."""
 STEP = 3.0
 """Rise of the logarithm of the posterior odds that a further effect must bring."""
 P_ADEQUATE = 0.05

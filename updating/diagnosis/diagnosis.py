@@ -30,6 +30,7 @@ from updating.diagnosis.experiment import aids, rank_tests
 from updating.diagnosis.hypotheses import LABELS
 from updating.diagnosis.mixed_up import MOST as MOST_MIXED
 from updating.diagnosis.mixed_up import put_right
+from updating.diagnosis.moved import moved
 from updating.diagnosis.point_change import point_change
 from updating.diagnosis.ranking import log_ratios, rank, sensor_gains, sizes_of, strained
 from updating.diagnosis.second_level import second_level
@@ -47,7 +48,7 @@ _LOG = logging.getLogger(__name__)
 
 _SHOWN = 8  # single effects whose changes are told mode by mode
 _COMPARED = 3  # explanations between which further tests are to tell
-SHARES = (0.9, 0.1, 0.0)
+SHARES = (0.9, 0.0, 0.1)
 """Shares of the discrepancy that all states of a stack, and all force levels of one state, have in common: what a model
 misses of a mode changes little with the torque."""
 
@@ -146,6 +147,7 @@ def conclude(
         too_large=decision.too_large,
         mixed_up=mixed_up,
         strained=far,
+        moved=moved(model.stack, first),
         relieved=tuple(own for own in strained(base) if own.name not in {s.name for s in far}),
         point_change=point_change(model, found, first) if decision.too_large else None,
         ranking=ranking,

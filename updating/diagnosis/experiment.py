@@ -258,7 +258,7 @@ def _distances(
         test = alone.of_tests([replace(first, modes=expected)], model.observation[:1])
         for j, other in enumerate(explanations):
             if i != j:
-                rise = _misfit_with(test, found, local, other) - misfits[i]
+                rise = _misfit_with(test, found, local.measured_as(test), other) - misfits[i]
                 apart.append(float(np.sqrt(max(rise, 0.0))))
     return apart
 

@@ -79,7 +79,7 @@ def _ranked(
         explained=float(np.clip(1.0 - rest / most, 0.0, 1.0)),
         log_odds=found.odds(own),
         probability=probability,
-        parameter=(*_estimates(model, own), *_misstated(model, own)),
+        parameter=(*estimates(model, own), *_misstated(model, own)),
         frequency_error=mean_error(frequency),
         damping_error=mean_error(damping),
         left_out_error=left[0],
@@ -146,7 +146,8 @@ def sensor_gains(own: Explanation) -> tuple[SensorGain, ...]:
     )
 
 
-def _estimates(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
+def estimates(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
+    """Return the parameters of an explanation's effects with their 95 % intervals."""
     found, known = [], model.parameters
     for i in range(own.n_nuisance, own.x.size):
         c, p = own.coordinates[i], known[own.coordinates[i].name]

@@ -353,6 +353,12 @@ class StackNear:
         part._stack(keep)
         return part
 
+    def measured_as(self, whole: Whole) -> StackNear:
+        """Return the same for other measured modes of the same states and points, those of `whole`."""
+        part = copy.copy(self)
+        part.whole = whole
+        return part
+
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates."""
         at = dict(zip(self.names, x.tolist(), strict=True))

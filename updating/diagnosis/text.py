@@ -11,10 +11,11 @@ import numpy as np
 from model.effects.contact_slip import STRAIN
 from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
 from updating.diagnosis.answer_parts import MixedUp, PointChange, SensorGain
-from updating.diagnosis.calibration import HELPS, SEPARATE, STRAINED
+from updating.diagnosis.calibration import STRAINED
+from updating.diagnosis.moved import REPORTED, moved_text
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.inference.discrepancy import DAMPING, STIFFNESS
-from updating.inference.levels import INADEQUATE
+from updating.inference.levels import FALLS, INADEQUATE, NAMED
 from updating.results.text import percent, quantity, together
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
@@ -60,6 +61,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
     if found.point_change is not None:
         text.append(_at_a_point(found, found.point_change))
     text += [f"Beware: {own}" for own in strained(found.strained)]
+    text += _moved(found)
     text += _at_bounds(found)
     text += _misread(found.sensor_gains)
     text += _next(found)
@@ -155,6 +157,8 @@ def _values(own: Ranked) -> str:
 
 def _change(base: Ranked, own: Ranked, start: str) -> str:
     """Say what the error falls to, also where each mode is predicted from all others."""
+    if _stays(base, own):
+        return f"{start} {_as_before(own)}."
     kind = telling(base, own)
     before, after = percent(base.frequency_error), percent(own.frequency_error)
     stays = (
@@ -172,6 +176,39 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
         return f"{start} {stays}."
     ends = percent(base.damping_error), percent(own.damping_error)
     return f"{start} {stays}, and that of damping ratios goes from {ends[0]} to {ends[1]}."
+
+
+def _moved(found: Diagnosis) -> list[str]:
+    """Name what was moved by more than two standard deviations; what is strained has a sentence of its own."""
+    known = {own.name for own in found.strained}
+    far = [
+        moved_text(own)
+        for own in found.moved
+        if abs(own.deviations or 0.0) > REPORTED and own.name not in known and not own.name.startswith("gain")
+    ]
+    if not far:
+        return []
+    return [f"Moved beside it, by more than two standard deviations of what is known: {'; '.join(far)}."]
+
+
+def _stays(base: Ranked, own: Ranked) -> bool:
+    """Tell whether no error changes: then what speaks for an explanation is what it relieves."""
+    pairs = [
+        pair
+        for kind in _ERRORS
+        for pair in ((base.error(kind), own.error(kind)), (base.left_out(kind), own.left_out(kind)))
+        if np.isfinite(pair).all()
+    ]
+    return all(FALLS * before <= after <= before / FALLS for before, after in pairs)
+
+
+def _as_before(own: Ranked) -> str:
+    """Say how well what changes no error meets the data."""
+    damping = f" and {percent(own.damping_error)} of damping ratios" if np.isfinite(own.damping_error) else ""
+    return (
+        f"the mean errors, {percent(own.frequency_error)} of frequencies{damping}, stay as they were, and less that is "
+        "known has to give way"
+    )
 
 
 def _rests_on(found: Diagnosis) -> str:
@@ -201,6 +238,9 @@ def _way(found: Diagnosis) -> str:
     parts = []
     for before, after in itertools.pairwise(found.steps):
         added = [name for name in after.effects if name not in before.effects]
+        if _stays(before, after):
+            parts.append(f"with {named(found, added)} {_as_before(after)}")
+            continue
         kind = telling(before, after)
         text = (
             f"{named(found, added)} brings the mean {_ERRORS[kind]} from {percent(before.error(kind))} to "
@@ -259,7 +299,7 @@ def _further(found: Diagnosis) -> list[str]:
 def _likelier(found: Diagnosis) -> list[str]:
     """Say what is more probable than the answer and why it is not the answer: the table has it first."""
     first, own = found.ranking[0], found.ranked(found.set[0] if found.set else ())
-    if first.effects in found.set or first.log_odds - own.log_odds < SEPARATE:
+    if first.effects in found.set or first.log_odds - own.log_odds < NAMED:
         return []
     further = [name for name in first.effects if name not in own.effects]
     beside = " beside it" if further and found.set and set(own.effects) < set(first.effects) else ""
@@ -273,7 +313,7 @@ def _likelier(found: Diagnosis) -> list[str]:
     if np.isfinite([own.left_out(kind), first.left_out(kind)]).all():
         ends = percent(own.left_out(kind)), percent(first.left_out(kind))
         text += f" ({ends[0]} to {ends[1]} where each mode is predicted from all others)"
-        if first.left_out(kind) < HELPS * own.left_out(kind):
+        if first.left_out(kind) < FALLS * own.left_out(kind):
             why = "so small a gain"
     return [f"{text}: {why} may be an error of the model alone, so it is not said to be there."]
 

@@ -124,11 +124,7 @@ def equation_errors(
     """
     m, n = modal.eigenvalue.size, state.frequency.size
     lam, omega = (2.0 * np.pi * state.frequency) ** 2, 2.0 * np.pi * state.frequency
-    elastic = np.arange(m) >= modal.n_rigid
-    own = np.where(elastic, np.sqrt(np.maximum(modal.eigenvalue, 0.0)), np.nan)
-    scale = omega[:, None] * np.where(elastic, own, omega[:, None])  # (n, m)
-    gap = (lam[:, None] - modal.eigenvalue) / scale
-    gap = np.where(np.abs(gap) < 1e-9, 1e-9, gap)
+    gap, scale = _gaps(modal, omega)
 
     gram, seen = modal.rows.T @ modal.rows, (modal.rows.T @ state.shape).T  # (m, m), (n, m)
     length = np.linalg.norm(la.lstsq(modal.rows, state.shape, cond=1e-3)[0], axis=0)  # alpha
@@ -196,6 +192,15 @@ def equation_errors(
         eigenvalue=lam,
         shape=modal.shape,
     )
+
+
+def _gaps(modal: Modal, omega: Vector) -> tuple[Vector, Vector]:
+    """Return how far each measured mode is from each equation, never quite 0, and what it is relative to, (n, m)."""
+    elastic = np.arange(modal.eigenvalue.size) >= modal.n_rigid
+    modelled = np.where(elastic, np.sqrt(np.maximum(modal.eigenvalue, 0.0)), np.nan)
+    scale = omega[:, None] * np.where(elastic, modelled, omega[:, None])
+    gap = (omega[:, None] ** 2 - modal.eigenvalue) / scale
+    return np.where(np.abs(gap) < 1e-9, 1e-9, gap), scale
 
 
 def _loss(state: State, modal: Modal, weight: Vector, n_coordinate: int) -> tuple[Vector, Vector]:

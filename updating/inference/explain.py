@@ -258,7 +258,7 @@ def explain(
             coordinates=coordinates,
             n_nuisance=len(model.nuisances),
             x=x,
-            std=_std(spectra, found, problem.curvature + np.diag(precision + 1e-12)),
+            std=_std(spectra, found, problem, x, precision, setting.priors),
             at_bound=(x <= lower + 1e-9) | (x >= upper - 1e-9),
             evidence=found,
             errors=errors,
@@ -348,8 +348,34 @@ def _newton(
     return jacobian.T @ value + precision * x + problem.slope, hessian
 
 
-def _std(spectra: tuple[Spectrum, Spectrum], found: Evidence, known: Vector) -> Vector:
-    """Return standard deviations of the coordinates at the likeliest sizes."""
-    (_, j1, _), (_, j2, _) = spectra[0].at(found.sizes.stiffness), spectra[1].at(found.sizes.damping)
-    hessian = j1.T @ j1 + j2.T @ j2 + known
-    return np.sqrt(np.maximum(np.diag(la.pinvh(hessian)), 0.0))
+def _std(
+    spectra: tuple[Spectrum, Spectrum],
+    found: Evidence,
+    problem: Problem,
+    x: Vector,
+    precision: Vector,
+    priors: tuple[SizePrior, SizePrior],
+    *,
+    likely: float = 1e-3,
+) -> Vector:
+    """Return standard deviations of the coordinates, over all sizes of the discrepancy that are likely.
+
+    The variance is the mean of those at each pair of sizes and the variance of the estimates there (law of total
+    variance).
+    """
+    known = np.diag(precision + 1e-12) + problem.curvature
+    pull = precision * x + problem.slope
+    total, middle, square, chance = np.zeros(x.size), np.zeros(x.size), np.zeros(x.size), 0.0
+    for i, j in np.argwhere(found.probability > likely):
+        share, hessian, slope = found.probability[i, j], known, pull
+        for own, size in zip(spectra, (priors[0].grid[i], priors[1].grid[j]), strict=True):
+            value, jacobian, _ = own.at(float(size))
+            hessian = hessian + jacobian.T @ jacobian
+            slope = slope + jacobian.T @ value
+        covariance = la.pinvh(hessian)
+        step = -covariance @ slope
+        total += share * np.maximum(np.diag(covariance), 0.0)
+        middle += share * step
+        square += share * step**2
+        chance += share
+    return np.asarray(np.sqrt(total / chance + np.maximum(square / chance - (middle / chance) ** 2, 0.0)))

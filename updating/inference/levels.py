@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 NAMED = 3.0
 """Logarithm of posterior odds, 20 to 1, from which a term is named; below it, one explanation is not told from another
 (Kass and Raftery 1995: strong evidence)."""
-SEPARATE = 4.6
-"""Logarithm of the ratio of probabilities, 100 to 1, from which one explanation is told from another: the ranges over
+SEPARATE = math.log(100.0)
+"""Logarithm of the ratio of probabilities from which one explanation is told from another: the ranges over
 which parameters are plausible are known to a factor of some ten each."""
 MISSING = 0.5
 """Prior probability that a model lacks something; the terms of the catalogue share it."""

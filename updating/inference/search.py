@@ -240,12 +240,13 @@ def extended(
     at: Explanation,
     *,
     last: int = 16,
-    steps: int = 3,
+    steps: int = 10,
+    small: float = 0.3,
 ) -> list[Explanation]:
-    """Fit each further term beside an explanation by few steps on one basis about it, the likeliest first.
+    """Fit each further term beside an explanation on one basis about it, the likeliest first.
 
     Terms are ordered by what one step from each of their starts is expected to reach; the `last` likeliest take
-    `steps`.
+    up to `steps`, as long as each lowers the cost by more than `small`.
     """
     present = [model.terms[n] for n in at.terms]
     further = [t for n, t in model.terms.items() if n not in at.terms]
@@ -290,6 +291,7 @@ def extended(
                     local=near,
                     rounds=1,
                     steps=steps,
+                    small=small,
                     sizes=at.evidence.sizes,
                 )
             )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.calibration import SEPARATE
+from updating.inference.levels import SEPARATE
 from updating.report.opening import change_sentences, fit_sentences
 from updating.report.part import Section, Table
 from updating.report.results import Results

@@ -1,0 +1,144 @@
+"""The search and its decision on a chain of masses: what is missing is named, twins are not told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.unit.test_inference import BASE, TERM, Chain, matrices, measured
+from updating.inference.decide import decide
+from updating.inference.discrepancy import SizePrior
+from updating.inference.explain import coordinates_of, errors_at, explain
+from updating.inference.left_out import LeftOut, left_out
+from updating.inference.protocol import Term
+from updating.inference.search import Prediction, begin, better, search
+from updating.inference.spread import information
+
+TWIN = Term(name="twin", coordinates=(replace(TERM.coordinates[0], name="as_spot"),))
+STIFF = Term(name="stiff", coordinates=(replace(TERM.coordinates[0], name="twice", starts=(0.1,)),))
+SHARES = (0.9, 0.1)
+KNOWN = (SizePrior.exactly(2e-3), SizePrior.exactly(0.1))
+
+
+class Choice(Chain):
+    """The chain with several candidates: one that acts as `spot` does, or one that acts where `stiffness` does."""
+
+    def __init__(self, states, terms=(TERM, STIFF), coordinates=BASE):
+        super().__init__(states, coordinates)
+        self.terms = {t.name: t for t in terms}
+
+    def about(self, coordinates, points):
+        return Choice(self.states, tuple(self.terms.values()), tuple(coordinates))
+
+    of = about
+
+    def modal(self, x, state):
+        names = [c.name for c in self.coordinates]
+        acting = {"as_spot": "loss", "twice": "stiffness"}
+        at = dict.fromkeys(("stiffness", "density", "loss"), 0.0)
+        for name, value in zip(names, x, strict=True):
+            at[acting.get(name, name)] += value
+        chain = Chain(self.states, [c for c in (*BASE, *TERM.coordinates) if c.name in at])
+        modal = chain.modal(np.array([at[c.name] for c in chain.coordinates]), state)
+        pick = [[c.name for c in chain.coordinates].index(acting.get(n, n)) for n in names]
+        of = ("stiffness", "mass", "beyond_stiffness", "beyond_mass")
+        return replace(
+            modal, moves=np.arange(len(names)), **{name: getattr(modal, name)[pick] for name in of}
+        )
+
+
+Choice.of = lambda self, coordinates: Choice(self.states, tuple(self.terms.values()), tuple(coordinates))
+
+
+def states(loss):
+    return tuple(
+        measured(*matrices({"loss": loss, "stiffness": s})[:2], seed=i, name=name)
+        for i, (name, s) in enumerate((("A", 0.0), ("B", 1e-4)))
+    )
+
+
+def searched(loss, terms=(TERM, STIFF)):
+    model = Choice(states(loss), terms)
+    return search(model, *begin(model, shares=SHARES, starts=[np.zeros(2)]), say=lambda _: None)
+
+
+def test_what_is_missing_is_named_and_predicts_better():
+    found = searched(0.4)
+    decision = decide(found)
+    assert decision.verdict == "identified"
+    assert [x.terms for x in decision.left] == [("spot",)]
+    assert [x.terms for x in decision.steps] == [(), ("spot",)]
+    first = decision.left[0]
+    assert first.value("loss") == pytest.approx(0.4, abs=3.0 * first.std[-1])
+    assert found.prediction(first).mode.frequency < 0.5 * found.prediction(found.base).mode.frequency
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    decision = decide(searched(0.0))
+    assert decision.verdict == "nothing missing"
+    assert decision.left == ()
+
+
+def test_what_acts_alike_is_not_told_apart():
+    decision = decide(searched(0.4, (TERM, TWIN, STIFF)))
+    assert decision.verdict == "one of"
+    assert {x.terms for x in decision.left} == {("spot",), ("twin",)}
+
+
+def test_a_mode_that_is_left_out_is_predicted_as_a_fit_without_it_does():
+    """To first order nothing is fitted again; the fit without a mode, of which it is to first order, is made here."""
+    model = Choice(states(0.01)[:1])
+    common, base = begin(model, shares=SHARES, starts=[np.zeros(2)], priors=KNOWN)
+    errors = []
+    for r in range(base.errors[0].frequency.size):
+        (state,) = model.states
+        kept = np.delete(np.arange(state.frequency.size), r)
+        names = ("frequency", "frequency_std", "damping", "damping_std", "shape_std")
+        part = {name: getattr(state, name)[kept] for name in names}
+        less = Choice((replace(state, shape=state.shape[:, kept], **part),))
+        setting = replace(common, noise=(common.noise[0][kept],))
+        refit = explain(less, [], setting, base.x)
+        errors.append(errors_at(model, model.about(base.coordinates, []), common, refit.x)[0].frequency[r])
+    assert left_out(base).frequency == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=0.05)
+
+
+def test_a_state_that_is_left_out_is_nan_where_there_is_one_alone():
+    model = Choice(states(0.1)[:1])
+    _, base = begin(model, shares=SHARES, starts=[np.zeros(2)])
+    assert np.isnan(left_out(base, "state").frequency)
+    assert np.isfinite(left_out(base, "mode").frequency)
+
+
+def test_what_data_say_beside_a_fit_is_what_a_fit_with_it_says():
+    model = Choice(states(0.02))
+    common, base = begin(model, shares=SHARES, starts=[np.zeros(2)], priors=KNOWN)
+    coordinates = coordinates_of(model, [TERM])
+    x = np.append(base.x, 0.0)
+    local = model.about(coordinates, [])
+    problem = explain(model, [TERM], common, x, local=local, steps=0, rounds=1).problem
+    mean, std = information(problem, x, coordinates, base.evidence.sizes, [True, True, False])
+    fitted = explain(model, [TERM], common, x)
+    assert mean[2] == pytest.approx(fitted.value("loss"), rel=0.1)
+    assert std[2] == pytest.approx(fitted.std[2], rel=0.1)
+    assert np.isinf(std[:2]).all()
+
+
+def prediction(frequency, damping=0.1, pull=1.0):
+    nothing = LeftOut(frequency=float("nan"), damping=float("nan"))
+    return Prediction(mode=LeftOut(frequency=frequency, damping=damping), state=nothing, pull=pull)
+
+
+@pytest.mark.parametrize(
+    ("new", "old", "expected"),
+    [
+        (prediction(2e-3), prediction(5e-3), True),
+        (prediction(4.9e-3), prediction(5e-3), False),  # by less than matters
+        (prediction(1e-5), prediction(1e-4), False),  # of what matters to nobody
+        (prediction(5e-3, damping=0.05), prediction(5e-3), True),
+        (prediction(8e-3, damping=0.05), prediction(5e-3), False),  # what makes frequencies worse
+        (prediction(5e-3, pull=1.0), prediction(5e-3, pull=5.0), True),  # what lets go of what is known
+        (prediction(5e-3, pull=4.0), prediction(5e-3, pull=5.0), False),
+    ],
+)
+def test_what_predicts_better(new, old, expected):
+    assert better(new, old) == expected
