@@ -19,6 +19,7 @@ from ema.campaign.campaign_file import (
 from ema.campaign.estimate import Averaging
 from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
 from ema.campaign.references import Reassembly, reference_faults
+from ema.io.data_arrays import holds_data_arrays
 from ema.io.form import did_you_mean, read_form
 from ema.io.found_modes import ModesStd
 from ema.io.table import TableLayout, read_points
@@ -165,10 +166,10 @@ class Campaign:
         The campaign file, and the folder that its file names are relative to.
     stack : Path or None
         Stack file of the model, if named.
-    points : Path
-        File of the points.
+    points : Path or None
+        File of the points, if named.
     geometry : Geometry
-        The measured points.
+        The measured points; none where no file is named.
     without_coordinates : tuple of int
         Points that are measured although the geometry does not hold them; any other such point is refused.
     configurations : tuple of Configuration
@@ -209,7 +210,7 @@ class Campaign:
     path: Path
     folder: Path
     stack: Path | None
-    points: Path
+    points: Path | None
     geometry: Geometry
     without_coordinates: tuple[int, ...]
     configurations: tuple[Configuration, ...]
@@ -256,7 +257,7 @@ def read_campaign(path: str | Path) -> Campaign:
         name = "Stack 4, two torques"          # title
         [structure]
         stack = "stack.toml"                   # the model's stack file; may be left out
-        [points]
+        [points]                               # may be left out for an identification alone
         file = "points.csv"                    # columns node,x,y,z; or a universal file with points
         unit = "mm"                            # needed for CSV; for a universal file it overrides set 164
         lines = [[1, 2, 3], [4, 5, 6]]         # trace lines for drawing, beside those of a universal file
@@ -325,7 +326,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         See `read_campaign`.
     """
     folder = path.resolve().parent
-    points = folder / content.points.file
+    points = None if content.points.file is None else folder / content.points.file
     geometry, notes = geometry_of(path, folder, content.points)
     names = [c.name for c in content.configuration]
     if len(set(names)) < len(names):
@@ -368,7 +369,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
             damping=content.modes.damping_std,
             shape=content.modes.shape_std,
         ),
-        file_units=read_uff_units(points) if format_of(points) == "uff" else None,
+        file_units=read_uff_units(points) if points is not None and format_of(points) == "uff" else None,
         project=content.campaign.project,
         author=content.campaign.author,
         date=content.campaign.date,
@@ -377,7 +378,11 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
 
 def _require_description(path: Path, given: MeasurementSection, files: list[Path]) -> None:
     """Refuse files that do not describe themselves and that the campaign file does not describe."""
-    formats = {format_of(file, given.format) for file in files}
+    own = given.variables is None  # functions of SDynPy need no description
+    formats = {
+        f for file in files
+        if not ((f := format_of(file, given.format)) == "numpy" and own and holds_data_arrays(file))
+    }  # fmt: skip
     stated = given.unit is not None or given.time is not None
     if ("wav" in formats) != bool(given.full_scale) or ("wav" in formats and given.time is None):
         message = (
@@ -477,7 +482,7 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
 
 
 def geometry_of(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry, tuple[str, ...]]:
-    """Return the points that a section of a campaign file lists, and what reading them noted.
+    """Return the points that a section of a campaign file lists, none without a file, and what reading them noted.
 
     Raises
     ------
@@ -486,6 +491,9 @@ def geometry_of(path: Path, folder: Path, given: PointsSection) -> tuple[Geometr
     MeasurementError
         The file of the points cannot be read.
     """
+    if given.file is None:
+        whole = np.empty(0, dtype=np.int64)
+        return Geometry(node=whole, coordinate=np.empty((0, 3)), line=whole.reshape(0, 2)), ()
     file = folder / given.file
     try:
         special = file.exists() and not (file.is_file() or file.is_dir())

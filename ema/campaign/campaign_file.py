@@ -109,12 +109,19 @@ class StructureSection(Section):
 
 
 class PointsSection(Section):
-    """Where the points are listed."""
+    """Where the points are listed; shapes are drawn and compared with a model by their coordinates alone."""
 
-    file: str
+    file: str | None = None
     unit: UnitText | None = None
     lines: tuple[tuple[int, ...], ...] = ()
     without_coordinates: tuple[int, ...] = ()
+
+    @model_validator(mode="after")
+    def _of_a_file(self) -> PointsSection:
+        if self.file is None and (self.unit is not None or self.lines):
+            message = "'unit' and 'lines' are of the points that 'file' lists: name it, or leave them out"
+            raise ValueError(message)
+        return self
 
 
 class MeasurementSection(Section):
@@ -133,7 +140,8 @@ class MeasurementSection(Section):
     def _is_frf_unit(self) -> MeasurementSection:
         if self.unit is not None and parse_unit(self.unit).frf is None:
             message = (
-                f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'"
+                f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'; volts are "
+                "divided by the sensor's sensitivity: 'V/N/(100 mV/g)'"
             )
             raise ValueError(message)
         if self.time is not None and "exponential_window_s" in self.model_fields_set:
@@ -269,7 +277,7 @@ class CampaignFile(Section):
 
     campaign: TitleSection
     structure: StructureSection = StructureSection()
-    points: PointsSection
+    points: PointsSection = PointsSection()
     measurement: MeasurementSection = MeasurementSection()
     configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
     modes: ModesSection = ModesSection()

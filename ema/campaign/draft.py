@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.campaign.draft_histories import is_of_force, side_by_side
 from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
 from ema.io.contents import UNKNOWN, Code, Contents, point_in
+from ema.io.data_arrays import holds_data_arrays, read_data_arrays
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
+from ema.io.measured_function import MeasuredFunction
 from ema.io.table import read_points
-from ema.io.uff import OF_GEOMETRY, UNSTATED, read_uff_functions, read_uff_geometry
+from ema.io.uff import OF_GEOMETRY, REAL, UNSTATED, VOLTS, read_uff_functions, read_uff_geometry
 from ema.io.uff58 import cut
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
@@ -92,7 +95,7 @@ def draft(folder: Path) -> Draft:
         contents = _beside_forces(contents)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
-    configurations = _of_one_layout(configurations, left_out)
+    configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
     if not configurations:
         said = f" ({'; '.join(_shortened(left_out))})" if left_out else ""
         message = (
@@ -143,6 +146,8 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         kind = format_of(file)
         if kind == "uff":
             return _universal(file)
+        if kind == "numpy" and holds_data_arrays(file):
+            return _of_functions(file, read_data_arrays(file, None))
         if kind != "csv":
             return _at_point(guess_variables(file, matlab=kind == "mat"))
     except MeasurementError as error:
@@ -190,6 +195,23 @@ def _universal(file: Path) -> Contents | None:
     if holds_points and {s.kind for s in cut(file, heads=True)} <= OF_GEOMETRY:
         return None  # a list of points
     functions, notes = read_uff_functions(file, heads=True)
+    volts = [note.rpartition(f"{VOLTS} ")[2] for note in notes if VOLTS in note]
+    real = any(REAL in note for note in notes)
+    if real and not any(f.kind in ("frf", "response") for f in functions):
+        message = f"{file}: {REAL}; export complex FRFs"
+        raise MeasurementError(message)
+    contents = _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
+    return replace(contents, volts=volts[0] if "/" in volts[0] else f"{volts[0]}/N") if volts else contents
+
+
+def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstated: bool = False) -> Contents:
+    """Return what a file holds that describes its functions itself.
+
+    Raises
+    ------
+    MeasurementError
+        It holds neither FRFs nor time histories.
+    """
     frfs = [f for f in functions if f.kind == "frf"]
     used = frfs or [f for f in functions if f.kind == "response"]
     if not used:
@@ -202,13 +224,14 @@ def _universal(file: Path) -> Contents | None:
     stated = {
         "output": all(f.output is not None for f in used),
         "input": all(f.input is not None for f in frfs),  # of time histories it is the DOF of the force
-        "unit": all(f.quantity is not None for f in used) and not any(UNSTATED in note for note in notes),
+        "unit": all(f.quantity is not None for f in used) and not unstated,
     }
     return Contents(
         file=file,
         dofs=tuple((f.output, f.input) for f in used),
         states=frozenset(key for key, there in stated.items() if there),
         is_time=not frfs,
+        n_channel=sum(f.kind in ("response", "force") for f in functions),
     )
 
 
@@ -244,6 +267,32 @@ def _of_one_layout(
     return kept
 
 
+def _with_forces(
+    configurations: dict[str, tuple[Contents, ...]], left_out: list[str]
+) -> dict[str, tuple[Contents, ...]]:
+    """Leave out time histories of one channel that no file with a force stands beside."""
+    kept = {}
+    for name, contents in configurations.items():
+        sets = side_by_side(contents)
+        alone = [own[0] for own in sets if own[0].is_time and sum(map(_channels, own)) == 1]
+        if len(alone) < len(sets) or any(
+            map(is_of_force, contents)
+        ):  # which may be put beside each other by hand
+            kept[name] = contents
+            continue
+        left_out.extend(
+            f"{c.file}: holds one time history, and an FRF needs a force and a response: put both into one file, or "
+            "into two whose names differ in a word alone, such as hit1_force and hit1_acc"
+            for c in alone
+        )
+    return kept
+
+
+def _channels(contents: Contents) -> int:
+    """Return how many channels of time histories a file holds."""
+    return contents.n_channel if contents.section is None else len(contents.titles)
+
+
 def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
     """Return arrays of one channel described as those of several in other files, which have an axis more."""
     axes = contents.keys.get("axes", ())
@@ -256,7 +305,7 @@ def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
 
 def _differing(contents: Contents, usual: Contents) -> str:
     """Say in words which keys of a file, and perhaps which unit, are others than the usual ones."""
-    here, there = ({**own.keys, "unit": own.unit or "unknown"} for own in (contents, usual))
+    here, there = ({**own.keys, "unit": own.unit or own.volts or "unknown"} for own in (contents, usual))
     names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
     return "; ".join(
         f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import json
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,7 +90,8 @@ def write_draft(found: Draft, file: DraftFile) -> Path:
 def _points(found: Draft, missing: list[str]) -> list[str]:
     if found.points is None:
         missing.append(
-            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit"
+            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit, to draw shapes "
+            "and to compare them with a model"
         )
         return [
             '# file = "points.csv"  # to be filled in: columns node,x,y,z with the origin in the centre of the stack',
@@ -111,9 +113,10 @@ def _measurement(found: Draft, missing: list[str]) -> list[str]:
     units = {c.unit for c in found.contents if "unit" not in c.states}
     if units and not is_time:
         unit = next(iter(units)) if len(units) == 1 else None
+        comment = "as the header says"
         if unit is None:
-            missing.append("measurement.unit: the unit of the FRFs, such as (m/s2)/N or g/N")
-        comment = "to be filled in: such as (m/s2)/N, g/N or mm/N" if unit is None else "as the header says"
+            comment = "to be filled in: such as (m/s2)/N, g/N or mm/N"
+            missing.append(f"measurement.unit: {_asked_unit(found.contents)}")
         lines.append(f"unit = {_toml(unit or UNKNOWN)}  # {comment}")
     for section in ("table", "variables"):
         described = [c for c in found.contents if c.section == section]
@@ -125,12 +128,32 @@ def _measurement(found: Draft, missing: list[str]) -> list[str]:
     return lines
 
 
+def _asked_unit(contents: tuple[Contents, ...]) -> str:
+    """Say which unit is asked for, and why the headers do not tell it."""
+    labels = Counter(c.unit or c.volts for c in contents if "unit" not in c.states)
+    label, count = labels.most_common(1)[0]
+    if len(labels) > 1:
+        said = ", ".join(f"{name or 'none'} in {n} files" for name, n in labels.most_common())
+        return (
+            f"the files state several units, {said}: give that of most of them, and scale the others by a "
+            "[[correction]]"
+        )
+    if label:
+        return (
+            f"the {'file states' if count == 1 else 'files state'} {label}, the volts of a sensor: divide by its "
+            f'sensitivity, such as unit = "{label}/(100 mV/g)" for a sensor of 100 mV/g'
+        )
+    return "the unit of the FRFs, such as (m/s2)/N or g/N"
+
+
 def _averaging(keys: dict[str, Guessed], missing: list[str]) -> Iterable[str]:
     for key, guessed in keys.items():
         yield f"{key} = {_toml(guessed.value)}  # {guessed.comment}"
         if guessed.value == UNKNOWN:
             meant = '"hann" for random excitation, "boxcar" for impacts or whole periods'
-            missing.append(f"measurement.time.{key}: {meant if key == 'window' else 'such as N and m/s2'}")
+            missing.append(
+                f"measurement.time.{key}: {meant if key == 'window' else 'such as N and m/s2, of volts V/(100 mV/g)'}"
+            )
 
 
 def _section(section: str, described: list[Contents], missing: list[str]) -> Iterable[str]:
@@ -142,6 +165,8 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
             said = f"nothing in {described[0].file.name} looks like it"
             if key == "frf" and described[0].guesses:
                 said = f"{described[0].guesses[0]}; name the one that holds FRFs"
+            elif key == "phase_unit":
+                said = f"{next(g for g in described[0].guesses if g.startswith('the phase'))}; say deg or rad"
             missing.append(f"measurement.{section}.{key}: {said}")
         yield f"{key} = {_toml(value)}{'  # to be filled in' if unknown else ''}"
 

@@ -15,6 +15,7 @@ from ema.campaign.hits import find_hits
 from ema.campaign.named_files import format_of, natural
 from ema.io.array_histories import read_histories
 from ema.io.contents import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
+from ema.io.data_arrays import read_data_arrays
 from ema.io.guess_histories import PULSE, pulse_share
 from ema.io.measured_function import MeasuredFunction
 from ema.io.table import TableLayout, read_table
@@ -75,6 +76,11 @@ def _without(contents: Contents, start: int, end: int) -> str:
     )
 
 
+def is_of_force(contents: Contents) -> bool:
+    """Whether a file's name says that it holds a force."""
+    return _force_key(contents) is not None
+
+
 def _force_key(contents: Contents) -> str | None:
     for word in _words(contents):
         if _FORCE_FILE.match(word[0]):
@@ -112,7 +118,7 @@ def averaging_of(sets: list[Set]) -> dict[str, Guessed]:
     if force is not None and not states:
         found["force"] = Guessed(value=position + 1, comment=force.comment)
     found |= _window([_forces_first(r)[0] if states else r[position] for r in records if len(r) > position])
-    if all(c.section is None for c in sets[0]):
+    if all(format_of(c.file) == "uff" for c in sets[0]):
         return found  # universal files state their units
     if force is None:
         found["force"] = Guessed(value=1, comment="guessed: nothing tells which channel is the force")
@@ -163,6 +169,8 @@ def _record(own: Set) -> list[MeasuredFunction] | None:
         try:
             if kind == "uff":
                 channels += [f for f in read_uff_functions(c.file)[0] if f.kind in ("force", "response")]
+            elif c.section is None:
+                channels += [f for f in read_data_arrays(c.file, None) if f.kind == "response"]
             elif kind == "csv":
                 channels += read_table(c.file, TableLayout.model_validate(keys), None)
             else:

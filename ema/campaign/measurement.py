@@ -138,7 +138,11 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     outputs, inputs = _full_block(pairs, notes)
     frf, overload = _block(pairs, outputs, inputs, notes)
     absent = sorted({int(n) for n in frf.output.node} - {int(n) for n in campaign.geometry.node})
-    if absent:
+    if campaign.points is None:
+        notes.append(
+            "no list of points (file under [points]): shapes are not drawn, nor compared with a model"
+        )
+    elif absent:
         notes.append(f"points without coordinates, measured but not drawn: {absent}")
     return Measurement(
         name=configuration.name,
@@ -262,7 +266,8 @@ def _corrected(
     if function.quantity is None:
         message = (
             f"{function.source}: the file does not state which quantity over force this FRF is; "
-            "say [measurement] unit = 'm/s2/N' or what it is in the campaign file"
+            "say [measurement] unit = 'm/s2/N' or what it is in the campaign file, of volts with the sensor's "
+            "sensitivity: unit = 'V/N/(100 mV/g)'"
         )
         raise MeasurementError(message)
     assert output is not None
@@ -284,6 +289,8 @@ def _corrected(
 def _require_points(campaign: Campaign, function: MeasuredFunction, dofs: tuple[Dof, Dof]) -> None:
     """Refuse a response or force at a point that is not listed: it is more often mistyped than meant."""
     known = campaign.geometry.node
+    if campaign.points is None:
+        return
     for role, dof in zip(("response", "force"), dofs, strict=True):
         if dof.node not in known and dof.node not in campaign.without_coordinates:
             message = (

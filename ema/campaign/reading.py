@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ema.campaign.campaign import Campaign
-from ema.campaign.named_files import format_of
+from ema.campaign.named_files import Format, format_of
 from ema.io.array_histories import read_histories
+from ema.io.data_arrays import read_data_arrays
 from ema.io.measured_function import MeasuredFunction
-from ema.io.table import read_table
+from ema.io.table import TableLayout, read_records, read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import read_variables
 from ema.io.wav import read_wav
@@ -33,7 +34,7 @@ def frfs_of(
         It cannot be read, or not as the campaign file describes it.
     """
     kind = format_of(file, campaign.format)
-    if kind in _ARRAYS:
+    if kind in _ARRAYS and not _describes_itself(campaign, kind):
         assert campaign.variables is not None
         functions = read_variables(file, campaign.variables, campaign.unit, matlab=kind == "mat")
     else:
@@ -81,20 +82,37 @@ def records_of(
 def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_Channels, ...], ...]:
     """Return for each run of a file its records, for each record its channels."""
     kind = format_of(file, campaign.format)
-    if kind in _ARRAYS:
+    if kind in _ARRAYS and not _describes_itself(campaign, kind):
         assert campaign.variables is not None
         return read_histories(file, campaign.variables, matlab=kind == "mat")
+    if kind == "csv" and campaign.table is not None:
+        return (_of_table(campaign.table, file, notes),)
     return ((_plain(campaign, file, notes),),)
 
 
+def _of_table(table: TableLayout, file: Path, notes: list[str]) -> tuple[_Channels, ...]:
+    """Return the records of a text file; those of its segments are averaged."""
+    records = read_records(file, table)
+    if len(records) > 1:
+        notes.append(f"{file}: its {len(records)} segments are blows or blocks that are averaged")
+    return records
+
+
+def _describes_itself(campaign: Campaign, kind: Format) -> bool:
+    """Whether files are functions of SDynPy, which need no description of their variables."""
+    return kind == "numpy" and campaign.variables is None
+
+
 def _plain(campaign: Campaign, file: Path, notes: list[str]) -> _Channels:
-    """Return the functions of a universal file, a table or a sound file."""
+    """Return the functions of a universal file, of SDynPy, of a table or of a sound file."""
     if format_of(file, campaign.format) == "uff":
         functions, odd = read_uff_functions(file, campaign.unit, campaign.file_units)
         notes += odd
         return functions
     if format_of(file, campaign.format) == "wav":
         return read_wav(file, campaign.full_scale)
+    if format_of(file, campaign.format) == "numpy":
+        return read_data_arrays(file, campaign.unit)
     if campaign.table is None:
         message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
         raise CampaignError(message)

@@ -226,14 +226,16 @@ def identify_frf(
     if pole is not None:
         _require_inside(pole, band, name)
     white = lines.convert(whitest(lines))
+    quantity, n_input = lines.quantity, lines.input.node.size
+    del lines  # large
     found = fit_band(white, order, pole, band)
     _require_modes(found.fit, white, order, pole, band, name)
     white = replace(white, value=found.value)
-    model = _model(found, white, lines.quantity, geometry, name, band)
+    model = _model(found, white, quantity, geometry, name, band)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
-    return replace(model, unexplained=_unexplained(found.left, lines.input.node.size))
+    return replace(model, unexplained=_unexplained(found.left, n_input))
 
 
 def _require_lines(lines: FRF, frf: FRF, order: int, band: tuple[float, float], name: str) -> None:

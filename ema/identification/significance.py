@@ -16,6 +16,7 @@ import scipy.special as special
 from numpy.typing import NDArray
 
 from ema.identification.maximum_likelihood import Fit
+from ema.types.blocks import BLOCK
 from ema.types.frf import DERIVATIVE, Quantity
 
 FALSE_ALARM = 1e-4
@@ -205,13 +206,13 @@ def likeliest_poles(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.comp
     scaled = fit.whitened
     threshold = significance_threshold(n_function, n)
     size = scipy.fft.next_fast_len(2 * n)
-    spectrum = scipy.fft.fft(scaled, size, axis=1)
     ones = scipy.fft.rfft(np.ones(n), size)
     offset = np.arange(size, dtype=float)
     offset[offset > size // 2] -= size
+    widths = [width for width in 0.25 * 2.0 ** np.arange(64) if width < n / 8]
+    powers = _correlated(scaled, [1.0 / (1.0 + 1j * offset / width) for width in widths])
     found: list[tuple[float, complex]] = []
-    width = 0.25
-    while width < n / 8:
+    for width, power in zip(widths, powers, strict=True):
         line = 1.0 / (1.0 + 1j * offset / width)
         half_bandwidth = 2.0 * np.pi * spacing * width
         pole = -half_bandwidth + 2j * np.pi * frequency
@@ -219,23 +220,49 @@ def likeliest_poles(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.comp
         for old in fit.pole:
             free &= np.abs(pole.imag - old.imag) > np.maximum(half_bandwidth, -old.real)
         energy = scipy.fft.irfft(ones * scipy.fft.rfft(np.abs(line) ** 2), size)[:n]
-        amplitude = scipy.fft.ifft(spectrum * scipy.fft.fft(line).conj(), axis=1)[:, :n] / energy
-        statistic = np.where(free, 2.0 * energy * np.sum(np.abs(amplitude) ** 2, axis=0), 0.0)
+        statistic = np.where(free, 2.0 * power / energy, 0.0)
         for _ in range(TRIES_PER_WIDTH):
             k = int(np.argmax(statistic))
             if statistic[k] <= threshold:
                 break
             window = _window(frequency, pole[k])
-            rest = scaled[:, window] - amplitude[:, k, None] * line[np.arange(n)[window] - k]
+            at = line[np.arange(n) - k]
+            amplitude = scaled @ at.conj() / energy[k]
+            rest = scaled[:, window] - amplitude[:, None] * at[window]
             inflated = statistic[k] / inflation(rest)
-            if inflated > threshold and _collinear(amplitude[:, k]) > 0.8 * MIN_COLLINEARITY:
+            if inflated > threshold and _collinear(amplitude) > 0.8 * MIN_COLLINEARITY:
                 found.append((inflated, complex(pole[k])))
                 break
             reach = int(np.ceil(2.0 * width))
             statistic[max(0, k - reach) : k + reach + 1] = 0.0
-        width *= 2.0
     found.sort(key=lambda pair: pair[0], reverse=True)
     return np.array([pole for _, pole in found], dtype=complex)
+
+
+def _correlated(
+    value: NDArray[np.complex128], lines: Sequence[NDArray[np.complex128]]
+) -> NDArray[np.float64]:
+    """Return the power of the correlation of functions with each of some lines, summed over the functions.
+
+    Parameters
+    ----------
+    value : (n_function, n_frequency) complex
+        Worked on some functions at a time, since transforms take several times their memory.
+    lines : sequence of (size,) complex
+        By their offset from the centre, wrapped; `size` is at least twice the number of frequencies.
+
+    Returns
+    -------
+    (n_line, n_frequency) float
+    """
+    n, size = value.shape[1], lines[0].size if lines else 1
+    transformed = [scipy.fft.fft(line).conj() for line in lines]
+    power = np.zeros((len(lines), n))
+    for start in range(0, len(value), BLOCK):
+        spectrum = scipy.fft.fft(value[start : start + BLOCK], size, axis=1)
+        for k, line in enumerate(transformed):
+            power[k] += np.sum(np.abs(scipy.fft.ifft(spectrum * line, axis=1)[:, :n]) ** 2, axis=0)
+    return power
 
 
 def _collinear(amplitude: NDArray[np.complex128]) -> float:

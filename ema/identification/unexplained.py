@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ema.identification.functions import Functions
 from ema.identification.maximum_likelihood import Fit
+from ema.types.peak_finding import find_peaks
 
 VISIBLE = 1.0
 """Height over the valleys beside it from which on a peak of the summed power is seen by anyone, dB."""
@@ -144,11 +145,8 @@ def _peaks_of_any_width(power: NDArray[np.float64], prominence: float) -> list[t
 
 def _peaks(power: NDArray[np.float64], prominence: float) -> list[tuple[int, int, int]]:
     """Line, and first and last line around it, of peaks that stand out of the noise, the highest first."""
-    from scipy.signal import find_peaks  # here: it takes long to import, and other commands do not need it
-
     level = 10.0 * np.log10(np.maximum(power, _FLOOR * power.max()))
-    lines, properties = find_peaks(level, prominence=prominence)
-    heights = properties["prominences"]
+    lines, heights = find_peaks(level, prominence)
     return [
         (int(lines[k]), *_around(level, int(lines[k]), min(0.8 * heights[k], 3.0)))
         for k in np.argsort(-heights)

@@ -22,7 +22,8 @@ from ema.types.errors import MeasurementError
 LARGEST = 100_000_000
 """Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""
 _LISTED = 20  # names of a file that a message lists
-_NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"  # first bytes of files of numpy.save, and of numpy.savez
+NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
+"""First bytes of files of numpy.save, and of numpy.savez."""
 _UNITS = ("unit", "units", "Unit", "Units")  # attributes of HDF5
 _COMPLEX_FIELDS = ("real", "imag")  # of complex numbers as MATLAB stores them in HDF5
 
@@ -78,7 +79,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
         raise MeasurementError(message) from error
     is_hdf5 = h5py.is_hdf5(path)
-    is_numpy, is_tdms = begin == _NPY or begin[:4] == _ZIP, begin[:4] == MAGIC
+    is_numpy, is_tdms = begin == NPY or begin[:4] == _ZIP, begin[:4] == MAGIC
     if not (is_hdf5 or matlab or is_numpy or is_tdms):
         message = f"{path}: is not an HDF5 file"
         raise MeasurementError(message)
@@ -87,7 +88,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
             with h5py.File(path, "r") as file:
                 yield _in_hdf5(file, matlab=matlab)
         elif is_numpy:
-            yield _in_numpy(path, single=begin == _NPY)
+            yield _in_numpy(path, single=begin == NPY)
         elif is_tdms:
             with channels_in(path) as found:
                 yield {
@@ -218,29 +219,29 @@ def _element(name: str, number: int, *, is_cell: bool) -> str:
 def _in_numpy(path: Path, *, single: bool) -> dict[str, ArrayInFile]:
     """Return the arrays of a file of `numpy.save` or `numpy.savez`; objects, which could be programs, are not read."""
     if single:
-        shape, kind = _numpy_header(path.open("rb"))
+        shape, dtype = numpy_header(path.open("rb"))
         read = partial(np.load, path, allow_pickle=False)
-        return {"array": ArrayInFile(shape=shape, read=read)} if kind in "fiubc" else {}
+        return {"array": ArrayInFile(shape=shape, read=read)} if dtype.kind in "fiubc" else {}
     found: dict[str, ArrayInFile] = {}
     with zipfile.ZipFile(path) as archive:
         for member in archive.namelist():
             if member.endswith(".npy"):
-                shape, kind = _numpy_header(archive.open(member))
+                shape, dtype = numpy_header(archive.open(member))
                 name = member.removesuffix(".npy")
-                if kind in "fiubc":
+                if dtype.kind in "fiubc":
                     found[name] = ArrayInFile(shape=shape, read=partial(_in_archive, path, name))
     return found
 
 
-def _numpy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], str]:
-    """Return the shape of an array in a file of NumPy and the kind of its values."""
+def numpy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Return the shape of an array in a file of NumPy and the type of its values, and close the file."""
     with stream:
         version = np.lib.format.read_magic(stream)
         read = (
             np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         )
         shape, _, dtype = read(stream)
-    return shape, dtype.kind
+    return shape, dtype
 
 
 def _in_archive(path: Path, name: str) -> NDArray[Any]:

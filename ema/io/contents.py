@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ema.io.units import parse_unit
+from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
 
 Code = tuple[int, int]
@@ -55,6 +55,10 @@ class Contents:
         Of time histories in arrays how long each axis is.
     by_numbers : bool
         Whether nothing but its numbers tells that it holds FRFs.
+    volts : str
+        Unit of the FRFs where the file writes one of volts, such as V/N; empty where it does not.
+    n_channel : int
+        Channels of time histories of a file that describes itself.
     guesses : tuple of str
         What was taken for granted, and why.
     """
@@ -70,6 +74,8 @@ class Contents:
     n_run: int = 1
     lengths: Mapping[str, int] = field(default_factory=dict)
     by_numbers: bool = False
+    volts: str = ""
+    n_channel: int = 0
     guesses: tuple[str, ...] = ()
 
 
@@ -101,15 +107,24 @@ def dof_name(code: Code | None) -> str:
 
 def unit_in(text: str) -> str | None:
     """Return the first unit of a response over a force in a header; None where there is none."""
+    return next((label for label, unit in _ratios(text) if unit.frf is not None), None)
+
+
+def volts_in(text: str) -> str:
+    """Return the first unit of volts over something in a header; empty where there is none."""
+    return next((label for label, unit in _ratios(text) if unit.volt != 0), "")
+
+
+def _ratios(text: str) -> Iterator[tuple[str, Unit]]:
+    """Give the units in a header that are ratios, with what they mean."""
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)
     for word in (*re.split(r"[\s,;]+", text), *in_brackets):
         label = word.strip("[]\"'")
         try:
-            if "/" in label and parse_unit(label).frf is not None:
-                return label
+            if "/" in label or "^-1" in label:
+                yield label, parse_unit(label)
         except MeasurementError:
             continue
-    return None
 
 
 def point_in(text: str) -> int | None:

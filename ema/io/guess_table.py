@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import gzip
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, with_names
+from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, volts_in, with_names
+from ema.io.polar import polar_units
+from ema.io.rows import SEPARATORS, cells_of, decoded, encoding_of, number, unpacked
 from ema.io.sampling import is_uneven, rate_of_rounded
-from ema.io.table import number
+from ema.io.segments import END_OF_HEADER, segments_of
 
 _FEWEST_ROWS = 10  # of numbers; less is no measured function
 _LOOKED_AT = 400  # rows of numbers
 _MOST_HEADER = 200  # rows
 _LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
+_OF_FRFS = (
+    r"frequency.?response|transfer|\bfrf|\bH[12v]?\b|response.?func|/\W?(?:[km]?N|lbf?)\b|accelerance|"
+    r"inertance|mobility|receptance|compliance|Übertragung|prenosn"
+)
+_OF_SPECTRA = (
+    r"auto.?(?:power.?)?(?:spectr|spekt)\w*|(?:power|cross|frequency|leistungs|amplituden).?(?:spectr|spekt)\w*|"
+    r"\b(?:psd|asd|csd)\b|spectral densit\w*|\b(?:amplitude|linear|complex) spectrum|\bspectrum$"
+)
 _OF_TIME = (
     r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
 )
@@ -29,8 +39,7 @@ _STEP = rf"(?:delta_x|sampl\w*[ _]?(?:interval|period|time)|abtastint\w*){_NUMBE
 _FACTORS = {
     "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi), "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
 }  # fmt: skip
-_END_OF_HEADER = "***End_of_Header"  # of LabVIEW, whose titles follow it
-_SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": None}
+_DELIMITERS = ("tab", "semicolon", "comma", "space")  # in the order in which they are tried
 _KINDS = (
     ("coherence", r"[ck]oh[eä]|\bcoh|gamma"),
     ("phase", r"phase|\bphi\b|angle|\bfaza|\bfazni|winkel"),
@@ -50,13 +59,14 @@ class _Text:
     decimal: str
     header: list[list[str]]
     n_header: int
+    n_segment: int
     value: NDArray[np.complex128]
 
     def title(self, column: int) -> str:
         """All that the header says over a column."""
         width = self.value.shape[1]
         begin = (
-            max((k for k, row in enumerate(self.header) if row[0].startswith(_END_OF_HEADER)), default=-1) + 1
+            max((k for k, row in enumerate(self.header) if row[0].startswith(END_OF_HEADER)), default=-1) + 1
         )
         rows = self.header[begin:]
         fits = [row for row in rows if len(row) == width or (len(row) == width + 1 and not row[-1].strip())]
@@ -89,8 +99,22 @@ def guess_table(path: Path) -> Contents | None:
     titles say, else what their numbers look like.
     """
     text = _cut(path)
-    if text is None:
-        return None
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
+        contents = None if text is None else _guess(path, text)
+    if text is None or contents is None or text.n_segment == 1:
+        return contents
+    what = (
+        "records that are averaged; one that goes on where the one before ends is joined to it"
+        if contents.is_time
+        else "functions of their own"
+    )
+    guess = f"the {text.n_segment} segments of the file are {what}"
+    dofs = contents.dofs if contents.is_time else contents.dofs * text.n_segment
+    return replace(contents, dofs=dofs, guesses=(guess, *contents.guesses))
+
+
+def _guess(path: Path, text: _Text) -> Contents | None:
+    """Return what a text file cut into header and numbers seems to hold."""
     keys: dict[str, Any] = {}
     guesses: list[str] = []
     for key, value, usual in (
@@ -114,6 +138,8 @@ def guess_table(path: Path) -> Contents | None:
     if axis is not None and _is_time(text, axis, guesses):
         return _with_times(path, text, axis, keys, guesses)
     n_told = len(guesses)
+    if _spectrum_in(text, columns):
+        return None
     found = _functions(text, columns, guesses)
     by_numbers = len(guesses) > n_told
     if found is None or (guesses and not has_axis):  # any table of numbers
@@ -128,15 +154,19 @@ def guess_table(path: Path) -> Contents | None:
     if coherence:
         keys["coherence_columns"] = [c + 1 for c in coherence]
     if layout == "magnitude-phase":
-        keys |= _polar_units(text, groups, guesses)
+        titles = [" ".join(text.title(group[k]) for group in groups) for k in (0, 1)]
+        size, phase = (text.value[:, [group[k] for group in groups]].real for k in (0, 1))
+        keys |= polar_units((titles[0], titles[1]), size, phase, guesses)
     if any(lacks_sign(text.title(group[0])) for group in groups):
         guesses.append("DOFs without a sign are taken as +")
+    said = " ".join(cell for row in text.header for cell in row)
     dofs, named = with_names(path, [dofs_in(text.title(group[0])) for group in groups])
     return Contents(
         file=path,
         section="table",
         keys={"layout": layout} | keys,
-        unit=unit_in(" ".join(cell for row in text.header for cell in row)),
+        unit=unit_in(said),
+        volts=volts_in(said),
         dofs=dofs,
         by_numbers=by_numbers,
         guesses=(*guesses, *named),
@@ -150,6 +180,11 @@ def not_understood(path: Path) -> str | None:
         return None
     width = text.value.shape[1]
     titles = ", ".join(filter(None, (text.title(c) for c in range(width))))
+    spectrum = _spectrum_in(text, list(range(1, width)))
+    if spectrum:
+        return (
+            f"it tells of {spectrum!r}: spectra of one channel are no FRFs; export FRFs, response over force"
+        )
     columns = f"{width} columns" + (f" ({titles})" if titles else "") + " of numbers, "
     if np.all(np.diff(text.value[:, 0].real) > 0):
         return (
@@ -162,34 +197,53 @@ def not_understood(path: Path) -> str | None:
     )
 
 
+def _spectrum_in(text: _Text, columns: list[int]) -> str:
+    """Return the words by which titles or header tell of spectra and of no FRFs; empty where they do not."""
+    titles = [text.title(c) for c in columns]
+    if re.search(_OF_FRFS, "\n".join((text.words, *titles)), re.IGNORECASE):
+        return ""
+    found = re.search(_OF_SPECTRA, "\n".join((text.words, *titles)), re.IGNORECASE)
+    return "" if found is None else found[0].strip()
+
+
 def _cut(path: Path) -> _Text | None:
     try:
-        data = path.read_bytes()
-        data = gzip.decompress(data) if path.suffix == ".gz" else data
+        data = unpacked(path.read_bytes(), path.suffix)
     except (OSError, EOFError, gzip.zlib.error):  # type: ignore[attr-defined]
         return None
-    encoding = "utf-8-sig" if data.startswith(b"\xef\xbb\xbf") else "utf-8"
+    encoding = encoding_of(data) or "utf-8"
     try:
-        rows = data.decode(encoding).splitlines()
+        rows = decoded(data, encoding).splitlines()
     except UnicodeDecodeError:
+        if encoding != "utf-8":
+            return None  # its first bytes tell another one, in which it cannot be read
         encoding = "latin-1"
-        rows = data.decode(encoding).splitlines()
-    for delimiter, decimal in ((d, p) for d in _SEPARATORS for p in ".,"):
-        if (delimiter, decimal) == ("comma", ","):
+        rows = decoded(data, encoding).splitlines()
+    quoted = any('"' in row for row in rows[: _MOST_HEADER + _LOOKED_AT])
+    for delimiter, decimal in ((d, p) for d in _DELIMITERS for p in ".,"):
+        if (delimiter, decimal) == ("comma", ",") and not quoted:
             continue
         numbers = [_numbers(row, delimiter, decimal) for row in rows[: _MOST_HEADER + _LOOKED_AT]]
         for start in range(min(len(numbers), _MOST_HEADER)):
             width = len(numbers[start] or ())
             block = numbers[start : start + _FEWEST_ROWS]
             if width > 1 and len(block) == _FEWEST_ROWS and all(len(row or ()) == width for row in block):
-                value = [row for row in numbers[start:] if row is not None and len(row) == width]
+                segments = segments_of(rows, start)
+                last = start + len(segments[0].rows)
+                value = [row for row in numbers[start:last] if row is not None and len(row) == width]
                 # an empty row, and a "#" alone, has one empty cell, whatever separates the others
-                header = [_uncommented(row).split(_SEPARATORS[delimiter]) or [""] for row in rows[:start]]
+                header = [_titles(row, delimiter) for row in rows[:start]]
                 return _Text(
                     encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
-                    value=np.array(value),
+                    n_segment=len(segments), value=np.array(value),
                 )  # fmt: skip
     return None
+
+
+def _titles(row: str, delimiter: str) -> list[str]:
+    """Return the cells of a row of a header, at least one; empty ones at its end are kept."""
+    row = _uncommented(row)
+    return (cells_of(row, delimiter) if '"' in row else row.split(SEPARATORS[delimiter])) or [""]
 
 
 def _uncommented(row: str) -> str:
@@ -197,16 +251,9 @@ def _uncommented(row: str) -> str:
     return row.lstrip("#%").lstrip(" ") if row.startswith(("#", "%")) else row
 
 
-def _cells(row: str, delimiter: str) -> list[str]:
-    cells = row.split(_SEPARATORS[delimiter])
-    while cells and not cells[-1].strip():
-        cells.pop()
-    return cells
-
-
 def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
     """Return the numbers of a row, NaN for a first cell that is empty; None where another cell holds none."""
-    cells = _cells(row, delimiter)
+    cells = cells_of(row, delimiter)
     if len(cells) > 2 and not cells[0].strip():
         cells[0] = "nan"
     try:
@@ -358,19 +405,3 @@ def _functions(
 
 def _is_coherence(value: NDArray[np.float64]) -> bool:
     return value.size > 0 and bool(np.all((value >= 0) & (value <= 1)))
-
-
-def _polar_units(text: _Text, groups: list[list[int]], guesses: list[str]) -> dict[str, str]:
-    keys = {}
-    titles = [" ".join(text.title(group[k]) for group in groups).lower() for k in (0, 1)]
-    magnitude = text.value[:, [group[0] for group in groups]].real
-    if "db" in titles[0] or magnitude.min() < 0:
-        keys["magnitude_unit"] = "dB"
-        if "db" not in titles[0]:
-            guesses.append("the magnitude is taken as dB, since some of it is negative")
-    phase = np.abs(text.value[:, [group[1] for group in groups]].real).max()
-    if "rad" in titles[1] or ("deg" not in titles[1] and "°" not in titles[1] and phase <= 2 * np.pi):
-        keys["phase_unit"] = "rad"
-        if "rad" not in titles[1]:
-            guesses.append(f"the phase is taken as rad, since it does not pass {phase:.3g}")
-    return keys

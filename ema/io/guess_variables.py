@@ -16,7 +16,9 @@ from ema.io.array_files import LARGEST, arrays_in
 from ema.io.array_histories import pattern_of
 from ema.io.contents import UNKNOWN, Code, Contents, with_names
 from ema.io.guess_histories import RATE, HistoriesFound, guess_histories
-from ema.io.variables import FIRST_COLUMN
+from ema.io.guess_parts import magnitudes_alone, parts_of_frfs
+from ema.io.variables import FIRST_COLUMN, WAYS
+from ema.types.errors import MeasurementError
 
 _Arrays = dict[str, NDArray[Any]]
 _FRF = re.compile(
@@ -24,6 +26,7 @@ _FRF = re.compile(
     re.IGNORECASE,
 )
 _SPECTRUM = re.compile(r"^[sgx]\d*(_\d+)?$|spec|psd|csd|cross|auto|fft|corr", re.IGNORECASE)
+_OF_SPECTRA = re.compile(r"spec|psd|csd|cross|auto(?!mat)|corr(?!ect)", re.IGNORECASE)
 _ESTIMATE = re.compile(
     r"(?:^|[_ ])H[12v]?(?=_|\d|$)"
 )  # H1_2_1 in a name as FFT1_H1_2_1: it outweighs a word of spectra
@@ -64,7 +67,16 @@ def guess_variables(
     with arrays_in(path, matlab=matlab) as held:
         arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
         units = {name: found.unit for name, found in held.items() if found.unit}
-    keys, block, guesses = _frfs(arrays)
+    if not arrays:
+        message = f"{path}: holds no arrays of numbers; text and objects are not read"
+        raise MeasurementError(message)
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
+        return _guess(path, arrays, units, beside)
+
+
+def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mapping[str, int]) -> Contents:
+    """Return what the arrays of a file seem to hold."""
+    keys, block, guesses = _frfs(arrays, units)
     if block is None:
         found = guess_histories(arrays, beside)
         if found is not None:
@@ -95,14 +107,16 @@ def _of_frfs(
     path: Path, arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guesses: list[str]
 ) -> Contents:
     """Return what a file with FRFs, of the shape of `block`, holds beside them."""
-    names = keys.get("frf", [])
+    parts = [key for keys_ in WAYS for key in keys_ if key in keys]
+    names = keys[parts[0]]
     own_column = _is_axis(block)
     frequency = FIRST_COLUMN if own_column else _frequency(arrays, block.shape)
     steps = {} if frequency else _steps(arrays, max(block.shape), guesses)
     keys |= steps if steps else {"frequency": frequency or UNKNOWN}
     shape = (block.shape[0], block.shape[1] - 1) if own_column else block.shape
     n_line = max(shape) if steps else shape[0] if own_column or not frequency else arrays[frequency].size
-    axes = ["frequency", "output"] if own_column or len(names) > 1 else _axes(shape, n_line)
+    columns = own_column or (len(names) > 1 and shape[0] == n_line)
+    axes = ["frequency", "output"] if columns else _axes(shape, n_line)
     keys["axes"] = axes
     if own_column:
         guesses.append("the first column of the FRFs is taken as their frequencies")
@@ -112,7 +126,7 @@ def _of_frfs(
     if coherence:
         keys["coherence"] = coherence if len(coherence) > 1 else coherence[0]
     if len(names) == 1:
-        keys["frf"] = names[0]
+        keys |= {part: keys[part][0] for part in parts}
     lengths = dict(zip(axes, [n for n in shape if n > 1], strict=False))
     n_output, n_input = lengths.get("output", 1) * max(len(names), 1), lengths.get("input", 1)
     states = frozenset(
@@ -125,10 +139,10 @@ def _of_frfs(
     )
 
 
-def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
+def _frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
     """Return the keys of the FRFs, an array in their shape, and what was guessed."""
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
-    spectra = [n for n in whole if _SPECTRUM.search(_last(n)) and not _ESTIMATE.search(_last(n))]
+    spectra = [n for n in whole if _is_spectrum(n)]
     called = [
         name
         for name in whole
@@ -146,15 +160,19 @@ def _frfs(arrays: _Arrays) -> tuple[dict[str, Any], NDArray[Any] | None, list[st
         said = f"variable{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {'are' if len(names) > 1 else 'is'}"
         beside = f"; other complex variables are {', '.join(map(repr, others))}" if others else ""
         return {"frf": names}, whole[first], [f"{said} taken as the FRFs{beside}"]
-    for name, value in arrays.items():
-        if value.size > 1 and re.search(r"(?:^|[._/])re(?:al)?\b|_re(?:al)?$", name, re.IGNORECASE):
-            other = re.sub(r"re(al)?$", lambda m: "imag" if m[1] else "im", name, flags=re.IGNORECASE)
-            same = {n.lower(): n for n, v in arrays.items() if v.shape == value.shape}
-            if other.lower() in same:
-                said = f"variable {name!r} is taken as the real part of the FRFs"
-                return {"real": name, "imaginary": same[other.lower()]}, value, [said]
+    if (parts := parts_of_frfs(arrays, units)) is not None:
+        return parts
     said = f"complex variables {', '.join(map(repr, spectra[:_LISTED]))} look like spectra" if spectra else ""
+    said = said or magnitudes_alone(arrays)
     return {"frf": UNKNOWN}, None, [said] if said else []
+
+
+def _is_spectrum(name: str) -> bool:
+    """Whether a name, or that of the structure that it is in, is one of spectra and not of FRFs."""
+    if _ESTIMATE.search(_last(name)) or _SPECTRUM.search(_last(name)):
+        return not _ESTIMATE.search(_last(name))
+    parts = re.split(r"[./@]", name)
+    return any(map(_OF_SPECTRA.search, parts)) and not any(map(_FRF.search, parts))
 
 
 def _last(name: str) -> str:

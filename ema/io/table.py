@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,15 +14,17 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction
+from ema.io.polar import from_polar
+from ema.io.rows import SEPARATORS, cells_of, decoded, number, plain_rows, unpacked
 from ema.io.sampling import require_ascending
+from ema.io.segments import Segment, segments_of
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
 
-_BYTE_ORDER_MARK = "\ufeff"
 _BEYOND = "beyond the last column"
 _MOST_SHOWN = 40  # characters of a cell in a message
-_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+_SAME_START = 0.5  # of a step: where a segment begins that goes on with the one before
 Column = Annotated[int, Field(ge=1)]
 
 
@@ -93,9 +96,6 @@ class TableLayout(BaseModel):
                 "the sampling rate of time histories as sampling_Hz"
             )
             raise ValueError(message)
-        if self.decimal == "," and self.delimiter == "comma":
-            message = "the comma cannot be both delimiter and decimal mark"
-            raise ValueError(message)
         return self
 
 
@@ -103,26 +103,82 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
     """Read every function of a text table, plain or gzip-compressed (``.gz``).
 
     FRFs of `unit` come in SI units. Time histories come as they stand, as functions of kind "response",
-    since only the user knows which column is the force. Tables state no degrees of freedom, so `output` and
-    `input` of the functions are None.
+    since only the user knows which column is the force; of several records, see `read_records`, those of the first.
+    Tables state no degrees of freedom, so `output` and `input` of the functions are None.
 
     Raises
     ------
     MeasurementError
         The file cannot be read as `layout` describes it; the message names file, row and column.
     """
-    rows = _rows(path, layout)
-    width = len(_split(rows[0], layout.delimiter))
+    records = read_records(path, layout, unit)
+    return records[0] if layout.layout == "time" else tuple(f for record in records for f in record)
+
+
+def read_records(
+    path: Path, layout: TableLayout, unit: Unit | None = None
+) -> tuple[tuple[MeasuredFunction, ...], ...]:
+    """Read every record of a text table, each with its functions: one, and of LabVIEW's text one for each segment.
+
+    A segment that begins where the one before ends goes on with it.
+
+    Raises
+    ------
+    MeasurementError
+        As `read_table`.
+    """
+    rows = _text(path, layout.encoding).splitlines()
+    _require_quotes(path, layout, rows)
+    records: list[tuple[MeasuredFunction, ...]] = []
+    end = None
+    for segment in segments_of(rows, layout.header_rows):
+        functions = _record(path, layout, segment, unit)
+        step = float(np.diff(functions[0].abscissa).mean()) if functions[0].abscissa.size > 1 else 0.0
+        goes_on = (
+            end is not None and abs(segment.start - end) < _SAME_START * step and layout.layout == "time"
+        )
+        if goes_on and len(functions) == len(records[-1]):
+            records[-1] = tuple(_joined(a, b, step) for a, b in zip(records[-1], functions, strict=True))
+        else:
+            records.append(functions)
+        end = segment.start + step * functions[0].abscissa.size
+    if not records:
+        message = f"{path}: no rows of numbers after {layout.header_rows} header rows"
+        raise MeasurementError(message)
+    return tuple(records)
+
+
+def _joined(first: MeasuredFunction, second: MeasuredFunction, step: float) -> MeasuredFunction:
+    """Return a time history that goes on in the next segment."""
+    count = second.abscissa.size
+    after = first.abscissa[-1] + step * np.arange(1, count + 1)
+    return replace(
+        first, abscissa=np.append(first.abscissa, after), value=np.append(first.value, second.value)
+    )
+
+
+def _require_quotes(path: Path, layout: TableLayout, rows: list[str]) -> None:
+    """Refuse commas between columns and in numbers, which nothing tells apart but quotes."""
+    both = layout.decimal == "," and layout.delimiter == "comma"
+    if both and not any('"' in row for row in rows[layout.header_rows :]):
+        message = f"{path}: the comma cannot be both delimiter and decimal mark where numbers do not stand in quotes"
+        raise MeasurementError(message)
+
+
+def _record(
+    path: Path, layout: TableLayout, segment: Segment, unit: Unit | None
+) -> tuple[MeasuredFunction, ...]:
+    """Return the functions of the rows of one segment."""
+    rows = _rows(path, layout, segment.rows)
+    width = len(cells_of(rows[0], layout.delimiter))
     columns = layout.columns or _all_columns(width, layout, path)
     used = [*(c for group in columns for c in group), *layout.coherence_columns]
     if layout.axis_column:
         used.append(layout.axis_column)
     if max(used) > width:
-        message = (
-            f"{path}: column {max(used)} is asked for, but row {layout.header_rows + 1} has {width} columns"
-        )
+        message = f"{path}: column {max(used)} is asked for, but row {segment.first + 1} has {width} columns"
         raise MeasurementError(message)
-    table = _numbers(path, rows, layout, sorted(set(used)))
+    table = _numbers(path, rows, layout, sorted(set(used)), segment.first)
     if layout.sampling_Hz is not None:
         axis = np.asarray(np.arange(len(rows)) / layout.sampling_Hz, float)
     elif layout.axis_column:
@@ -131,9 +187,9 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
         axis = layout.axis_start + layout.axis_step * np.arange(len(rows))
     if layout.layout == "time":
         where = f"{path}: column {layout.axis_column}"
-        require_ascending(where, "row", layout.header_rows + 1, axis, "[measurement.table]")
+        require_ascending(where, "row", segment.first + 1, axis, "[measurement.table]")
     elif not np.all(np.diff(axis) > 0):
-        row = layout.header_rows + 2 + int(np.argmin(np.diff(axis) > 0))
+        row = segment.first + 2 + int(np.argmin(np.diff(axis) > 0))
         message = f"{path}: row {row}, column {layout.axis_column}: the frequency does not ascend"
         raise MeasurementError(message)
     return _functions(path, layout, columns, table, np.asarray(axis), unit)
@@ -249,10 +305,7 @@ def _shown(cell: str) -> str:
 
 def _text(path: Path, encoding: str) -> str:
     try:
-        data = plain_bytes(path)
-        if path.suffix == ".gz":
-            data = gzip.decompress(data)
-        return data.decode(encoding).removeprefix(_BYTE_ORDER_MARK)
+        return decoded(unpacked(plain_bytes(path), path.suffix), encoding)
     except FileNotFoundError as error:
         message = f"{path}: cannot be read: there is no such file"
         raise MeasurementError(message) from error
@@ -264,9 +317,8 @@ def _text(path: Path, encoding: str) -> str:
         raise MeasurementError(message) from error
 
 
-def _rows(path: Path, layout: TableLayout) -> list[str]:
+def _rows(path: Path, layout: TableLayout, rows: list[str]) -> list[str]:
     """Return the rows of numbers; words that an analyser writes below them are none, nor are empty rows."""
-    rows = _text(path, layout.encoding).splitlines()[layout.header_rows :]
     if rows and _begins_with_number(rows[0], layout):
         while not _begins_with_number(rows[-1], layout):
             rows.pop()
@@ -279,7 +331,7 @@ def _rows(path: Path, layout: TableLayout) -> list[str]:
 
 
 def _begins_with_number(row: str, layout: TableLayout) -> bool:
-    cells = _split(row, layout.delimiter)
+    cells = cells_of(row, layout.delimiter)
     if not cells:
         return False
     try:
@@ -287,13 +339,6 @@ def _begins_with_number(row: str, layout: TableLayout) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _split(row: str, delimiter: str) -> list[str]:
-    cells = row.split(_DELIMITERS[delimiter])
-    while cells and not cells[-1].strip():  # a delimiter that ends the row opens no column
-        cells.pop()
-    return cells
 
 
 def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int, ...], ...]:
@@ -309,15 +354,16 @@ def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int
     return tuple(tuple(free[i : i + step]) for i in range(0, len(free), step))
 
 
-def _numbers(path: Path, rows: list[str], layout: TableLayout, columns: list[int]) -> dict[int, NDArray[Any]]:
+def _numbers(
+    path: Path, rows: list[str], layout: TableLayout, columns: list[int], first: int
+) -> dict[int, NDArray[Any]]:
     """Return the wanted columns; numbers are read in one go, and cell by cell only to name the fault."""
-    if layout.decimal == ",":
-        rows = [row.replace(",", ".") for row in rows]
+    rows = plain_rows(rows, layout.delimiter, layout.decimal)
     if layout.layout != "complex":
         try:
             table = np.loadtxt(
                 rows,
-                delimiter=_DELIMITERS[layout.delimiter],
+                delimiter=SEPARATORS[layout.delimiter],
                 usecols=[c - 1 for c in columns],
                 ndmin=2,
                 comments=None,
@@ -328,23 +374,16 @@ def _numbers(path: Path, rows: list[str], layout: TableLayout, columns: list[int
             pass  # the loop below names the cell
     cells: dict[int, list[complex]] = {c: [] for c in columns}
     for index, row in enumerate(rows):
-        words = _split(row, layout.delimiter)
+        words = cells_of(row, layout.delimiter)
         for column in columns:
             word = words[column - 1].strip() if column <= len(words) else ""
             try:
                 cells[column].append(number(word))
             except ValueError as error:
-                where = f"{path}: row {layout.header_rows + index + 1}, column {column}"
+                where = f"{path}: row {first + index + 1}, column {column}"
                 message = f"{where}: expected a number, found {_shown(word)}"
                 raise MeasurementError(message) from error
     return {column: np.array(values) for column, values in cells.items()}
-
-
-def number(word: str) -> complex:
-    """Return the number that a cell holds, real or complex; a ValueError where it holds none."""
-    compact = word.replace(" ", "").strip("()")
-    # "i" alone, and not that of "inf", is the other spelling of the imaginary unit
-    return complex(compact[:-1] + "j" if compact.endswith(("i", "I", "J")) else compact)
 
 
 def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[Any]:
@@ -355,5 +394,6 @@ def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[Any]:
     first, second = columns[0].real, columns[1].real
     if layout.layout == "real-imaginary":
         return np.asarray(first + 1j * second)
-    magnitude = 10 ** (first / 20) if layout.magnitude_unit == "dB" else first
-    return np.asarray(magnitude * np.exp(1j * (np.deg2rad(second) if layout.phase_unit == "deg" else second)))
+    return from_polar(
+        first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg"
+    )

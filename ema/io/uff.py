@@ -41,6 +41,10 @@ UNSTATED = (
     "what it is, in the campaign file"
 )
 """What a note says of a unit that nobody stated, after the file and the data set."""
+REAL = "its values are real, and those of an FRF are complex: it holds magnitudes or one part alone; it is not used"
+"""What a note says of an FRF without its other part, after the file and the data set."""
+VOLTS = "its unit is one of volts, without the sensitivity of the sensor:"
+"""What a note says of a unit of volts, after the file and the data set and before the unit."""
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 
 
@@ -295,6 +299,9 @@ def _function(record: Record58, units: FileUnits, unit: Unit | None, notes: list
     if any(abs(header[f"{end} direction"]) > 3 for end in ("response", "reference")):
         notes.append(f"{record.where}: a rotation or an unknown direction; it is not used")
         kind = "other"
+    if kind == "frf" and not np.iscomplexobj(record.value):
+        notes.append(f"{record.where}: {REAL}")
+        kind = "other"
     component = "" if header["response name"].upper() == "NONE" else header["response name"]
     quantity: Quantity | None = None
     factor = 1.0
@@ -372,6 +379,9 @@ def _axis_unit(record: Record58, axis: str, units: FileUnits, notes: list[str]) 
     except MeasurementError as error:
         notes.append(f"{record.where}: field '{axis} units label': {error}; its data type {code} is used")
         return from_type
+    if from_label.volt:
+        notes.append(f"{record.where}: {axis}: {VOLTS} {label}")
+        return from_label
     single = from_label.frf is None  # a label of the whole FRF says more than the type of its numerator
     if from_type is not None and single and from_type.dimension != from_label.dimension:
         notes.append(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ema.types.errors import MeasurementError
 from ema.types.frf import Quantity
 
+_Exponents = tuple[int, int, int, int]
 _UNITS: dict[str, tuple[float, int, int, int]] = {
     # label: (factor into SI, exponents of length, time and force)
     "m": (1.0, 1, 0, 0),
@@ -38,11 +39,12 @@ _UNITS: dict[str, tuple[float, int, int, int]] = {
     "kp": (9.80665, 0, 0, 1),
     "kg": (1.0, -1, 2, 1),
     "Pa": (1.0, -2, 0, 1),
-    "1": (1.0, 0, 0, 0),
 }
+_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
+"""What sensors give, whose sensitivity makes a motion or a force of it."""
 _FOLDED = {label.casefold(): value for label, value in reversed(_UNITS.items())}
 _SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": "*", "×": "*", "[": "(", "]": ")"})
-_TOKEN = re.compile(r"([A-Za-z]+|1)(?:\^?(-?\d+))?|([*/()])")
+_TOKEN = re.compile(r"([A-Za-z]+)(?:\^?(-?\d+))?|([*/()])|(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)")
 _METRE_PER_SECOND = re.compile(r"(?<![A-Za-z])(mm|cm|um|nm|m|in|ft)s\^?\(?-([12])\)?")
 """``ms-2`` is the metre per square second; per square millisecond nothing is measured."""
 _FRF: dict[tuple[int, int, int], Quantity] = {
@@ -59,32 +61,44 @@ _MOTION: dict[tuple[int, int, int], Quantity] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """A unit as a factor into SI and its exponents of length, time and force."""
+    """A unit as a factor into SI and its exponents of length, time and force.
+
+    Attributes
+    ----------
+    factor : float
+        Into SI; of volts into V.
+    dimension : (int, int, int)
+        Exponents of length, time and force.
+    volt : int
+        Exponent of the volts of a sensor, whose sensitivity is not stated; 0 of all that can be used.
+    """
 
     factor: float
     dimension: tuple[int, int, int]
+    volt: int = 0
 
     @property
     def frf(self) -> Quantity | None:
         """The frequency-response function that this unit belongs to, None for any other unit."""
-        return _FRF.get(self.dimension)
+        return _FRF.get(self.dimension) if self.volt == 0 else None
 
     @property
     def motion(self) -> Quantity | None:
         """The frequency-response function whose response alone has this unit, None for any other."""
-        return _MOTION.get(self.dimension)
+        return _MOTION.get(self.dimension) if self.volt == 0 else None
 
     @property
     def is_force(self) -> bool:
         """Whether this is a unit of force."""
-        return self.dimension == (0, 0, 1)
+        return self.dimension == (0, 0, 1) and self.volt == 0
 
 
 def parse_unit(label: str) -> Unit:
     """Return what a unit label such as ``(m/s²)/N``, ``g/N``, ``mm/s^2/lbf`` or ``(1/N)*(m/s2)`` means.
 
-    Products, quotients (from left to right), brackets and integer exponents are understood; ``g`` is
-    the standard gravity 9.80665 m/s2 and ``lb`` the pound-force.
+    Products, quotients (from left to right), brackets, integer exponents and numbers are understood; ``g`` is
+    the standard gravity 9.80665 m/s2 and ``lb`` the pound-force. Volts are divided by the sensitivity of the sensor:
+    ``V/N/(100 mV/g)``.
 
     Raises
     ------
@@ -99,17 +113,17 @@ def parse_unit(label: str) -> Unit:
     factor, dimension, position = _product(text, 0, label)
     if not text or position != len(text):
         raise _not_understood(label, text[position:])
-    return Unit(factor=factor, dimension=dimension)
+    return Unit(factor=factor, dimension=dimension[:3], volt=dimension[3])
 
 
-def _product(text: str, position: int, label: str) -> tuple[float, tuple[int, int, int], int]:
+def _product(text: str, position: int, label: str) -> tuple[float, _Exponents, int]:
     """Evaluate a product of units up to the end or to the bracket that closes it."""
-    factor, dimension, divide = 1.0, (0, 0, 0), False
+    factor, dimension, divide = 1.0, (0, 0, 0, 0), False
     while position < len(text) and text[position] != ")":
         token = _TOKEN.match(text, position)
         if token is None:
             raise _not_understood(label, text[position:])
-        name, exponent, operator = token.groups()
+        name, exponent, operator, figure = token.groups()
         position = token.end()
         if operator in ("*", "/"):
             divide = operator == "/"
@@ -119,24 +133,35 @@ def _product(text: str, position: int, label: str) -> tuple[float, tuple[int, in
             if position >= len(text):
                 raise _not_understood(label, "a bracket that is not closed")
             position += 1
+        elif figure is not None:
+            part, part_dimension = float(figure), (0, 0, 0, 0)
+            if not 0.0 < part < float("inf"):
+                raise _not_understood(label, figure)
         else:
-            known = _UNITS.get(name, _FOLDED.get(name.casefold()))
-            if known is None:
-                raise _not_understood(label, name)
-            power = int(exponent or 1)
-            if abs(power) > 9:
-                raise _not_understood(label, f"{name}{exponent}")
-            part = known[0] ** power
-            part_dimension = (known[1] * power, known[2] * power, known[3] * power)
+            part, part_dimension = _power(name, exponent, label)
         sign = -1 if divide else 1
         factor *= part**sign
         dimension = (
             dimension[0] + sign * part_dimension[0],
             dimension[1] + sign * part_dimension[1],
             dimension[2] + sign * part_dimension[2],
+            dimension[3] + sign * part_dimension[3],
         )
         divide = False
     return factor, dimension, position
+
+
+def _power(name: str, exponent: str | None, label: str) -> tuple[float, _Exponents]:
+    """Return factor and exponents of one unit to a power."""
+    power = int(exponent or 1)
+    known = _UNITS.get(name, _FOLDED.get(name.casefold()))
+    if known is None and name not in _VOLTS:
+        raise _not_understood(label, name)
+    if abs(power) > 9:
+        raise _not_understood(label, f"{name}{exponent}")
+    if known is None:
+        return _VOLTS[name] ** power, (0, 0, 0, power)
+    return known[0] ** power, (known[1] * power, known[2] * power, known[3] * power, 0)
 
 
 def _not_understood(label: str, part: str) -> MeasurementError:

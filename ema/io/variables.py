@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from ema.io.array_files import ArrayInFile, array, arrays_in
 from ema.io.measured_function import MeasuredFunction
+from ema.io.polar import from_polar
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 
@@ -35,6 +36,8 @@ FIRST_COLUMN = "first column"
 """In place of a variable of the frequencies: the first column of each array of FRFs."""
 FIRST_CHANNEL = "first channel"
 """In place of a variable of the times: the first channel of each array of time histories."""
+WAYS = (("frf",), ("real", "imaginary"), ("magnitude", "phase"))
+"""Keys of the FRFs, of which a file has one or one pair."""
 _OF_FRFS, _OF_HISTORIES = {"frequency", "output", "input"}, {"time", "channel", "hit", "run"}
 _LARGEST_POINT = 1e10  # as in universal files
 _Named = tuple[str, NDArray[Any]]  # a variable and its values (n_frequency, n_output, n_input)
@@ -57,8 +60,14 @@ class VariableLayout(BaseModel):
         Their sampling rate, Hz, or the variable that holds it, where times are missing or rounded.
     frf : tuple of str or None
         Variable of the complex FRFs; of several the outputs of the first come first, then those of the next.
-    real, imaginary : str or None
-        Variables of their parts, in place of `frf`.
+    real, imaginary : tuple of str or None
+        Variables of their parts, in place of `frf`; of several pairs as of several `frf`.
+    magnitude, phase : tuple of str or None
+        Variables of magnitude and phase, in place of `frf`.
+    phase_unit : {"deg", "rad"}
+        Unit of the phase.
+    magnitude_unit : {"linear", "dB"}
+        "dB" is 20 log10 of the magnitude over one of its unit.
     axes : tuple of str
         What each axis of these arrays is, in the order that MATLAB or the HDF5 file shows: "frequency", "output" and
         "input" of FRFs; "time", "channel", "hit" (blows that are averaged) and "run" (points that are not) of time
@@ -82,8 +91,12 @@ class VariableLayout(BaseModel):
     time: Name | None = None
     sampling_Hz: Name | Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     frf: Names | None = None
-    real: Name | None = None
-    imaginary: Name | None = None
+    real: Names | None = None
+    imaginary: Names | None = None
+    magnitude: Names | None = None
+    phase: Names | None = None
+    phase_unit: Literal["deg", "rad"] = "deg"
+    magnitude_unit: Literal["linear", "dB"] = "linear"
     axes: tuple[Axis, ...] = ("frequency", "output")
     frequency: Name | None = None
     axis_start: float = 0.0
@@ -109,9 +122,16 @@ class VariableLayout(BaseModel):
         if self.time is not None or self.sampling_Hz is not None:
             message = "'time' and 'sampling_Hz' belong to 'history', variables of time histories"
             raise ValueError(message)
-        parts = (self.real is not None, self.imaginary is not None)
-        if (self.frf is not None) == any(parts) or any(parts) != all(parts):
-            message = "give either 'frf', the complex FRFs, or both 'real' and 'imaginary'"
+        given = [key for keys in WAYS for key in keys if getattr(self, key) is not None]
+        if tuple(given) not in WAYS:
+            message = (
+                "give either 'frf', the complex FRFs, or 'real' and 'imaginary', or 'magnitude' and 'phase'"
+            )
+            raise ValueError(message)
+        counts = {key: len(getattr(self, key)) for key in given}
+        if len(set(counts.values())) > 1:
+            said = ", ".join(f"{count} of {key!r}" for key, count in counts.items())
+            message = f"as many variables of both parts, found {said}"
             raise ValueError(message)
         if "frequency" not in self.axes or not set(self.axes) <= _OF_FRFS:
             message = f"axes: each of 'frequency', 'output', 'input' once, 'frequency' always, found {list(self.axes)}"
@@ -234,27 +254,44 @@ def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout)
             if not np.iscomplexobj(value):
                 message = (
                     f"{path}: variable {name!r} (frf): its numbers are real, expected complex ones; where the parts "
-                    "are variables of their own, name them as 'real' and 'imaginary'"
+                    "are variables of their own, name them as 'real' and 'imaginary', or as 'magnitude' and 'phase'"
                 )
                 raise MeasurementError(message)
-            if (value.shape[0], value.shape[2]) != (found[0][1].shape[0], found[0][1].shape[2]):
-                message = (
-                    f"{path}: variable {name!r} (frf): {arrays[name]} do not fit the {arrays[found[0][0]]} of "
-                    f"{found[0][0]!r}; expected the same frequencies and inputs in all"
-                )
-                raise MeasurementError(message)
-        return found
-    assert layout.real is not None
-    assert layout.imaginary is not None
-    real = _block(path, arrays, layout, "real", layout.real)
-    imaginary = _block(path, arrays, layout, "imaginary", layout.imaginary)
-    if real.shape != imaginary.shape or np.iscomplexobj(real) or np.iscomplexobj(imaginary):
+    else:
+        keys = next(keys for keys in WAYS if getattr(layout, keys[0]) is not None)
+        pairs = zip(*(getattr(layout, key) for key in keys), strict=True)
+        found = [(names[0], _of_parts(path, arrays, layout, keys, names)) for names in pairs]
+    for name, value in found:
+        if (value.shape[0], value.shape[2]) != (found[0][1].shape[0], found[0][1].shape[2]):
+            key = next(keys[0] for keys in WAYS if getattr(layout, keys[0]) is not None)
+            message = (
+                f"{path}: variable {name!r} ({key}): {arrays[name]} do not fit the {arrays[found[0][0]]} of "
+                f"{found[0][0]!r}; expected the same frequencies and inputs in all"
+            )
+            raise MeasurementError(message)
+    return found
+
+
+def _of_parts(
+    path: Path,
+    arrays: Mapping[str, ArrayInFile],
+    layout: VariableLayout,
+    keys: tuple[str, ...],
+    names: tuple[str, ...],
+) -> NDArray[np.complex128]:
+    """Return FRFs from two variables, of real and imaginary parts or of magnitudes and phases."""
+    first, second = (_block(path, arrays, layout, key, name) for key, name in zip(keys, names, strict=True))
+    if first.shape != second.shape or np.iscomplexobj(first) or np.iscomplexobj(second):
         message = (
-            f"{path}: variables {layout.real!r} (real) and {layout.imaginary!r} (imaginary): expected real numbers in "
-            f"one shape, found {arrays[layout.real]} and {arrays[layout.imaginary]}"
+            f"{path}: variables {names[0]!r} ({keys[0]}) and {names[1]!r} ({keys[1]}): expected real numbers in "
+            f"one shape, found {arrays[names[0]]} and {arrays[names[1]]}"
         )
         raise MeasurementError(message)
-    return [(layout.real, real + 1j * imaginary)]
+    if keys[0] == "real":
+        return np.asarray(first + 1j * second)
+    return from_polar(
+        first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg"
+    )
 
 
 def _coherences(

@@ -66,13 +66,14 @@ def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
     )
     header = (
         "mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "mass_normalised", "MPC", "MPD_deg",
-        "MCF", "phase_scatter_deg",
+        "MCF", "phase_scatter_deg", "too_complex",
     )  # fmt: skip
     scaled = ["yes" if s else "no" for s in modal_model.scaled]
     own = complexity(modal_model)
     measures = zip(own.mpc, own.mpd, own.mcf, own.phase_scatter, strict=True)
+    words = ["yes" if c else "no" for c in own.is_complex]
     table = [
-        (r + 1, *map(repr, map(float, row)), scaled[r], *(f"{value:.6g}" for value in measure))
+        (r + 1, *map(repr, map(float, row)), scaled[r], *(f"{value:.6g}" for value in measure), words[r])
         for r, (row, measure) in enumerate(zip(rows, measures, strict=True))
     ]
     _write_rows(path, header, table)

@@ -269,6 +269,8 @@ def _force(configuration: Configuration) -> Dof | None:
 
 
 def _require_listed(campaign: Campaign, found: FoundModes) -> None:
+    if campaign.points is None:
+        return
     absent = {int(n) for n in found.node} - {int(n) for n in campaign.geometry.node}
     absent -= set(campaign.without_coordinates)
     if absent:

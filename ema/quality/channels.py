@@ -22,12 +22,16 @@ from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undete
 from ema.quality.structure import formless
 from ema.quality.turned import turned_functions
 from ema.quality.verdict import Verdict
+from ema.types.blocks import in_blocks, inner_products
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.geometry import Dofs
 
 _MIN_OTHERS = 6
 """Fewer channels do not hold the resonances that another one should be made of."""
+_MOST_OTHERS = 128
+"""Channels of which one is compared with the others; of more each group is compared within itself."""
+_LINES_OF_MASS = 512
 _DEAD_LEVEL = 1e-3
 _UNSHARED_DEAD = 0.8
 _UNSHARED_WARN = 0.05
@@ -100,12 +104,13 @@ def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measureme
         reasons = "\n".join(whole or [v.message for v in failed])
         message = f"configuration {measurement.name!r} cannot be used:\n{reasons}"
         raise MeasurementError(message)
+    frf = measurement.frf if keep.all() else measurement.frf.outputs(keep)
     force = measurement.frf.input
     turned = np.isin(np.arange(force.node.size), [j for v in verdicts for j in v.force])
     direction = np.where(turned[:, None], -force.direction, force.direction)
     return replace(
         measurement,
-        frf=replace(measurement.frf.outputs(keep), input=Dofs(node=force.node, direction=direction)),
+        frf=replace(frf, input=Dofs(node=force.node, direction=direction)),
         overload=measurement.overload[keep],
         notes=(*measurement.notes, *(f"left out: {v.message}" for v in failed)),
     )
@@ -185,7 +190,10 @@ def _not_finite(frf: FRF) -> Iterator[Verdict]:
 
 
 def _dead(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
-    level = np.sqrt((np.abs(frf.value[sound]) ** 2).mean(axis=(1, 2)))
+    power: list[NDArray[np.float64]] = [
+        (np.abs(frf.value[block]) ** 2).mean(axis=(1, 2)) for block in in_blocks(sound)
+    ]
+    level = np.sqrt(np.concatenate([*power, np.empty(0)]))
     middle = float(np.median(level)) if sound.size else 0.0
     for channel, value in zip(sound, level, strict=True):
         constant = np.ptp(frf.value[channel].real) == 0 and np.ptp(frf.value[channel].imag) == 0
@@ -234,7 +242,7 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
         if np.count_nonzero(top) < 4 or np.std(size[top]) > 0.01 * size.max():
             continue
         low = size < 0.8 * size.max()
-        others = _resonances_of_others(frf.value[sound, 0], position)
+        others = _resonances_of_others(frf.value[_beside(sound, position), 0])
         if np.count_nonzero(low) <= 2 * len(others):
             continue
         factor = np.linalg.lstsq(others[:, low].T, value[low], rcond=1e-6)[0]
@@ -246,16 +254,48 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
             yield int(channel), share, (float(frf.frequency[lines[0]]), float(frf.frequency[lines[-1]]))
 
 
-def _resonances_of_others(value: NDArray[np.complex128], left_out: int) -> NDArray[np.complex128]:
-    """Return what all channels (n, n_frequency) but one are made of: orthonormal functions of frequency."""
-    block = np.delete(value, left_out, axis=0)
+def _beside(sound: NDArray[np.int64], position: int) -> NDArray[np.int64]:
+    """Return the channels that one is compared with: all others, of very many those of its group."""
+    group = -(-sound.size // _MOST_OTHERS)
+    return np.delete(sound, position)[position % group :: group] if group > 1 else np.delete(sound, position)
+
+
+def _resonances_of_others(block: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return what channels (n, n_frequency) are made of: orthonormal functions of frequency."""
     size = np.linalg.norm(block, axis=1, keepdims=True)
     block = block / np.where(size > 0, size, 1.0)
-    power, vectors = np.linalg.eigh(block @ block.conj().T)
+    singular, vectors = _made_of(inner_products(block))
+    return np.asarray((vectors.conj().T @ block) / singular[:, None])
+
+
+def _made_of(products: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return singular values, (n,), and vectors, (n_channel, n), of what channels of unit size are made of.
+
+    Parameters
+    ----------
+    products : (n_channel, n_channel) complex
+        Inner products of the channels.
+    """
+    power, vectors = np.linalg.eigh(products)
     singular = np.sqrt(np.maximum(power[::-1], 0.0))
     floor = max(3 * np.median(singular), 0.01 * singular[0])
-    n = int(np.clip(np.count_nonzero(singular > floor), 1, max(1, len(block) // 2)))
-    return np.asarray((vectors[:, ::-1][:, :n].conj().T @ block) / singular[:n, None])
+    n = int(np.clip(np.count_nonzero(singular > floor), 1, max(1, len(products) // 2)))
+    return singular[:n], vectors[:, ::-1][:, :n]
+
+
+def _shares_outside(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return which share of the power of each channel, (n, n_frequency), is not in the resonances of the others."""
+    products = inner_products(value)
+    size = np.sqrt(np.diag(products).real)
+    scale = np.where(size > 0, size, 1.0)
+    products = products / np.outer(scale, scale)
+    share = np.empty(len(value))
+    for k in range(len(value)):
+        others = np.delete(np.arange(len(value)), k)
+        singular, vectors = _made_of(products[np.ix_(others, others)])
+        own = np.abs(vectors.conj().T @ products[others, k]) / singular
+        share[k] = 1.0 - np.sum(own**2) / max(products[k, k].real, np.finfo(float).tiny)
+    return share
 
 
 def _states(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
@@ -268,10 +308,9 @@ def _unshared(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     if sound.size < _MIN_OTHERS:
         return
     share = np.empty(sound.size)
-    for position, channel in enumerate(sound):
-        value = frf.value[channel, 0]
-        others = _resonances_of_others(frf.value[sound, 0], position)
-        share[position] = 1 - np.sum(np.abs(others.conj() @ value) ** 2) / np.sum(np.abs(value) ** 2)
+    groups = -(-sound.size // _MOST_OTHERS)
+    for first in range(groups):
+        share[first::groups] = _shares_outside(frf.value[sound[first::groups], 0])
     usual = float(np.median(share))
     for channel, part in zip(sound, share, strict=True):
         text = f"{100 * part:.0f} % of its power is not in the resonances of the other channels"
@@ -465,16 +504,19 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 
 def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     frf = measurement.frf
-    size = float(np.ptp(measurement.geometry.coordinate, axis=0).max())
-    if measurement.geometry.node.size > 1 and not _SIZES[0] < size < _SIZES[1]:
+    several = measurement.geometry.node.size > 1
+    size = float(np.ptp(measurement.geometry.coordinate, axis=0).max()) if several else 0.0
+    if several and not _SIZES[0] < size < _SIZES[1]:
         text = f"the structure is {size:.3g} m long: check [points] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
     lines = frf.frequency > 0
     if not sound.size or not lines.any():
         return
     omega = 2 * np.pi * frf.frequency[lines]
-    accelerance = np.abs(frf.value[sound][..., lines]) * omega ** (2 - DERIVATIVE[frf.quantity])
-    mass = 1 / float(np.median(accelerance))
+    every = max(1, omega.size // _LINES_OF_MASS)  # an order of magnitude needs no more
+    factor = omega[::every] ** (2 - DERIVATIVE[frf.quantity])
+    sizes = [np.abs(frf.value[block][..., lines][..., ::every]) * factor for block in in_blocks(sound)]
+    mass = 1 / float(np.median(np.concatenate(sizes)))
     if not _MASSES[0] < mass < _MASSES[1]:
         text = f"the apparent mass is {mass:.2g} kg in the median: check [measurement] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)

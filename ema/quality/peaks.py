@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.types.blocks import in_blocks
 from ema.types.frf import FRF
+from ema.types.peak_finding import find_peaks, peak_widths
 
 MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""
@@ -56,8 +58,11 @@ class LocalFit:
 
 def summed_power(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the power of the functions of some outputs, each relative to its mean, summed: ``(n_frequency,)``."""
-    power = np.abs(frf.value[channels]) ** 2
-    return np.asarray((power / np.mean(power, axis=2, keepdims=True)).sum(axis=(0, 1)))
+    total = np.zeros(frf.frequency.size)
+    for block in in_blocks(channels):
+        power = np.abs(frf.value[block]) ** 2
+        total += (power / np.mean(power, axis=2, keepdims=True)).sum(axis=(0, 1))
+    return total
 
 
 def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> list[Peak]:
@@ -68,13 +73,11 @@ def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> l
     """
     if frf.frequency.size < 5 or not channels.size:
         return []
-    from scipy import signal  # here: it takes long to import, and few commands need it
-
     power = summed_power(frf, channels)
     power = np.maximum(power, 1e-12 * power.max())
     step = float(np.median(np.diff(frf.frequency)))
-    lines, _ = signal.find_peaks(10 * np.log10(power), prominence=prominence)
-    wide = signal.peak_widths(power, lines, rel_height=0.5)[0]
+    lines, _ = find_peaks(10 * np.log10(power), prominence)
+    wide = peak_widths(power, lines)
     found = []
     for line, width in zip(lines, wide, strict=True):
         frequency, bandwidth = float(frf.frequency[line]), float(width * step)
@@ -98,14 +101,14 @@ def residues(frf: FRF, channels: NDArray[np.int64], found: list[Peak]) -> Iterat
     All functions share the pole, so that a resonance that falls between two lines is seen from its flanks.
     """
     step = float(np.median(np.diff(frf.frequency)))
-    value = frf.value[channels].reshape(-1, frf.frequency.size)
     lines = np.array([peak.line for peak in found])
     for peak in found:
         reach = int(max(_REACH, np.ceil(2.0 * peak.bandwidth / step)))
         below, above = lines[lines < peak.line], lines[lines > peak.line]
         first = max(peak.line - reach, (peak.line + below.max(initial=-peak.line)) // 2 + 1, 0)
         last = min(peak.line + reach, (peak.line + above.min(initial=2 * frf.frequency.size)) // 2 - 1)
-        fit = _local_fit(value[:, first : last + 1], peak.line - first)
+        value = frf.value[channels, :, first : last + 1]
+        fit = _local_fit(value.reshape(-1, value.shape[-1]), peak.line - first)
         if fit is not None:
             pole, residue = fit
             # With s = 2 pi i f, a residue over lines is one over s times 2 pi i steps.

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.types.blocks import inner_products
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
 
@@ -194,10 +195,13 @@ def shape_space(value: NDArray[np.complex128]) -> NDArray[np.float64]:
     Channels are normalised before the singular value decomposition, so that one of the wrong scale does not
     make a shape of its own, and get their size back afterwards.
     """
-    block = np.concatenate([value.real, value.imag], axis=1)
-    size = np.linalg.norm(block, axis=1, keepdims=True)
+    products = inner_products(value).real  # those of real and imaginary parts beside each other
+    size = np.sqrt(np.diag(products))[:, None]
     size = np.where(size > 0, size, 1.0)
-    left, singular, _ = np.linalg.svd(block / size, full_matrices=False)
+    products = products / (size * size.T)
+    power, vectors = np.linalg.eigh(products)
+    count = min(len(value), 2 * value.shape[1])
+    left, singular = vectors[:, ::-1], np.sqrt(np.maximum(power[::-1], 0.0))[:count]
     floor = max(3 * np.median(singular), 0.02 * singular[0])
     n_shape = int(np.clip(np.count_nonzero(singular > floor), 1, max(1, len(value) // 3)))
     shapes = left[:, :n_shape] * size

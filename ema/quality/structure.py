@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.types.blocks import in_blocks
 from ema.types.frf import FRF
 
 MIN_LINES = 64
@@ -86,15 +87,18 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     channels : (n_channel,) int
         Outputs.
     """
-    value = frf.value[channels]
-    size = np.abs(value)
-    unit = np.where(size > 0, value / np.where(size > 0, size, 1.0), 0.0)
-    steady = [
-        np.abs(np.mean(part[..., n:] * part[..., :-n].conj(), axis=2))
-        for part in np.array_split(unit, frf.frequency.size // _lines(frf), axis=2)
-        for n in _APART
-    ]
-    return np.asarray(np.max(steady, axis=(0, 2)))
+    found = []
+    for block in in_blocks(channels):
+        value = frf.value[block]
+        size = np.abs(value)
+        unit = np.where(size > 0, value / np.where(size > 0, size, 1.0), 0.0)
+        steady = [
+            np.abs(np.mean(part[..., n:] * part[..., :-n].conj(), axis=2))
+            for part in np.array_split(unit, frf.frequency.size // _lines(frf), axis=2)
+            for n in _APART
+        ]
+        found.append(np.max(steady, axis=(0, 2)))
+    return np.concatenate(found)
 
 
 def _lines(frf: FRF) -> int:
@@ -104,7 +108,10 @@ def _lines(frf: FRF) -> int:
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the range of levels over the lines of each output, of its functions the widest, dB: (n_channel,)."""
-    value = frf.value[channels][..., frf.frequency > 0]
-    level = 20 * np.log10(np.maximum(np.abs(value), np.finfo(float).tiny))
-    low, high = np.percentile(level, _ENDS, axis=2)
-    return np.asarray((high - low).max(axis=1))
+    found = []
+    for block in in_blocks(channels):
+        value = frf.value[block][..., frf.frequency > 0]
+        level = 20 * np.log10(np.maximum(np.abs(value), np.finfo(float).tiny))
+        low, high = np.percentile(level, _ENDS, axis=2)
+        found.append((high - low).max(axis=1))
+    return np.concatenate(found)

@@ -75,7 +75,7 @@ class FRF:
         """Return the outputs for which `keep` (n_output,) is true."""
         return replace(
             self,
-            value=self.value[keep],
+            value=_frozen(self.value[keep]),
             output=Dofs(node=self.output.node[keep], direction=self.output.direction[keep]),
             run=self.run[keep],
             source=tuple(s for s, k in zip(self.source, keep, strict=True) if k),
@@ -112,17 +112,25 @@ class FRF:
         at 0 Hz, where the result does not exist, is then left out.
         """
         power = DERIVATIVE[quantity] - DERIVATIVE[self.quantity]
+        if power == 0:
+            return self
         lines = self._lines(self.frequency > 0) if power < 0 else self
         factor = (2j * np.pi * lines.frequency) ** power
-        return replace(lines, value=lines.value * factor, quantity=quantity)
+        return replace(lines, value=_frozen(lines.value * factor), quantity=quantity)
 
     def _lines(self, keep: NDArray[np.bool_]) -> FRF:
         return replace(
             self,
             frequency=self.frequency[keep],
-            value=self.value[..., keep],
+            value=_frozen(self.value[..., keep]),
             coherence=None if self.coherence is None else self.coherence[..., keep],
         )
+
+
+def _frozen(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return an array of its own that is not written any more, so that it is not copied again."""
+    value.flags.writeable = False
+    return value
 
 
 def place_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:

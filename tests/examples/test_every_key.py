@@ -524,6 +524,14 @@ FILES = {
     "parts": Used(
         CampaignFile, variables('real = "re"\nimaginary = "im"', 'frequency = "f"'), "ema", slow=True
     ),
+    "polar parts": Used(
+        CampaignFile,
+        variables(
+            'magnitude = "dB"\nphase = "angle"\nmagnitude_unit = "dB"\nphase_unit = "rad"', 'frequency = "f"'
+        ),
+        "ema",
+        slow=True,
+    ),
     "stack": Used(StackFile, STACK, "model -n 1", slow=True),
     "pressed stack": Used(StackFile, STACK_PRESSED, "model -n 1", slow=True),
     "rigid plates": Used(StackFile, STACK_RIGID, "model -n 1", slow=True),
@@ -630,6 +638,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "set.txt").write_text(f"größte Zeile\n{text}\n", encoding="latin-1")
     with h5py.File(tmp_path / "set.h5", "w") as file:
         file["f"], file["H"], file["re"], file["im"] = FREQUENCY, value.T, value.T.real, value.T.imag
+        file["dB"], file["angle"] = 20 * np.log10(abs(value.T)), np.angle(value.T)
         file["coherence"], file["points"] = np.full(value.T.shape, 0.99), np.arange(1, N + 1)
     record(tmp_path)
     (tmp_path / "found.csv").write_text("frequency_Hz,damping,1+z,2+z\n110,0.01,1,0.5\n190,0.01,1,-0.5\n")

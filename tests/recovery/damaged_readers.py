@@ -18,6 +18,7 @@ from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
 from ema.identification.poles_file import read_poles, write_poles
 from ema.io.array_histories import read_histories
+from ema.io.data_arrays import read_data_arrays
 from ema.io.guess_table import guess_table
 from ema.io.guess_variables import guess_variables
 from ema.io.modes_numpy import read_modes_numpy
@@ -98,6 +99,11 @@ def _write_modes(made: Path) -> None:
     array["coordinate"]["node"], array["coordinate"]["direction"] = [1, 2], 3
     array["shape_matrix"] = [[1.0, -1.0], [1.0, 1.0]]
     np.save(made / "shapes.npy", array)
+    kind = [("abscissa", "f8", (20,)), ("ordinate", "c16", (20,)), ("coordinate", kind[2][1], (2,))]
+    array = np.zeros(2, kind)
+    array["abscissa"], array["ordinate"] = np.arange(20.0), 1 + 2j
+    array["coordinate"]["node"], array["coordinate"]["direction"] = [[1, 2], [2, 2]], 3
+    np.savez(made / "functions.npz", data=array, function_type=4)
     wavfile.write(made / "blow.wav", 2560, (1e4 * np.sin(np.arange(300.0))).astype(np.int16).reshape(150, 2))
 
 
@@ -240,6 +246,12 @@ READERS = {
         EmaError,
     ),
     "shapes of SDynPy": (lambda file: read_modes_numpy(file, own_frf()[0]), "made/shapes.npy", EmaError),
+    "functions of SDynPy": (
+        lambda file: read_data_arrays(file, parse_unit("g/N")),
+        "made/functions.npz",
+        EmaError,
+    ),
+    "first campaign file, of functions of SDynPy": (drafted, "made/functions.npz", EmaError),
     "first campaign file, of a table": (drafted, "made/table.csv", EmaError),
     "first campaign file, of blanks": (drafted, "made/blanks.txt", EmaError),
     "first campaign file, of histories": (drafted, "made/histories.csv", EmaError),

@@ -243,7 +243,7 @@ TABLE = {
     "no poles": ("ema campaign.toml --poles .", untouched, ["no */poles.txt", "lamella ema"]),
     "no stack named": ("fit campaign.toml", campaign('stack = "stack.toml"', ""),
                        ['add stack = "stack.toml" under [structure]']),
-    "empty campaign": ("ema campaign.toml", holds("campaign.toml", ""), ["points: this key is missing"]),
+    "empty campaign": ("ema campaign.toml", holds("campaign.toml", ""), ["configuration: this key is missing"]),
     "empty stack": ("model stack.toml", holds("stack.toml", ""), ["stack.toml: key name is missing"]),
     "empty run": ("ema campaign.toml", holds("run_2.csv", ""), ["run_2.csv", "no rows of numbers"]),
     "empty poles": ("ema campaign.toml --poles .",
@@ -257,7 +257,7 @@ TABLE = {
     "no name of a universal file": ("ema campaign.toml", campaign('"points.csv"', '"\\u0000.uff"'), ["null byte"]),
     "no name of a curve": ("model stack.toml",
                            stack("normal_modulus_GPa = 5", PRESSING.replace("curve.csv", "\\u0000")), ["null byte"]),
-    "another program's points": ("ema campaign.toml", holds("points.csv", b"\xff\xfe\x00\x01"),
+    "another program's points": ("ema campaign.toml", holds("points.csv", b"\x93\xff\x00\x01"),
                                  ["points.csv", "cannot be read as text", "encoding"]),
     # a file for another purpose
     "stack for a virtual test": ("simulate stack.toml", untouched,

@@ -27,6 +27,30 @@ def test_measures_of_a_shape_of_known_phases():
     assert found.phase_scatter[0] == pytest.approx(np.sqrt(np.mean(np.degrees(PHASES) ** 2)))
 
 
+@pytest.mark.parametrize("minor", [0.0, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+def test_closed_forms_of_an_ellipse(minor, turn):
+    """Components 1 and i e trace an ellipse of axes 1 and e: every measure is a function of e, however it is turned."""
+    shape = np.array([1.0, 1j * minor, 0.0, 0.0, 0.0, 0.0]) * np.exp(1j * turn)
+    found = ema.complexity(with_shape(shape))
+    mpc = ((1 - minor**2) / (1 + minor**2)) ** 2
+    assert found.mpc[0] == pytest.approx(mpc, abs=1e-12)
+    assert found.mcf[0] == pytest.approx(1 - mpc, abs=1e-12)
+    if minor < 1.0:  # a circle has no line of best fit
+        assert found.mpd[0] == pytest.approx(90 * minor / (1 + minor), abs=1e-5)
+        assert found.phase_scatter[0] == pytest.approx(90 * np.sqrt(minor**2 / (1 + minor**2)), abs=1e-5)
+    assert found.is_complex[0] == (mpc < 0.8)
+
+
+def test_measures_do_not_depend_on_scale_and_sign():
+    rng = np.random.default_rng(1)
+    shape = rng.standard_normal(6) + 0.3j * rng.standard_normal(6)
+    signs = np.array([1, -1, 1, 1, -1, -1])
+    one, other = (ema.complexity(with_shape(s)) for s in (shape, 1e3 * np.exp(2j) * signs * shape))
+    for name in ("mpc", "mpd", "mcf", "phase_scatter"):
+        assert getattr(other, name)[0] == pytest.approx(getattr(one, name)[0], rel=1e-9)
+
+
 def test_real_shape_in_any_phase_passes():
     m = with_shape(np.array([1.0, -2.0, 0.5, 0.0, 1.0, -1.0]) * np.exp(1.1j))
     found = ema.complexity(m)
@@ -66,3 +90,4 @@ def test_table_of_modes_has_the_measures(tmp_path):
         ("MPC", found.mpc), ("MPD_deg", found.mpd), ("MCF", found.mcf), ("phase_scatter_deg", found.phase_scatter)
     ):  # fmt: skip
         assert float(row[column]) == pytest.approx(value[0], rel=1e-5)
+    assert row["too_complex"] == "yes"

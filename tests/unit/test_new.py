@@ -293,7 +293,6 @@ def test_what_nobody_can_know_is_printed_and_asked_for(tmp_path):
     said = [line.partition("campaign.toml: ")[2] for line in str(fault.value).splitlines()]
     keys = {line.partition(":")[0] for line in said}
     assert keys == {
-        "points.file",
         "measurement.unit",
         "configuration[1].output[1]",
         "configuration[1].input[1]",
@@ -354,7 +353,7 @@ def test_an_analysers_text_with_counted_rows_and_words_below_them(tmp_path):
         (tmp_path / f"{k + 1}z_45z.txt").write_bytes(analyser_text(VALUE[:, k]).encode("latin-1"))
     (tmp_path / "odd.txt").write_bytes(analyser_text(VALUE[:, 0], "V/N").encode("latin-1"))
     said = new(tmp_path)
-    assert re.search(r"odd\.txt: laid out otherwise .*\(unit unknown instead of", said)
+    assert re.search(r"odd\.txt: laid out otherwise .*\(unit V/N instead of", said)
     text = campaign_text(tmp_path)
     assert "axis_column = 2" in text
     assert 'unit = "(m/s²)/N"' in text

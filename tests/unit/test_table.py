@@ -100,6 +100,7 @@ def test_gzip(tmp_path):
         (rows(PARTS) + "12,1\n", {"header_rows": 0}, "row 4, column 3: expected a number, found ''"),
         (rows(PARTS, ";"), {}, "is the delimiter 'comma' right"),
         (rows(PARTS), {"columns": [[8, 9]]}, "column 9 is asked for, but row 1 has 5 columns"),
+        (rows(PARTS), {"decimal": ","}, "the comma cannot be both delimiter and decimal mark where numbers"),
         ("", {}, "no rows of numbers"),
         ("1,2,3\n3,2,3\n2,2,3\n", {}, "row 3, column 1: the frequency does not ascend"),
     ],
@@ -112,7 +113,6 @@ def test_faults_are_named(tmp_path, text, layout, said):
 @pytest.mark.parametrize(
     "layout",
     [
-        {"layout": "real-imaginary", "decimal": ","},
         {"layout": "complex", "columns": [[2, 3]]},
         {"layout": "complex", "axis_column": 0},
         {"layout": "polar"},

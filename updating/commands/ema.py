@@ -154,7 +154,8 @@ def _abscissa(configurations: Sequence[Configuration]) -> tuple[NDArray[np.float
 def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
     """Write what is made from a modal model, but not over the poles of the user that it was made from."""
     folder, modes = found.folder, found.modal_model
-    last = folder / f"shape_{modes.frequency.size:02d}.png"
+    is_drawn = bool(np.isin(modes.node, modes.geometry.node).any())
+    last = folder / (f"shape_{modes.frequency.size:02d}.png" if is_drawn else "shapes.csv")
     if last.exists() and last.stat().st_mtime_ns >= (folder / "modal_model.json").stat().st_mtime_ns:
         return  # all of them are there, made from this model
     if modes.read_from:
@@ -163,7 +164,7 @@ def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
         _write_functions(folder, modes, keep_poles=keep_poles)
     write_modes_csv(folder / "modes.csv", modes)
     write_shapes_csv(folder / "shapes.csv", modes)
-    for r in range(modes.frequency.size):
+    for r in range(modes.frequency.size if is_drawn else 0):
         write_bytes(folder / f"shape_{r + 1:02d}.png", as_png(shape_figure(modes, r)))
 
 

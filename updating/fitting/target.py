@@ -88,11 +88,17 @@ def model_file(campaign: Campaign, job: str) -> Path:
     Raises
     ------
     FitError
-        The campaign names none.
+        The campaign names none, or no file of the points, by which shapes are compared.
     """
     if campaign.stack is None:
         message = (
             f'{campaign.path}: {job} needs the model\'s stack; add stack = "stack.toml" under [structure]'
+        )
+        raise FitError(message)
+    if campaign.points is None:
+        message = (
+            f"{campaign.path}: {job} compares shapes and needs the coordinates of the points; add file = "
+            '"points.csv" and its unit under [points]'
         )
         raise FitError(message)
     return campaign.stack

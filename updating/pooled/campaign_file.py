@@ -194,7 +194,8 @@ def read_specimens(path: Path) -> SpecimenCampaign:
     folder = path.resolve().parent
     files = [folder / (own.stack or content.structure.stack) for own in content.specimen]
     stacks = tuple(_stack(path, file, own) for file, own in zip(files, content.specimen, strict=True))
-    geometry = None if content.points is None else geometry_of(path, folder, content.points)[0]
+    listed = content.points is not None and content.points.file is not None
+    geometry = geometry_of(path, folder, content.points)[0] if content.points is not None and listed else None
     sources = [
         folder / str(name)
         for own in content.specimen
@@ -359,8 +360,10 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
     )
     if not sections:
         return None
-    if content.points is None:
-        message = f"{path}: points: this table is missing; FRFs need the list of measured points"
+    if content.points is None or content.points.file is None:
+        message = (
+            f"{path}: points: this table, or file in it, is missing; FRFs need the list of measured points"
+        )
         raise FitError(message)
     return campaign_of(
         path,

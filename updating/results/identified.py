@@ -18,7 +18,7 @@ from updating.errors import FitError, PairingError, StoreError
 from updating.results.chosen_poles import BY_HAND, choice_note, chosen_poles
 from updating.results.quality import Quality, quality, quality_of_read
 from updating.results.store import folder_name, read_current, write_frf, write_result
-from updating.results.stored_campaign import write_campaign
+from updating.results.stored_campaign import points_file, write_campaign
 from updating.workers.workers import in_parallel
 
 R = TypeVar("R")
@@ -274,7 +274,7 @@ def made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]
         "poles": None if assigned.poles is None else BY_HAND,
     }  # fmt: skip
     return (
-        (campaign.path, campaign.points, *files),
+        (campaign.path, *points_file(campaign), *files),
         {name: value for name, value in asked.items() if value is not None},
     )
 

@@ -23,9 +23,14 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
     StoreError
         The folder cannot be written.
     """
-    inputs = (campaign.path, campaign.points)
+    inputs = (campaign.path, *points_file(campaign))
     named = replace(campaign, path=_from(folder, campaign.path))
     write_result(folder / CAMPAIGN, named, inputs=inputs, options={})
+
+
+def points_file(campaign: Campaign) -> tuple[Path, ...]:
+    """Return the file of the points, none where the campaign names none."""
+    return () if campaign.points is None else (campaign.points,)
 
 
 def _from(folder: Path, file: Path) -> Path:

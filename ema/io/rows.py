@@ -1,0 +1,115 @@
+"""Rows of text tables: bytes to text, rows to cells, cells to numbers, in the forms that programs write."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import re
+from collections.abc import Sequence
+
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+"""What separates columns, by its name; None is any amount of blanks and tabs."""
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark it begins with
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_LOOKED_AT = 1000  # bytes
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
+_WITHOUT_LETTER = re.compile(r"(\.\d+)([+-]\d{3})(?=$|[\s,;])")
+"""An exponent of three digits takes the place of Fortran's letter, as in ``1.5-103``."""
+_QUOTED = re.compile(r'"([^"]*)"|(\S+)')
+
+
+def unpacked(data: bytes, suffix: str) -> bytes:
+    """Return the bytes of a file, which ``.gz`` packs.
+
+    Raises
+    ------
+    OSError, EOFError, zlib.error
+        They cannot be unpacked.
+    """
+    return gzip.decompress(data) if suffix == ".gz" else data
+
+
+def encoding_of(data: bytes) -> str | None:
+    """Return the encoding that a file's first bytes tell: a mark of the byte order, or UTF-16 without one."""
+    for mark, encoding in _MARKS:
+        if data.startswith(mark):
+            return encoding
+    head = data[: _LOOKED_AT // 2 * 2]
+    even, odd = head[::2].count(0), head[1::2].count(0)
+    if len(head) > 1 and max(even, odd) > 0.4 * len(head) and min(even, odd) == 0:
+        return "utf-16-le" if odd > even else "utf-16-be"
+    return None
+
+
+def decoded(data: bytes, encoding: str) -> str:
+    """Return the text of a file in its stated encoding; what its first bytes tell comes first.
+
+    Raises
+    ------
+    ValueError, LookupError
+        The bytes are no text in this encoding, or there is none of that name.
+    """
+    return data.decode(encoding_of(data) or encoding).removeprefix("\ufeff")
+
+
+def cells_of(row: str, delimiter: str) -> list[str]:
+    """Return the cells of a row, without those that are empty at its end; quotes hold a cell together.
+
+    Parameters
+    ----------
+    row : str
+    delimiter : {"comma", "semicolon", "tab", "space"}
+    """
+    separator = SEPARATORS[delimiter]
+    cells = _quoted(row, separator) if '"' in row else row.split(separator)
+    while cells and not cells[-1].strip():  # a delimiter that ends the row opens no column
+        cells.pop()
+    return cells
+
+
+def _quoted(row: str, separator: str | None) -> list[str]:
+    if row.count('"') % 2:  # a quote that nobody closes, such as one for inches
+        return row.split(separator)
+    if separator is None:
+        return [quoted or plain for quoted, plain in _QUOTED.findall(row)]
+    try:
+        return next(csv.reader([row], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:  # such as a cell without end
+        return row.split(separator)
+
+
+def plain_rows(rows: Sequence[str], delimiter: str, decimal: str) -> list[str]:
+    """Return rows of numbers without quotes, with decimal points, and with e before exponents."""
+    separator = SEPARATORS[delimiter]
+    plain = []
+    for row in rows:
+        if '"' in row:
+            row = (separator or " ").join(c.replace(decimal, ".") for c in cells_of(row, delimiter))  # noqa: PLW2901
+        elif decimal == "," and separator != ",":
+            row = row.replace(",", ".")  # noqa: PLW2901
+        plain.append(_with_letter(row))
+    return plain
+
+
+def _with_letter(text: str) -> str:
+    """Return a text in which the exponents of numbers begin with e."""
+    if "D" in text or "d" in text:
+        text = _FORTRAN.sub("e", text)
+    return _WITHOUT_LETTER.sub(r"\1e\2", text) if "+" in text or "-" in text else text
+
+
+def number(word: str) -> complex:
+    """Return the number that a cell holds, real or complex; a ValueError where it holds none."""
+    compact = word.replace(" ", "").strip("()\"'")
+    # "i" alone, and not that of "inf", is the other spelling of the imaginary unit
+    compact = compact[:-1] + "j" if compact.endswith(("i", "I", "J")) else compact
+    try:
+        return complex(compact)
+    except ValueError:
+        return complex(_with_letter(compact.replace("+-", "-")))
