@@ -125,7 +125,7 @@ def conclude(
     ranking = rank(model, found, first, (*decision.steps, *left, *every))
     of = {own.effects: own for own in ranking}
     seen = [visibility(model, found, x) for x in left or (base,)]
-    excluded = sorted(set.intersection(*(set(ruled_out(model, own)) for own in seen)))
+    excluded = sorted(set.intersection(*(set(ruled_out(own)) for own in seen)))
     if decision.verdict == "unlike anything":
         excluded = []
     shown = {*excluded, *(name for x in left for name in x.terms)}  # perhaps only beside what was identified

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,29 +12,37 @@ from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.discrepancy import joined
 from updating.inference.explain import Explanation, coordinates_of, errors_at
+from updating.inference.protocol import LocalModel, Term
 from updating.inference.search import Search
-from updating.inference.spread import information
+from updating.inference.spread import information, rise
 
 
 @dataclass(frozen=True, kw_only=True)
 class Visible:
-    """What data say of a single parameter beside an explanation, by a linear step.
+    """What data say of a single parameter beside an explanation.
 
     Attributes
     ----------
     estimate, std : float
-        Coordinate and its standard deviation, all that is fitted beside it.
+        Coordinate and its standard deviation by a linear step, all that is fitted beside it.
     reach : float
         Standard deviations by which the data would change at the farther end of its range.
+    excluded : bool
+        Whether the data contradict the usual strength of an effect of this one parameter, to either side of neutral.
     """
 
     estimate: float
     std: float
     reach: float
+    excluded: bool = False
 
 
 def visibility(model: StackModel, found: Search, own: Explanation) -> dict[str, dict[str, Visible]]:
-    """Return what the data say of the parameters of all effects that an explanation lacks, each beside it alone."""
+    """Return what the data say of the parameters of all effects that an explanation lacks, each beside it alone.
+
+    To first order, but what a linear step calls excluded or visible of an effect of one parameter is asked of the
+    model at that strength, for many effects saturate.
+    """
     terms = [model.terms[n] for n in own.terms]
     further = [model.terms[n] for n in model.effects if n not in own.terms]
     coordinates = coordinates_of(model, [*terms, *further])
@@ -44,7 +53,7 @@ def visibility(model: StackModel, found: Search, own: Explanation) -> dict[str, 
     for shift in range(max((len(c.starts) for c in coordinates), default=1)):
         at = point.copy()
         for i, c in enumerate(coordinates):
-            if c.name not in have and _shapes_only(c.starts):
+            if c.name not in have and len(c.starts) > 2:
                 at[i] = c.starts[shift % len(c.starts)]
         problem = joined(errors_at(model, local, found.setting, at), found.setting.common)
         mean, std = information(
@@ -58,29 +67,52 @@ def visibility(model: StackModel, found: Search, own: Explanation) -> dict[str, 
                 old = seen.setdefault(term.name, {}).get(c.name)
                 if old is None or new.std < old.std:
                     seen[term.name][c.name] = new
+    for term in further:
+        if len(term.coordinates) == 1:
+            (name,) = seen[term.name]
+            seen[term.name][name] = _asked(model, found, own, local, term, seen[term.name][name])
     return seen
 
 
-def _shapes_only(starts: tuple[float, ...]) -> bool:
-    return len(starts) > 2
+def _asked(
+    model: StackModel, found: Search, own: Explanation, local: LocalModel, term: Term, first: Visible
+) -> Visible:
+    """Return the same by the model at the usual strength and at the ends of the range, where first order shows any."""
+    (p,), (c,) = model.effects[term.name].parameters, term.coordinates
+    coordinates = coordinates_of(model, [*(model.terms[n] for n in own.terms), term])
+    near = local.of(coordinates)
+    have = {k.name: x for k, x in zip(own.coordinates, own.x, strict=True)}
+    fitted = [k.name in have for k in coordinates]
+
+    def left(value: float) -> float:
+        """Return the misfit with the effect at a value, all else fitted."""
+        at = {**have, c.name: value}
+        x = np.array([at[k.name] for k in coordinates])
+        try:
+            problem = joined(errors_at(model, near, found.setting, x), found.setting.common)
+        except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
+            return np.inf
+        return rise(problem, x, coordinates, own.evidence.sizes, fitted)
+
+    nominal = coordinate_of(p, p.nominal)
+    sides = (nominal, -nominal) if p.lower < p.neutral < p.upper else (nominal,)
+    here = left(0.0)
+    if all(abs(side - first.estimate) > EXCLUDED * first.std for side in sides) and all(
+        left(side) - here > EXCLUDED**2 for side in sides
+    ):
+        return replace(first, excluded=True)
+    if first.reach < VISIBLE:
+        return first
+    most = max(left(float(end)) - here for end in (c.lower, c.upper) if end != 0.0)
+    return replace(first, reach=float(np.sqrt(np.clip(most, 0.0, first.reach**2))))
 
 
-def ruled_out(model: StackModel, seen: dict[str, dict[str, Visible]]) -> tuple[str, ...]:
-    """Return the effects of one parameter whose nominal strength, to either side of neutral, is too far off."""
-    found = []
-    for name, of in seen.items():
-        parameters = model.effects[name].parameters
-        if len(parameters) != 1:
-            continue
-        (p,), (own,) = parameters, of.values()
-        nominal = coordinate_of(p, p.nominal)
-        sides = (nominal, -nominal) if p.lower < p.neutral < p.upper else (nominal,)
-        if all(abs(side - own.estimate) > EXCLUDED * own.std for side in sides):
-            found.append(name)
-    return tuple(sorted(found))
+def ruled_out(seen: Mapping[str, Mapping[str, Visible]]) -> tuple[str, ...]:
+    """Return the effects of one parameter whose usual strength the data contradict."""
+    return tuple(sorted(name for name, of in seen.items() if any(own.excluded for own in of.values())))
 
 
-def not_visible(seen: dict[str, dict[str, Visible]]) -> tuple[str, ...]:
+def not_visible(seen: Mapping[str, Mapping[str, Visible]]) -> tuple[str, ...]:
     """Return the effects that would not show at either end of the range of any of their parameters."""
     return tuple(
         sorted(

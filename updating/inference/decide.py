@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from updating.inference.discrepancy import SizePrior
 from updating.inference.explain import Explanation
-from updating.inference.levels import INADEQUATE, NAMED, SEPARATE
+from updating.inference.levels import INADEQUATE, NAMED, PULLED, SEPARATE
 from updating.inference.search import Search, better
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
@@ -42,12 +42,14 @@ def decide(found: Search) -> Decision:
     """Give the verdict on a search.
 
     Named is what `search` chose, where every step is told apart and predicts better. Beside it stand explanations of
-    as many terms or fewer that are nearly as probable and predict better than the base model, too.
+    as many terms or fewer that are nearly as probable and predict better than the base model, too. Nothing is missing
+    where the base model is as right as models are and what is known of its nuisances bears that out.
     """
     own = found.chosen
     large = too_large(own, found.setting.priors)
     if not own.terms:
-        empty: Verdict = "unlike anything" if large else "nothing missing"
+        pulled = found.prediction(own).pull > PULLED
+        empty: Verdict = "unlike anything" if large or pulled else "nothing missing"
         return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
     left = _left(found)
     verdict: Verdict = "partly explained" if large else "identified" if len(left) == 1 else "one of"

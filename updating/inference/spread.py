@@ -36,6 +36,32 @@ def whitened(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector]:
     return np.concatenate(values), np.vstack(jacobians)
 
 
+def rise(
+    problem: Problem,
+    x: Vector,
+    coordinates: Sequence[Coordinate],
+    sizes: Sizes,
+    fitted: Sequence[bool] | NDArray[np.bool_],
+) -> float:
+    """Return the misfit that a linear step of the coordinates that are fitted leaves, their priors included.
+
+    Parameters
+    ----------
+    problem, x, coordinates, sizes, fitted
+        As `information` takes them.
+    """
+    value, jacobian = whitened(problem, sizes)
+    have = np.array(fitted, dtype=bool)
+    precision = np.array([c.std**-2.0 for c in coordinates])[have]
+    slope = jacobian[:, have].T @ value + problem.slope[have] + precision * x[have]
+    hessian = (
+        jacobian[:, have].T @ jacobian[:, have]
+        + problem.curvature[np.ix_(have, have)]
+        + np.diag(precision + 1e-12)
+    )
+    return float(value @ value + precision @ x[have] ** 2 - slope @ scaled_solve(hessian, slope))
+
+
 def information(
     problem: Problem,
     x: Vector,
