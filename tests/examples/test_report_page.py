@@ -274,7 +274,7 @@ def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
             axes=geometry.axes[known],
         ),
     )
-    picture = frf_picture(replace(tested, measured=modes), tested.frf())
+    picture = frf_picture(replace(tested, measured=modes), tested.frf(), {})
     assert "fitted model" not in picture.data
     assert "Dotted" not in picture.caption
 

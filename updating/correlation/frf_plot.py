@@ -92,8 +92,13 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
 
 def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, NDArray[np.complex128]]:
     """Return the functions within the identified band and those that the modes stand for there."""
-    lines = frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
+    lines = within_band(frf, measured)
     return lines, synthesize_runs(measured, lines.frequency, lines.quantity, lines.run)
+
+
+def within_band(frf: FRF, measured: ModalModel) -> FRF:
+    """Return the functions at the lines of the band that was identified, less that at 0 Hz."""
+    return frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
 
 
 def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], output: int) -> None:

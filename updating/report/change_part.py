@@ -111,7 +111,7 @@ def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
 
 
 def errors_with_additions(results: Results) -> dict[str, dict[int, float]]:
-    """Return, by configuration and number of the mode, the relative frequency errors with what was added, if it was."""
+    """Return, by configuration and number of the mode, the relative frequency errors with what was found."""
     found: dict[str, dict[int, float]] = {}
     for own in mode_changes(results):
         if np.isfinite(own.after):

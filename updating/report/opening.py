@@ -56,9 +56,22 @@ def opening(results: Results) -> Opening:
     return Opening(
         badge=found.verdict,
         tone=tone,  # type: ignore[arg-type]
-        sentence=headline(found),
+        sentence=" ".join((headline(found), *frac_sentence(results))),
         command=command,
         reason=reason,
+    )
+
+
+def frac_sentence(results: Results) -> tuple[str, ...]:
+    """Say how well the model's functions meet the measured ones, before and after; nothing where that is not known."""
+    own = [t.identified for t in results.tested if t.identified is not None]
+    own = [m for m in own if np.isfinite([m.base_frac, m.frac]).all()]
+    if not own:
+        return ()
+    before, after = (float(np.mean([getattr(m, name) for m in own])) for name in ("base_frac", "frac"))
+    way = "rises" if after > before else "goes"
+    return (
+        f"The likeness of modelled and measured FRFs (mean FRAC) {way} from {before:.2f} to {after:.2f}.",
     )
 
 
