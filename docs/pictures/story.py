@@ -13,11 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
+from ema.plot import palette
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
 from updating.report.results import read_results
 
-BEFORE, AFTER, REST = "#b9bec6", "#1f5f8b", "#dde1e7"
+BEFORE, AFTER, REST = palette.BASE, palette.FOUND, palette.PALE
 CONFIGURATION, MODE = 0, 3  # the shape that is shown, both from 0
 
 
@@ -73,7 +74,7 @@ def story(folder: Path) -> Figure:
     pair = shape_pairs(tested.measured, tested.fit)[MODE]
     figure = Figure(figsize=(10.0, 4.2))
     for top, title, moved, color in (
-        (0.53, f"measured, {pair.measured_frequency:.1f} Hz", pair.measured.real, "#6b7280"),
+        (0.53, f"measured, {pair.measured_frequency:.1f} Hz", pair.measured.real, palette.MEASURED),
         (0.03, f"modelled, {pair.model_frequency:.1f} Hz, MAC {pair.mac:.4f}", pair.model, AFTER),
     ):
         figure.text(0.395, top + 0.40, title, fontsize=11, ha="right")

@@ -10,21 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, MODEL, axis, legend_above
+from updating.report.chart_part import axis, legend_above
 
 _MOST_NUMBERS = 150_000
 """Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown."""
 BASE, FOUND, FITTED_MODEL = "base model", "with what was found", "fitted model"
 """Names of models' curves: of two, and of one alone."""
 _STYLE: dict[str, dict[str, Any]] = {
-    "measured": {"line": {"color": MEASURED, "width": 2.5}},
-    "from the modes": {"line": {"color": FITTED, "width": 1.5}},
-    FITTED_MODEL: {"line": {"color": MODEL, "width": 1.5, "dash": "dot"}},
-    BASE: {"line": {"color": MODEL, "width": 1.5, "dash": "dot"}, "of": "base"},
-    FOUND: {"line": {"color": MODEL, "width": 1.5, "dash": "dot"}, "of": "found"},
+    "measured": {"line": {"color": palette.MEASURED, "width": 2.5}},
+    "from the modes": {"line": {"color": palette.MODES, "width": 1.5}},
+    FITTED_MODEL: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}},
+    BASE: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}, "of": "base"},
+    FOUND: {"line": {"color": palette.FOUND, "width": 1.5, "dash": "dot"}, "of": "found"},
 }
 """How curves are drawn; "of" says by which model of the page's switch a curve is shown."""
 
@@ -66,7 +67,7 @@ def frf_chart(
             },
             "functions": functions,
             "curves": [{"name": name, **_STYLE[name]} for name in curves],
-            "left": {"name": "difference", "line": {"color": LEFT, "width": 1}},
+            "left": {"name": "difference", "line": {"color": palette.LEFT, "width": 1}},
             "layout": _layout(measured, lines),
         },
         separators=(",", ":"),
@@ -84,7 +85,7 @@ def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
         "yref": "paper",
         "y0": 0,
         "y1": 1,
-        "line": {"color": ACCENT, "width": 1, "dash": "dash"},
+        "line": {"color": palette.ACCENT, "width": 1, "dash": "dash"},
     }
     layout = {
         "height": 460,

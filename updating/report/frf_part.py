@@ -66,7 +66,7 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
         curves = {FITTED_MODEL if name in models else name: value for name, value in curves.items()}
     return Picture(
         name=f"frf_{tested.name}",
-        content=png(overlay_figure(frf, tested.measured, drawn)),
+        content=png(overlay_figure(frf, tested.measured, drawn, found=FOUND in models)),
         form="png",
         data=_numbers(lines, curves, chosen),
         alt="Measured and synthesised FRFs",

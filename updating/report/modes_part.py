@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.modal.complexity import LEAST_MPC, complexity
 from ema.modal.mac import mac
+from ema.plot import palette
 from ema.plot.figures import mac_figure
 from ema.quality.words import label, meaning
 from updating.correlation.correlation import correlate
@@ -19,7 +20,7 @@ from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import PointCorrelation, correlate_points
 from updating.fitting.fit import Estimate
 from updating.fitting.fit_plot import objective_figure
-from updating.report.chart_part import ACCENT, LEFT, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.frf_part import frf_title
 from updating.report.part import ByModel, Picture, Section, Table, anchor, as_csv, of_model, png
 from updating.report.results import Tested
@@ -275,7 +276,7 @@ def mac_chart(
     """Return a MAC matrix as a chart; `across` and `down` say whose frequencies its columns and rows are."""
     x, y = ([f"{k}: {f:.1f}" for k, f in enumerate(own, start=1)] for own in (columns, rows))
     trace = {
-        "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": "Blues",
+        "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": palette.LIKENESS,
         "xgap": 1, "ygap": 1, "texttemplate": "%{z:.2f}", "colorbar": {"title": {"text": "MAC"}, "thickness": 12},
         "hovertemplate": f"{across} mode %{{x}} Hz, {down} mode %{{y}} Hz: MAC %{{z:.4f}}<extra></extra>",
     }  # fmt: skip
@@ -328,12 +329,12 @@ def comac_picture(tested: Tested, fit: Fit) -> Picture:
 def comac_chart(points: PointCorrelation) -> str:
     """Return 1 - CoMAC over the difference of the shapes, of every point, as a chart."""
     names = [str(node) for node in points.node]
-    noise = {"mode": "markers", "marker": {"color": MEASURED, "size": 5}, "name": "from noise alone"}
+    noise = {"mode": "markers", "marker": {"color": palette.QUIET, "size": 5}, "name": "from noise alone"}
     return chart(
         [
             {"type": "bar", "x": names, "y": single(1.0 - points.comac), "yaxis": "y2", "showlegend": False,
-             "marker": {"color": LEFT}, "name": "1 - CoMAC"},
-            {"type": "bar", "x": names, "y": single(points.error), "marker": {"color": LEFT},
+             "marker": {"color": palette.LEFT}, "name": "1 - CoMAC"},
+            {"type": "bar", "x": names, "y": single(points.error), "marker": {"color": palette.LEFT},
              "name": "measured - model"},
             {"type": "scatter", "x": names, "y": single(points.error_std), **noise},
         ],
@@ -372,9 +373,9 @@ def objective_chart(fit: Fit) -> str:
         on = {"type": "scatter", "xaxis": f"x{place}", "yaxis": f"y{place}", "showlegend": place == ""}
         traces += [
             {**on, "mode": "lines+markers", "x": tried[:, 0].tolist(), "y": (factor * tried[:, 1]).tolist(),
-             "name": "tried", "line": {"color": MEASURED, "width": 1}, "marker": {"size": 4}},
+             "name": "tried", "line": {"color": palette.QUIET, "width": 1}, "marker": {"size": 4}},
             {**on, "mode": "markers", "x": [estimate.value], "y": [factor * estimate.objective], "name": "estimate",
-             "marker": {"color": ACCENT, "size": 10, "symbol": "diamond"}},
+             "marker": {"color": palette.ACCENT, "size": 10, "symbol": "diamond"}},
         ]  # fmt: skip
     return chart(
         traces,
