@@ -361,7 +361,8 @@ def test_the_page_is_small_and_says_what_the_results_say(page):
     assert script + (len(text) - script) * page_module.MOST_TOGETHER / 2 < 15_000_000
     assert text.count('id="plotly"') == 1
     order = ["Answer", "In full", "All configurations", "Modes of M1", "MAC and CoMAC of M1", "FRFs of M1",
-             "Mode shapes of M1", "Where the model of M1 fails", "Modes of M2", "Parameters", "Provenance"]  # fmt: skip
+             "Mode shapes of M1", "Where the base model of M1 fails", "Modes of M2", "Parameters",
+             "Provenance"]  # fmt: skip
     headings = re.findall(r"<h[23]>(.*?)</h[23]>", text)
     assert [h for h in headings if h in order] == order
     power = float(re.search(r"as p to the power ([\d.]+)", text)[1])

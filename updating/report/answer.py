@@ -107,6 +107,7 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
 def explanation_table(results: Results) -> Table:
     """List the explanations that a diagnosis fitted in full, the most probable first."""
     ranking = results.diagnosis.shown(_SHOWN) if results.diagnosis is not None else ()
+    labels = {} if results.diagnosis is None else results.diagnosis.labels
     return Table(
         title="Explanations that were tried",
         header=(
@@ -115,7 +116,7 @@ def explanation_table(results: Results) -> Table:
         ),
         rows=tuple(
             (
-                " + ".join(own.effects) or "none",
+                " + ".join(labels.get(e, e) for e in own.effects) or "none",
                 f"{own.probability:.3f}",
                 f"{100 * own.explained:.0f}",
                 f"{100 * own.frequency_error:.2g}",

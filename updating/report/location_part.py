@@ -51,7 +51,7 @@ def kind_of_answer(diagnosis: Diagnosis | None) -> str | None:
 def location_section(tested: Tested, fit: Fit, shown: str | None = None) -> Section:
     """Show where a fit fails, if there is an error to locate, in one kind of stiffness: by default the likeliest."""
     found = error_map(tested, fit)
-    title, text = f"Where the model of {tested.name} fails", location_text(found)
+    title, text = f"Where the base model of {tested.name} fails", location_text(found)
     if _size(found) < _NOTHING:
         return Section(title=title, text=(text,))
     kind = most_likely_kind(found)
