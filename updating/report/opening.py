@@ -159,7 +159,7 @@ def _of_a_fit(results: Results) -> Opening:
             sentence=" ".join(change_sentences(results)),
         )
     return Opening(
-        badge="identified",
+        badge="modes identified",
         tone="good",
         sentence=sentence,
         command=command("fit"),

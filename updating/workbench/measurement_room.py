@@ -61,7 +61,7 @@ def points_chart(tested: Tested, chosen: int) -> str:
         for own, color, name in wires
     ]  # fmt: skip
     colour = [
-        palette.ACCENT if n == chosen else palette.BASE if n in doubtful else palette.MEASURED
+        palette.MODES if n == chosen else palette.ACCENT if n in doubtful else palette.MEASURED
         for n in numbers
     ]
     traces.append(
@@ -256,8 +256,8 @@ def show(server: Any) -> None:
             )  # fmt: skip
             plot("points", 430, clicked, solid=True)
             html.P(
-                "Lines from points: the measured directions, and that of the force in red. Orange points have a "
-                "finding. Grey: the stack and the lines between points.",
+                "Lines from points: the measured directions in blue, that of the force in red. Red points have a "
+                "finding, the large blue one is chosen. Grey: the stack and the lines between points.",
                 classes="text-caption",
             )
         with vuetify3.VCol(cols=12, md=6):
