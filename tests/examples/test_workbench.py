@@ -285,6 +285,9 @@ def test_what_is_ticked_is_fitted_and_shown_before_and_after(page, folder):
     names = page.locator("#fitted_modes .js-plotly-plot").evaluate("(plot) => plot.data.map((t) => t.name)")
     assert names == ["base model", "with what was found"]
     assert "G_f" in page.locator("#fitted-text").text_content()
+    value = re.search(r"G_f[^=]*= ([\d.]+)", page.locator("#fitted-text").text_content())[1]
+    slider = page.locator(".slider", has_text="G_f").text_content()
+    assert float(re.search(r"= ([\d.]+)", slider)[1]) == pytest.approx(float(value), rel=2e-3)  # it follows
 
 
 @pytest.mark.slow
