@@ -307,9 +307,7 @@ def test_the_report_is_written(page, folder):
     enter(page, "Report")
     page.wait_for_function("document.querySelector('#sections').value.includes('Provenance')")
     page.locator("#write-report").click()
-    page.wait_for_function(
-        "[...document.querySelectorAll('#said')].some((e) => e.textContent.includes('Done.'))"
-    )
+    says(page, "#said-report", "Done.")
     assert "plotly" in (folder[1] / "report.html").read_text(encoding="utf-8")
 
 

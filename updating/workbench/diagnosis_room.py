@@ -145,15 +145,15 @@ def _answer() -> None:
         )
 
 
-def log(controller: Any) -> None:
-    """Show what a command says, and the button that stops it."""
+def log(controller: Any, suffix: str = "") -> None:
+    """Show what a command says, and the button that stops it; `suffix` makes their names those of one room."""
     from trame.widgets import html, vuetify3
 
     with html.Div(v_if="running", classes="d-flex align-center ga-3 mt-2"):
         vuetify3.VProgressCircular(indeterminate=True, size=22)
         html.Span("lamella {{ running }} is running")
-        vuetify3.VBtn("Stop", click=controller.stop, color="error", size="small", id="stop")
+        vuetify3.VBtn("Stop", click=controller.stop, color="error", size="small", id=f"stop{suffix}")
     html.Pre(
         "{{ said.slice(-12).join('\\n') }}", v_if="said.length", classes="text-caption pa-2 mt-2 bg-grey-lighten-4",
-        style="overflow-x: auto; font-family: monospace !important", id="said",
+        style="overflow-x: auto; font-family: monospace !important", id=f"said{suffix}",
     )  # fmt: skip
