@@ -269,6 +269,10 @@ def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder
     page.get_by_role("option", name="clamp mass").click()
     page.keyboard.press("Escape")
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
+    thumb = page.locator(".slider .v-slider-thumb").first
+    page.wait_for_function("document.querySelector('.slider input').hasAttribute('aria-label')")
+    assert page.locator(".slider input[type=checkbox]").first.get_attribute("aria-label").strip() == "Fit G_f"
+    assert thumb.get_attribute("aria-valuetext").endswith("Pa/Pa")  # not a step from 0 to 1000
 
 
 @pytest.mark.slow

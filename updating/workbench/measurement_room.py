@@ -265,7 +265,7 @@ def show(server: Any) -> None:
     _list("Files of this point", "files", "Its functions are not stored.")
     _list("About this point", "about", "Nothing was found about this point.")
     _list("About the measurement", "others", "Nothing was found about the rest.")
-    html.H3("Modes", classes="text-subtitle-1 mt-2")
+    html.H2("Modes", classes="text-subtitle-1 mt-2")
     with vuetify3.VTable(density="compact", id="modes"):
         names = (
             "mode",
@@ -287,7 +287,7 @@ def _list(title: str, key: str, none: str) -> Sequence[Any]:
     from trame.widgets import html
 
     return (
-        html.H3(title, classes="text-subtitle-1 mt-2"),
+        html.H2(title, classes="text-subtitle-1 mt-2"),
         html.Ul(
             f'<li v-for="line in {key}" :key="line">{{{{ line }}}}</li>', classes="ml-5 text-body-2", id=key
         ),

@@ -90,6 +90,7 @@ class _WhatIf:
         self._now: Outcome | None = None
         self._awaited = False
         self._wanted: dict[str, float] = {}  # values that the sliders take once the model is there
+        self._of: tuple[str, list[str]] | None = None  # configuration and effects that the sliders are of
         self.command = Command(self._said)
 
     async def begin(self) -> None:
@@ -111,12 +112,15 @@ class _WhatIf:
         if wanted != (self.state.configuration, list(self.state.tried_effects)):
             return  # something else was chosen meanwhile
         self._tried = tried
+        values = self._wanted or (
+            self._values if wanted == self._of else {}
+        )  # who comes back finds it as it was
         self._values = {knob.name: knob.start for knob in tried.knobs}
         with self.state as state:
             state.preparing, state.what_if_text = False, ""
             state.sliders = slider_rows(tried.knobs, wanted[1])
-            self._place(self._wanted)
-            self._wanted = {}
+            self._place(values)
+            self._wanted, self._of = {}, wanted
             lines = tried.lines
             names = (
                 []
@@ -302,7 +306,7 @@ def show(server: Any) -> None:
                 html.Div(v_for="(own, i) in sliders", key="own.name", classes=(_STALE,)),
                 html.Div(classes="mt-2 slider d-flex align-center flex-wrap"),
             ):
-                html.H4("{{ own.head }}", v_if="own.head", classes="text-subtitle-2 w-100 slider-head")
+                html.H2("{{ own.head }}", v_if="own.head", classes="text-subtitle-2 w-100 slider-head")
                 vuetify3.VCheckboxBtn(
                     model_value=("own.free",), disabled=("!own.can",), density="compact", style="flex: 0 0 auto",
                     update_modelValue=(controller.tick, "[i, $event]"),
