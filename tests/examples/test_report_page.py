@@ -24,7 +24,7 @@ from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
 from updating.report.page import titles, write_report
-from updating.report.part import packed
+from updating.report.part import Section, Table, of_model, packed
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
 from updating.results.text import Z95, uncertain
@@ -406,3 +406,27 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
         own = (front.parent / name).read_text(encoding="utf-8")
         assert f"Modes of {name[:2]}" in own
         assert '<a href="../report.html">' in own
+
+
+@needs_browser
+def test_the_switch_shows_one_of_two_models_and_the_found_one_first(tmp_path):
+    sync = pytest.importorskip("playwright.sync_api", reason="no playwright, of the extra dev")
+    tables = [Table(title=name, header=("h",), rows=((name,),)) for name in ("with it", "base")]
+    blocks = (*of_model(tables[:1], "found"), *of_model(tables[1:], "base"))
+    (tmp_path / "page.html").write_text(
+        page_module.render("title", (Section(title="both", blocks=blocks),)), encoding="utf-8"
+    )
+    with sync.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        shown = browser.new_page()
+        shown.goto((tmp_path / "page.html").as_uri())
+
+        def seen():
+            return [cell.text_content() for cell in shown.locator("td").all() if cell.is_visible()]
+
+        assert seen() == ["with it"]
+        shown.get_by_label("base model").check()
+        assert seen() == ["base"]
+        shown.emulate_media(media="print")
+        assert not shown.locator(".models").is_visible()
+        browser.close()
