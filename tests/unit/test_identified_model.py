@@ -18,7 +18,7 @@ from updating.fitting.fit import fit
 from updating.report import identified_model as module
 from updating.report.answer import before_after_table
 from updating.report.identified_model import Found, identified_model, what_was_found, with_identified_models
-from updating.report.modes_part import by_model, pair_tables
+from updating.report.modes_part import by_model, complexity_table, pair_tables
 from updating.report.opening import frac_sentence
 from updating.report.page import render
 from updating.report.part import Picture, Section, Table, of_model
@@ -201,3 +201,11 @@ def test_a_model_that_cannot_be_solved_so_leaves_the_base_model_and_a_remark(
     out = with_identified_models(given)
     assert out.tested[0].identified is None
     assert out.remarks == ("M1: the model with what was found cannot be shown: no mode pairs",)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.5])
+def test_complexity_is_folded_unless_a_shape_is_too_complex(with_model, turn):
+    shape = with_model.measured.shape.copy()
+    shape[::2, 0] *= np.exp(1j * turn)
+    given = replace(with_model, measured=replace(with_model.measured, shape=shape))
+    assert complexity_table(given).folded == (turn == 0.0)

@@ -135,6 +135,7 @@ def complexity_table(tested: Tested) -> Table:
         note="A real shape has MPC 1 and MCF 0: all components in phase or against it. MPD and phase scatter are the "
         "mean and the root mean square of how far phases are off their line. Modes with an MPC below "
         f"{LEAST_MPC:g} are too complex (Pappa, Elliott and Schenk, NASA TM-107607, 1992).",
+        folded=not np.any(found.is_complex),  # a page on a phone is long enough
     ).without_empty_columns()  # fmt: skip
 
 
