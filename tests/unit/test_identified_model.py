@@ -209,3 +209,15 @@ def test_complexity_is_folded_unless_a_shape_is_too_complex(with_model, turn):
     shape[::2, 0] *= np.exp(1j * turn)
     given = replace(with_model, measured=replace(with_model.measured, shape=shape))
     assert complexity_table(given).folded == (turn == 0.0)
+
+
+def test_damping_that_an_effect_brings_is_not_taken_for_the_contacts(with_model):
+    (effect,) = find_effects(("steel_loss",), catalogue())
+    value = {p.name: p.nominal for p in effect.parameters}
+    stack = with_model.identified.fit.stack.with_effects(effect, **value)
+    own = fit(stack, with_model.measured)
+    without = with_model.identified.fit.d_f.value
+    assert own.d_f.value < 0.95 * without  # the steel has a share of the same damping
+    np.testing.assert_allclose(
+        own.modes.damping[own.pairing.model].mean(), with_model.measured.damping.mean(), rtol=0.1
+    )
