@@ -40,7 +40,7 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/pictures/scraper.py docs/conf.py
+	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/pictures/tutorial.py docs/pictures/scraper.py docs/conf.py
 
 # A build that was stopped leaves an index that the next one stumbles over.
 docs: $(READY)
@@ -48,9 +48,9 @@ docs: $(READY)
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -j auto docs out/docs
 
 picture: $(READY)
-	$(BIN)/lamella fit data/hidden_effect/b/campaign.toml -o out/b
-	$(BIN)/lamella diagnose data/hidden_effect/b/campaign.toml -o out/b
-	$(BIN)/python docs/pictures/story.py out/b docs/pictures/story.png
+	$(BIN)/lamella demo -o out/demo
+	$(BIN)/python docs/pictures/story.py out/demo docs/pictures/story.png
+	$(BIN)/python docs/pictures/tutorial.py out/demo docs/pictures
 
 benchmark: $(READY)
 	$(BIN)/python -m pip install --quiet --quiet --editable ".[dev,peers]"

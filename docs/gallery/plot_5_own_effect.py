@@ -22,6 +22,8 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from ema.plot import palette
+
 effect = model.read_effect(DATA / "effects_example/gap_spring.py")
 base = replace(model.read_stack(DATA / "demo_stack/stack.toml"), n_lamina=40, mesh=model.Mesh(n_x=8, n_y=2))
 system = model.reduce(base.with_effects(effect, wedge_modulus=5e7))
@@ -37,7 +39,7 @@ shift = 100.0 * (wedged.frequency / without.frequency - 1.0)
 # Every mode rises, and none by much: a wedge is a weak effect.
 figure = Figure(figsize=(7.0, 3.0), layout="constrained")
 axes = figure.subplots()
-axes.bar(np.arange(shift.size), shift, color="#1f5f8b")
+axes.bar(np.arange(shift.size), shift, color=palette.FOUND)
 axes.set_xticks(np.arange(shift.size), [f"{f:.0f} Hz" for f in without.frequency])
 axes.set_ylabel("change of frequency [%]")
 axes.spines[["top", "right"]].set_visible(False)

@@ -33,12 +33,14 @@ print("\n".join(found.sentences))
 import numpy as np
 from matplotlib.figure import Figure
 
+from ema.plot import palette
+
 base = next(own for own in found.ranking if not own.parts)
 figure = Figure(figsize=(7.0, 3.0), layout="constrained")
 axes = figure.subplots()
 for shift, own, label, color in (
-    (-0.2, base, "base model", "0.7"),
-    (0.2, found.best, "with what was found", "#1f5f8b"),
+    (-0.2, base, "base model", palette.BASE),
+    (0.2, found.best, "with what was found", palette.FOUND),
 ):
     errors = (own.frequency_error, own.left_out_error, own.left_out_torque_error)
     axes.bar(np.arange(3) + shift, 100.0 * np.array(errors), 0.38, label=label, color=color)

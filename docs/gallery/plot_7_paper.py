@@ -33,18 +33,20 @@ for fit in fits:
 import numpy as np
 from matplotlib.figure import Figure
 
+from ema.plot import palette
+
 figure = Figure(figsize=(9.0, 3.0), layout="constrained")
 for axes, fit in zip(figure.subplots(1, 2, sharey=True), fits, strict=True):
     at = np.arange(len(table.shape_class))
     for shift, frequency, label, color in (
-        (-0.2, fit.row.published_frequency, "published model", "0.7"),
-        (0.2, fit.frequency, "Lamella", "#1f5f8b"),
+        (-0.2, fit.row.published_frequency, "published model", palette.QUIET),
+        (0.2, fit.frequency, "Lamella", palette.BASE),
     ):
         error = 100.0 * (frequency / fit.row.frequency - 1.0)
         axes.bar(at + shift, error, 0.38, label=label, color=color)
     axes.set_xticks(at, table.shape_class, rotation=30, ha="right", fontsize=8)
     axes.set_title(f"stack {fit.row.name}", loc="left", fontsize="medium")
-    axes.axhline(0.0, color="0.3", linewidth=0.8)
+    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
 axes.legend(frameon=False)
 figure.axes[0].set_ylabel("frequency error [%]")
 
@@ -86,14 +88,14 @@ points, lines = above(x.ravel(), y.ravel()), np.arange(200.0, 1000.0, 2.0)
 figure = Figure(figsize=(9.0, 3.2), layout="constrained")
 axes = figure.subplots()
 for at, label, color in (
-    ((0.5, 0.5), "a corner", "0.6"),
-    ((0.12, 0.25), "x = 0.12 L, y = 0.25 W", "#1f5f8b"),
+    ((0.5, 0.5), "a corner", palette.SERIES[0]),
+    ((0.12, 0.25), "x = 0.12 L, y = 0.25 W", palette.SERIES[1]),
 ):
     drive = above([at[0] * stack.length], [at[1] * stack.width])
     found = model.frf(system, frequency=lines, output=points, input=drive, **given)
     mean = np.sqrt(np.mean(np.abs(found[:, 0]) ** 2, axis=0))
     axes.semilogy(lines, mean, label=f"shaker at {label}", color=color)
-axes.axvline(modes.frequency[name.index("bending 3")], color="0.3", linewidth=0.8, linestyle=":")
+axes.axvline(modes.frequency[name.index("bending 3")], color=palette.INK, linewidth=0.8, linestyle=":")
 axes.set_xlabel("frequency [Hz]")
 axes.set_ylabel("mean accelerance [m/s² per N]")
 axes.legend(frameon=False)

@@ -13,18 +13,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
+from ema.plot import palette
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
+from updating.report.identified_model import with_identified_models
 from updating.report.results import read_results
+from updating.results.text import percent, together
 
-BEFORE, AFTER, REST = "#b9bec6", "#1f5f8b", "#dde1e7"
-CONFIGURATION, MODE = 0, 3  # the shape that is shown, both from 0
+CONFIGURATION, MODE = 0, 2  # the shape that is shown, both from 0
 
 
 def draw_shape(axes: Axes3D, pair: ShapePair, moved: np.ndarray, color: str) -> None:
     """Draw the points of a stack where a mode moves them, over the points at rest."""
     size = 1.2 * SWELL * float(np.ptp(pair.coordinate, axis=0).max())
-    for points, shade, width in ((pair.coordinate, REST, 1.0), (pair.coordinate + size * moved, color, 1.6)):
+    for points, shade, width in (
+        (pair.coordinate, palette.PALE, 1.0),
+        (pair.coordinate + size * moved, color, 1.6),
+    ):
         ends = np.insert(points[pair.line], 2, np.nan, axis=1).reshape(-1, 3)  # one path with gaps
         axes.plot(*(1e3 * ends.T), color=shade, linewidth=width)
         axes.plot(*(1e3 * points.T), ".", color=shade, markersize=4.0 * width)
@@ -42,15 +47,16 @@ def draw_errors(axes: Axes, found: Diagnosis) -> None:
     before, after = (
         [100.0 * abs(getattr(own, name)) for own in found.errors] for name in ("base", "explained")
     )
-    bars = axes.bar(at, before, 0.62, color=BEFORE)
-    (dots,) = axes.plot(at, after, "o", color=AFTER, markersize=8, clip_on=False, zorder=3)
+    bars = axes.bar(at, before, 0.62, color=palette.BASE)
+    (dots,) = axes.plot(at, after, "o", color=palette.FOUND, markersize=8, clip_on=False, zorder=3)
+    base, own = found.ranked(()), found.ranked(found.set[0])
     text = (
-        f"base model, {np.mean(before):.2f} % in the mean",
-        f"with the effects found, {np.mean(after):.3f} %",
+        f"base model: {percent(base.frequency_error)} in the mean, {percent(base.left_out_error)} of modes left out",
+        f"with what was found: {percent(own.frequency_error)}, {percent(own.left_out_error)} of modes left out",
     )
     axes.set_ylim(0.0, 1.45 * max(before))
     ticks = [f"{own.frequency:.0f}" for own in found.errors]
-    axes.set_xticks(at, ticks, fontsize=10)
+    axes.set_xticks(at, ticks, fontsize=8)
     axes.tick_params(axis="y", labelsize=10)
     for name in names:
         middle = np.mean([x for x, own in zip(at, found.errors, strict=True) if own.configuration == name])
@@ -58,29 +64,34 @@ def draw_errors(axes: Axes, found: Diagnosis) -> None:
         axes.text(middle, -0.17, what, transform=axes.get_xaxis_transform(), ha="center", fontsize=11)
     axes.set_ylabel("frequency error of the model [%]", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend((bars, dots), text, loc="upper left", frameon=False, fontsize=11)
+    axes.legend((bars, dots), text, loc="upper left", frameon=False, fontsize=10)
 
 
 def story(folder: Path) -> Figure:
-    """Return the picture: a measured shape, the modelled one, and the error that falls."""
-    results = read_results(folder)
+    """Return the picture: a shape measured, modelled before and after, what was missing, and the error that falls."""
+    results = with_identified_models(read_results(folder))
     tested, found = results.tested[CONFIGURATION], results.diagnosis
-    if found is None or not found.set or tested.fit is None:
+    if found is None or not found.set or tested.identified is None:
         message = (
             f"{folder}: the picture needs a campaign that was fitted and a diagnosis that names an effect"
         )
         raise SystemExit(message)
-    pair = shape_pairs(tested.measured, tested.fit)[MODE]
-    figure = Figure(figsize=(10.0, 4.2))
+    before, after = (shape_pairs(tested.measured, fit)[MODE] for fit in (tested.fit, tested.identified.fit))
+    figure = Figure(figsize=(10.5, 4.8))
+    figure.text(
+        0.5, 0.945, f"What the model lacks: {together([found.labels[e] for e in found.set[0]])}", fontsize=14,
+        ha="center", weight="bold",
+    )  # fmt: skip
     for top, title, moved, color in (
-        (0.53, f"measured, {pair.measured_frequency:.1f} Hz", pair.measured.real, "#6b7280"),
-        (0.03, f"modelled, {pair.model_frequency:.1f} Hz, MAC {pair.mac:.4f}", pair.model, AFTER),
+        (0.63, f"measured, {before.measured_frequency:.1f} Hz", before.measured.real, palette.MEASURED),
+        (0.34, f"base model, {before.model_frequency:.1f} Hz", before.model, palette.BASE),
+        (0.05, f"with it, {after.model_frequency:.1f} Hz", after.model, palette.FOUND),
     ):
-        figure.text(0.395, top + 0.40, title, fontsize=11, ha="right")
-        axes = figure.add_axes((0.0, top - 0.32, 0.42, 1.0), projection="3d")  # drawn in its middle only
+        figure.text(0.395, top + 0.255, title, fontsize=11, ha="right", va="top", color=palette.INK)
+        axes = figure.add_axes((0.0, top - 0.24, 0.40, 0.72), projection="3d")  # drawn in its middle only
         axes.patch.set_visible(False)
-        draw_shape(axes, pair, moved, color)
-    draw_errors(figure.add_axes((0.49, 0.20, 0.50, 0.76)), found)
+        draw_shape(axes, before, moved, color)
+    draw_errors(figure.add_axes((0.49, 0.17, 0.50, 0.73)), found)
     return figure
 
 

@@ -23,7 +23,7 @@ from ema.identification.maximum_likelihood import Fit
 from ema.identification.references import check_references
 from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
-from ema.identification.resolution import decay_variance
+from ema.identification.resolution import with_unknown_lines
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
 from ema.identification.shapes import shapes_from_residues
 from ema.identification.stabilization import highest_order, stabilization
@@ -235,6 +235,7 @@ def identify_frf(
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
+    model = with_unknown_lines(model, white.frequency)
     return replace(model, unexplained=_unexplained(found.left, n_input))
 
 
@@ -383,7 +384,6 @@ def _model(
     variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
     growth = runs.growth(*frequency_damping_std(fit.pole, variance_of_poles))
     covariance = variance_of_poles * np.outer(growth, growth)
-    covariance[::2, ::2] += np.diag(decay_variance(fit.pole, frf.frequency, frf.decay_rate))
     frequency_std, damping_std = frequency_damping_std(fit.pole, covariance)
     residue = fit.residue.reshape(n_output, n_input, fit.pole.size)
     variance = variance_along(fit.residue, fit.residue_covariance() * np.outer(inflation, inflation))

@@ -19,14 +19,45 @@ no more than 0.001 lines. `tests/unit/test_resolution.py` repeats it.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.quality.peaks import MIN_LINES
+from ema.types.modal_model import ModalModel
 
 UNKNOWN_LINES = 0.4
 """Standard deviation of a half-power bandwidth of few lines, in lines."""
 _FADES = 1.0  # lines below `MIN_LINES` over which it fades out
+
+
+def with_unknown_lines(modal_model: ModalModel, frequency: NDArray[np.float64]) -> ModalModel:
+    """Return a model whose damping ratios are known no better than the spacing of its lines allows.
+
+    All runs have these lines, so this comes after runs are averaged: what every one of them leaves unknown in the same
+    way, many leave unknown too.
+
+    Parameters
+    ----------
+    modal_model : ModalModel
+        With the standard deviations that noise and runs leave.
+    frequency : (n_frequency,) float
+        Evenly spaced lines, Hz.
+    """
+    pole = modal_model.pole
+    variance = decay_variance(pole, frequency, modal_model.decay_rate)
+    size = np.abs(pole)
+    covariance = modal_model.covariance.copy()
+    covariance[::2, ::2] += np.diag(variance)
+    return replace(
+        modal_model,
+        frequency_std=np.hypot(
+            modal_model.frequency_std, np.sqrt(variance) * np.abs(pole.real) / size / (2.0 * np.pi)
+        ),
+        damping_std=np.hypot(modal_model.damping_std, np.sqrt(variance) * (pole.imag / size) ** 2 / size),
+        covariance=covariance,
+    )
 
 
 def decay_variance(

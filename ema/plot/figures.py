@@ -12,6 +12,7 @@ from ema.identification.columns import Stability
 from ema.identification.stabilization import StabilizationDiagram
 from ema.modal.comparison import Comparison
 from ema.modal.mac import real_shape
+from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel, synthesize_runs
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MEASURED, FITTED, ACCENT = "0.6", "#1f5f8b", "#b3341f"
 UNIT = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s²)"}
 MAX_POINTS = 2000
 """Lines drawn of one function; wider ones are thinned to the extremes of every bin."""
@@ -47,8 +47,8 @@ def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Fig
     for k, o in enumerate(chosen):
         magnitude, phase = rows[2 * k, 0], rows[2 * k + 1, 0]
         for value, color, width in (
-            (lines.value[o, 0], MEASURED, 1.4),
-            (fitted[o, 0], FITTED, 0.8),
+            (lines.value[o, 0], palette.MEASURED, 1.4),
+            (fitted[o, 0], palette.MODES, 0.8),
         ):
             at = _thinned(np.abs(value))
             magnitude.semilogy(lines.frequency[at], np.abs(value[at]), color=color, linewidth=width)
@@ -85,7 +85,7 @@ def stabilization_figure(
     behind = axes.twinx()
     indicator = diagram.indicator[0]
     at = _thinned(indicator)
-    behind.semilogy(diagram.frequency[at], indicator[at], color="0.8", linewidth=0.9)
+    behind.semilogy(diagram.frequency[at], indicator[at], color=palette.QUIET, linewidth=0.7)
     behind.tick_params(which="both", right=False, labelright=False)
     axes.set_zorder(behind.get_zorder() + 1)
     axes.patch.set_visible(False)
@@ -108,15 +108,15 @@ def pole_groups(
     """Return the poles of a chart in groups, each with its name and symbol."""
     if stability is None:
         return [
-            ("pole", ~diagram.stable, {"marker": ".", "color": "0.45", "markersize": 2}),
-            ("in a cluster", diagram.stable, {"marker": ".", "color": FITTED, "markersize": 4}),
+            ("pole", ~diagram.stable, {"marker": ".", "color": palette.QUIET, "markersize": 2}),
+            ("in a cluster", diagram.stable, {"marker": ".", "color": palette.MODES, "markersize": 4}),
         ]
     f, d, s = stability.frequency, stability.damping, stability.shape
     return [
-        ("not stable", ~f, {"marker": ".", "color": "0.6", "markersize": 2}),
-        ("stable: frequency", f & ~d, {"marker": "x", "color": "0.4", "markersize": 3.5}),
-        ("frequency, damping", d & ~s, {"marker": "^", "color": ACCENT, "markersize": 3}),
-        ("frequency, damping, shape", s, {"marker": "o", "color": FITTED, "markersize": 3}),
+        ("not stable", ~f, {"marker": ".", "color": palette.QUIET, "markersize": 2}),
+        ("stable: frequency", f & ~d, {"marker": "x", "color": palette.MEASURED, "markersize": 3.5}),
+        ("frequency, damping", d & ~s, {"marker": "^", "color": palette.LEFT, "markersize": 3}),
+        ("frequency, damping, shape", s, {"marker": "o", "color": palette.MODES, "markersize": 3}),
     ]
 
 
@@ -129,7 +129,7 @@ def mac_figure(
     n_row, n_column = values.shape
     figure = Figure(figsize=(1.6 + 0.5 * n_column, 1.2 + 0.5 * n_row), layout="constrained")
     axes = figure.subplots()
-    image = axes.imshow(values, cmap="Blues", vmin=0.0, vmax=1.0)
+    image = axes.imshow(values, cmap=palette.LIKENESS, vmin=0.0, vmax=1.0)
     axes.set_xticks(range(n_column), [f"{f:.4g}" for f in columns], rotation=90)
     axes.set_yticks(range(n_row), [f"{f:.4g}" for f in rows])
     axes.set_xlabel("frequency [Hz]")
@@ -165,7 +165,7 @@ def draw_shape(axes: Any, modal_model: ModalModel, mode: int) -> None:
     at_rest = modal_model.geometry.coordinate
     displaced = at_rest + shape_displacement(modal_model, mode)
     lines = trace_rows(modal_model.geometry)
-    for points, color in ((at_rest, "0.75"), (displaced, FITTED)):
+    for points, color in ((at_rest, palette.PALE), (displaced, palette.MEASURED)):
         axes.scatter(*points.T, color=color, s=8)
         ends = np.full((len(lines), 3, 3), np.nan)  # one path with gaps: lines may be many
         ends[:, :2] = points[lines]
@@ -203,7 +203,7 @@ def shape_displacement(modal_model: ModalModel, mode: int) -> NDArray[np.float64
 def _mark_poles(panels: tuple[Axes, ...], frequency: NDArray[np.float64]) -> None:
     for axes in panels:
         for f in frequency:
-            axes.axvline(f, color=ACCENT, linewidth=0.7, linestyle="--")
+            axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
 
 
 def _thinned(magnitude: NDArray[np.float64]) -> NDArray[np.intp]:

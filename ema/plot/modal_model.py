@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ema.plot import palette
 from ema.plot.figures import draw_shape, shape_displacement, trace_rows
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
@@ -86,14 +87,14 @@ def turnable(modal_model: ModalModel, mode: int, *, off_screen: bool | None = No
         plotter: Any = pv.Plotter(off_screen=off_screen)
     plotter.set_background("white")
     for points, style in (
-        (rest, {"color": "lightgrey", "line_width": 1}),
-        (rest + moved, {"scalars": np.linalg.norm(moved, axis=1), "cmap": "viridis", "line_width": 4}),
+        (rest, {"color": palette.PALE, "line_width": 1}),
+        (rest + moved, {"scalars": np.linalg.norm(moved, axis=1), "cmap": palette.MOTION, "line_width": 4}),
     ):
         mesh = pv.PolyData(points, lines=cells) if cells.size else pv.PolyData(points)
         plotter.add_mesh(mesh, show_scalar_bar=False, point_size=8, render_points_as_spheres=True, **style)
     plotter.add_text(
         f"{modal_model.frequency[mode]:.1f} Hz, {100.0 * modal_model.damping[mode]:.2f} %",
         font_size=12,
-        color="black",
+        color=palette.INK,
     )
     return plotter

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.identification.stabilization import StabilizationDiagram
+from ema.plot import palette
 from ema.plot.figures import stabilization_figure
 from ema.types.errors import IdentificationError
 
@@ -58,7 +59,7 @@ class PolePicker:
         self._axes = figure.axes[0]
         self._chosen = [complex(p) for p in diagram.chosen]
         self._marks = self._axes.plot(
-            [], [], "v", color="#b3341f", transform=self._axes.get_xaxis_transform()
+            [], [], "v", color=palette.ACCENT, transform=self._axes.get_xaxis_transform()
         )[0]
         self._draw()
         figure.canvas.mpl_connect("button_press_event", self._click)

@@ -8,8 +8,9 @@ import pytest
 
 from ema.campaign.campaign import read_campaign
 from tests.command import lamella
+from updating.commands import open_ as open_command
 from updating.errors import StoreError
-from updating.results.chosen_poles import chosen_poles
+from updating.results.chosen_poles import chosen_poles, forget_choices
 from updating.results.stored_campaign import campaign_file
 from updating.workbench.opened import find
 
@@ -56,9 +57,10 @@ def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results):
     assert "chosen by hand" in (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_identify_anew_undoes_the_choice(results):
+@pytest.mark.parametrize("command", ["ema", "fit"])
+def test_identify_anew_undoes_the_choice(results, command):
     campaign, out = results
-    done = lamella("ema", campaign, "-o", out, "--identify-anew")
+    done = lamella(command, campaign, "-o", out, "--identify-anew")
     assert done.returncode == 0, done.stderr
     assert n_mode(out) == 2
     assert "chosen by hand" not in done.stdout
@@ -104,3 +106,26 @@ def test_a_slip_in_chosen_poles_is_said_of_the_file_that_was_given(results):
     assert done.returncode == 1
     assert "C1/poles.txt, line 1" in done.stderr.replace("\n", "")
     assert n_mode(out) == 1
+
+
+@pytest.mark.parametrize("name", ["ema", "fit", "diagnose", "next-test", "update", "open"])
+def test_every_command_that_identifies_can_do_so_anew(name):
+    done = lamella(name, "--help")
+    assert "--identify-anew" in done.stdout
+
+
+def test_a_workbench_opened_with_identify_anew_forgets_the_choice(results, monkeypatch):
+    _, out = results
+    served = []
+    monkeypatch.setattr(open_command, "serve", lambda opened, **_: served.append(opened))
+    open_command.open_(out, identify_anew=True)
+    assert n_mode(served[0].folder) == 2
+    assert not list(out.glob("*/chosen_poles.txt"))
+
+
+def test_choices_in_results_within_results_are_forgotten_too(tmp_path):
+    inside = tmp_path / "campaign/M1/chosen_poles.txt"
+    inside.parent.mkdir(parents=True)
+    inside.write_text("100 0.01", encoding="utf-8")
+    forget_choices(tmp_path)
+    assert not inside.exists()

@@ -24,7 +24,7 @@ from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
 from updating.report.page import titles, write_report
-from updating.report.part import packed
+from updating.report.part import Section, Table, of_model, packed
 from updating.report.pdf import NAMES, print_pdf
 from updating.report.results import read_results
 from updating.results.text import Z95, uncertain
@@ -274,7 +274,7 @@ def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
             axes=geometry.axes[known],
         ),
     )
-    picture = frf_picture(replace(tested, measured=modes), tested.frf())
+    picture = frf_picture(replace(tested, measured=modes), tested.frf(), {})
     assert "fitted model" not in picture.data
     assert "Dotted" not in picture.caption
 
@@ -361,7 +361,8 @@ def test_the_page_is_small_and_says_what_the_results_say(page):
     assert script + (len(text) - script) * page_module.MOST_TOGETHER / 2 < 15_000_000
     assert text.count('id="plotly"') == 1
     order = ["Answer", "In full", "All configurations", "Modes of M1", "MAC and CoMAC of M1", "FRFs of M1",
-             "Mode shapes of M1", "Where the model of M1 fails", "Modes of M2", "Parameters", "Provenance"]  # fmt: skip
+             "Mode shapes of M1", "Where the base model of M1 fails", "Modes of M2", "Parameters",
+             "Provenance"]  # fmt: skip
     headings = re.findall(r"<h[23]>(.*?)</h[23]>", text)
     assert [h for h in headings if h in order] == order
     power = float(re.search(r"as p to the power ([\d.]+)", text)[1])
@@ -405,3 +406,27 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
         own = (front.parent / name).read_text(encoding="utf-8")
         assert f"Modes of {name[:2]}" in own
         assert '<a href="../report.html">' in own
+
+
+@needs_browser
+def test_the_switch_shows_one_of_two_models_and_the_found_one_first(tmp_path):
+    sync = pytest.importorskip("playwright.sync_api", reason="no playwright, of the extra dev")
+    tables = [Table(title=name, header=("h",), rows=((name,),)) for name in ("with it", "base")]
+    blocks = (*of_model(tables[:1], "found"), *of_model(tables[1:], "base"))
+    (tmp_path / "page.html").write_text(
+        page_module.render("title", (Section(title="both", blocks=blocks),)), encoding="utf-8"
+    )
+    with sync.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        shown = browser.new_page()
+        shown.goto((tmp_path / "page.html").as_uri())
+
+        def seen():
+            return [cell.text_content() for cell in shown.locator("td").all() if cell.is_visible()]
+
+        assert seen() == ["with it"]
+        shown.get_by_label("base model").check()
+        assert seen() == ["base"]
+        shown.emulate_media(media="print")
+        assert not shown.locator(".models").is_visible()
+        browser.close()

@@ -269,6 +269,10 @@ def test_sliders_move_the_model_and_are_written_as_an_updating_file(page, folder
     page.get_by_role("option", name="clamp mass").click()
     page.keyboard.press("Escape")
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
+    thumb = page.locator(".slider .v-slider-thumb").first
+    page.wait_for_function("document.querySelector('.slider input').hasAttribute('aria-label')")
+    assert page.locator(".slider input[type=checkbox]").first.get_attribute("aria-label").strip() == "Fit G_f"
+    assert thumb.get_attribute("aria-valuetext").endswith("Pa/Pa")  # not a step from 0 to 1000
 
 
 @pytest.mark.slow
@@ -285,6 +289,9 @@ def test_what_is_ticked_is_fitted_and_shown_before_and_after(page, folder):
     names = page.locator("#fitted_modes .js-plotly-plot").evaluate("(plot) => plot.data.map((t) => t.name)")
     assert names == ["base model", "with what was found"]
     assert "G_f" in page.locator("#fitted-text").text_content()
+    value = re.search(r"G_f[^=]*= ([\d.]+)", page.locator("#fitted-text").text_content())[1]
+    slider = page.locator(".slider", has_text="G_f").text_content()
+    assert float(re.search(r"= ([\d.]+)", slider)[1]) == pytest.approx(float(value), rel=2e-3)  # it follows
 
 
 @pytest.mark.slow
@@ -304,9 +311,7 @@ def test_the_report_is_written(page, folder):
     enter(page, "Report")
     page.wait_for_function("document.querySelector('#sections').value.includes('Provenance')")
     page.locator("#write-report").click()
-    page.wait_for_function(
-        "[...document.querySelectorAll('#said')].some((e) => e.textContent.includes('Done.'))"
-    )
+    says(page, "#said-report", "Done.")
     assert "plotly" in (folder[1] / "report.html").read_text(encoding="utf-8")
 
 

@@ -67,3 +67,34 @@ def test_what_resolves_a_resonance_or_its_window_is_known_leaves_the_interval_to
     assert damping(frf)[1] * CENTRE / (0.5 * STEP) < 0.02
     frf, _ = functions(1.0, None)
     assert damping(replace(frf, decay_rate=0.1))[1] * CENTRE / (0.5 * STEP) < 0.01
+
+
+def test_what_the_lines_leave_unknown_is_not_averaged_away_over_runs(tmp_path):
+    """Twelve runs whose frequencies differ, as with a sensor that roves, each with one line in the bandwidth."""
+    one, truth = functions(1.0, None)
+    n_run = 12
+    rng = np.random.default_rng(1)
+    values = []
+    for k in range(n_run):
+        s = 2j * np.pi * LINES
+        centre = CENTRE + 0.4 * np.sin(k)
+        pole = -np.pi * STEP + 2j * np.pi * centre
+        mode = s**2 * (1 / (s - pole) - 1 / (s - np.conj(pole))) / 2j
+        noise = rng.standard_normal((3, LINES.size)) + 1j * rng.standard_normal((3, LINES.size))
+        values.append(np.outer([1.0, 0.6, -0.4], mode) + 1e-4 * np.abs(mode).max() * noise)
+    up = np.tile([0.0, 0.0, 1.0], (3 * n_run, 1))
+    frf = replace(
+        one,
+        value=np.concatenate(values)[:, None],
+        output=Dofs(node=np.arange(1, 3 * n_run + 1), direction=up),
+        run=np.repeat(np.arange(n_run), 3),
+        source=("simulated",) * (3 * n_run),
+    )
+    node = np.arange(1, 3 * n_run + 1)
+    geometry = Geometry(node=node, coordinate=np.outer(node, [0.1, 0, 0]), line=np.zeros((0, 2)))
+    model = identify_frf(frf, geometry, name="a")
+    assert model.run_pole.shape[0] == n_run
+    r = int(np.argmin(np.abs(model.frequency - CENTRE)))
+    lines = -model.pole[r].real / (np.pi * STEP)
+    assert lines == pytest.approx(1.0, abs=0.1)
+    assert model.damping_std[r] > 0.3 * truth  # of one line 0.4 are unknown, and remain so in twelve runs

@@ -1,12 +1,14 @@
 """Shapes that move as GIF, and the main pages as slides."""
 
 import io
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 from pptx import Presentation
+from pptx.enum.shapes import MSO_SHAPE_TYPE
 
 from updating.fitting.shape_plot import ShapePair
 from updating.report import slides
@@ -56,15 +58,27 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
         ("identified_table", lambda _: table),
         ("errors_with_additions", lambda _: {}),
         ("shape_section", lambda _: Section(title="Shapes", blocks=shapes)),
+        ("auto_mac_picture", lambda _: shapes[0]),
+        ("frf_picture", lambda *_: shapes[1]),
+        ("model_functions", lambda *_: {}),
+        ("within_band", lambda *_: None),
     ):
         monkeypatch.setattr(slides, name, made)
     path = slides.write_slides(
-        SimpleNamespace(name="A test", folder=tmp_path, tested=[SimpleNamespace(name="M1", fit=None)])
+        SimpleNamespace(
+            name="A test",
+            folder=tmp_path,
+            tested=[
+                SimpleNamespace(
+                    name="M1", fit=None, identified=None, has_functions=True, measured=None, frf=lambda: None
+                )
+            ],
+        )
     )
     show = Presentation(str(path))
     titles = [slide.shapes.title.text for slide in show.slides]
     assert titles == [
-        "A test: identified", *2 * ["M1: Identified modes"], *2 * ["Mode shapes of M1"]
+        "A test: identified", *2 * ["M1: Identified modes"], "MAC of M1", "FRFs of M1", *2 * ["Mode shapes of M1"]
     ]  # fmt: skip
     assert "It lacks a mass." in [
         shape.text_frame.text for shape in show.slides[0].shapes if shape.has_text_frame
@@ -75,3 +89,53 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
         for shape in slide.shapes:
             assert 0 <= shape.left < shape.left + shape.width <= show.slide_width
             assert 0 <= shape.top < shape.top + shape.height <= show.slide_height
+
+
+def fitted(error, mac):
+    return SimpleNamespace(
+        error=error, pairing=SimpleNamespace(paired_mac=np.array([mac]), measured=np.array([0])), name="M1"
+    )
+
+
+def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_other(tmp_path, monkeypatch):
+    drawn = io.BytesIO()
+    Image.new("RGB", (40, 30)).save(drawn, format="png")
+    picture = Picture(name="p", content=drawn.getvalue(), form="png", data="", alt="Mode 1", caption="")
+    found = replace(picture, name="shape_found", alt="Mode 1 found")
+    for name, made in (
+        ("opening", lambda _: Opening(badge="identified", tone="found", sentence="It lacks a mass.")),
+        ("steps", lambda _: ()),
+        ("mode_changes", lambda _: ()),
+        ("pair_tables", lambda *_: (Table(title="Both", header=("mode",), rows=(("1",),)),)),
+        ("errors_with_additions", lambda _: {}),
+        ("shape_section", lambda _: Section(title="Shapes", blocks=(found, picture))),
+        ("mac_picture", lambda *_: picture),
+        ("location_section", lambda *_: Section(title="Where", blocks=(picture,))),
+    ):
+        monkeypatch.setattr(slides, name, made)
+    tested = [
+        SimpleNamespace(
+            name=name, fit=fitted(0.03, 0.9), identified=SimpleNamespace(fit=fitted(0.002, 0.99)),
+            has_functions=False,
+        )
+        for name in ("M1", "M2")
+    ]  # fmt: skip
+    path = slides.write_slides(SimpleNamespace(name="A test", folder=tmp_path, tested=tested))
+    show = {slide.shapes.title.text: slide for slide in Presentation(str(path)).slides}
+    assert list(show) == [
+        "A test: identified", "Where the base model fails",
+        *(f"{name}" for own in ("M1", "M2") for name in (f"{own}: Both", f"MAC of {own}", f"Mode shapes of {own}")),
+    ]  # fmt: skip
+
+    def pictures(title):
+        return [s for s in show[title].shapes if s.shape_type == MSO_SHAPE_TYPE.PICTURE]
+
+    def words(title):
+        return [s.text_frame.text for s in show[title].shapes if s.has_text_frame]
+
+    assert len(pictures("MAC of M1")) == len(pictures("Where the base model fails")) == 2
+    left, right = sorted(pictures("MAC of M1"), key=lambda s: s.left)
+    assert left.left + left.width <= right.left
+    assert "with what was found: mean frequency error 0.20 %, mean MAC 0.990" in words("MAC of M1")
+    assert "Mode 1 found" in words("Mode shapes of M1")
+    assert "Mode 1" not in words("Mode shapes of M1")  # of the base model

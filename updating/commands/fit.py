@@ -23,6 +23,7 @@ from updating.commands.options import (
     Cluster,
     EffectFiles,
     Folder,
+    IdentifyAnew,
     Keep,
     ScatterFile,
     SharedEffects,
@@ -48,6 +49,7 @@ from updating.fitting.target import (
 )
 from updating.pooled.campaign_file import has_specimens
 from updating.published.campaign import SCATTER
+from updating.results.chosen_poles import forget_choices
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -78,6 +80,7 @@ def fit(
     scatter: ScatterFile = None,
     cluster: Cluster = None,
     keep: Keep = False,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
 
@@ -92,6 +95,8 @@ def fit(
     """
     known = catalogue(effect_file or [])
     find_effects(effect or [], known)  # before hours of work
+    if identify_anew:
+        forget_choices(output)
     if has_specimens(campaign):
         print_pooled(
             fit_pooled(campaign, output, effect or (), effect_file or (), OUT, cluster=cluster), output, OUT

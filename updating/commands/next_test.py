@@ -5,10 +5,11 @@ from __future__ import annotations
 from rich.table import Table
 
 from updating.commands.diagnose import diagnose_campaign, print_measurement_findings
-from updating.commands.options import CampaignFile, EffectFiles, Folder, ScatterFile
+from updating.commands.options import CampaignFile, EffectFiles, Folder, IdentifyAnew, ScatterFile
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.text import second_level_text
+from updating.results.chosen_poles import forget_choices
 
 EXAMPLE = "lamella next-test data/hidden_effect/open/campaign.toml -o out/open"
 
@@ -18,11 +19,14 @@ def next_test(
     output: Folder,
     effect_file: EffectFiles = None,
     scatter: ScatterFile = None,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Rank further tests by how well they would resolve the explanations that a diagnosis leaves open.
 
     The diagnosis is made where the folder has none of this campaign.
     """
+    if identify_anew:
+        forget_choices(output)
     found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
     if not found.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)

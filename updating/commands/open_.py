@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from updating.commands.fit import fit_campaign
+from updating.commands.options import IdentifyAnew
 from updating.commands.terminal import OUT
+from updating.results.chosen_poles import forget_choices
 from updating.workbench.opened import find
 from updating.workbench.server import serve
 
@@ -37,6 +39,7 @@ def open_(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the browser, or print the address alone.")
     ] = True,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Open a workbench in the browser: points and functions, both shapes of any MAC, sliders for every parameter.
 
@@ -52,4 +55,8 @@ def open_(
         OUT.print(f"Workbench: {address}", soft_wrap=True)
         OUT.print("It shows what others must not see to whoever has this address. Ctrl-C ends it.")
 
-    serve(find(path, output, make), port=port, ready=ready, show=browser)
+    opened = find(path, output, make)
+    if identify_anew:
+        forget_choices(opened.folder)
+        make(opened.campaign, opened.folder)
+    serve(opened, port=port, ready=ready, show=browser)

@@ -18,7 +18,7 @@ import model
 from ema import read_campaign
 from model import Effect
 from model.stack.stack_file import stack_inputs
-from updating.commands.options import Cluster, EffectFiles, Folder
+from updating.commands.options import Cluster, EffectFiles, Folder, IdentifyAnew
 from updating.commands.terminal import OUT
 from updating.commands.update_file import CampaignSection, UpdateFile, read_update_file
 from updating.errors import FitError
@@ -41,6 +41,7 @@ from updating.fitting.target import (
     target_of_table,
 )
 from updating.results.campaign_findings import measurement_findings
+from updating.results.chosen_poles import forget_choices
 from updating.results.identified import assignments, every_identified
 from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
@@ -57,12 +58,15 @@ def update(
     output: Folder,
     effect_file: EffectFiles = None,
     cluster: Cluster = None,
+    identify_anew: IdentifyAnew = False,
 ) -> None:
     """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
 
     data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
     with the error without effects, with each and with all, and both as tables and pictures.
     """
+    if identify_anew:
+        forget_choices(output)
     updated = run_update(specification, output, OUT, effect_file or (), cluster)
     OUT.print(parameter_table(updated.fit))
     OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file or ())))

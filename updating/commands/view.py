@@ -13,11 +13,12 @@ import typer
 from numpy.typing import NDArray
 
 from ema.identification.stabilization import stabilization
+from ema.plot import palette
 from ema.plot.figures import stabilization_figure
 from updating.commands.options import ResultsFolder
 from updating.commands.terminal import OUT
 from updating.errors import StoreError
-from updating.fitting.shape_plot import MEASURED, MODEL, REST, SWELL, ShapePair, shape_pairs
+from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
 from updating.report.frf_part import frf_section
 from updating.report.page import render
 from updating.report.results import Tested, read_results
@@ -32,7 +33,7 @@ EXAMPLE = "lamella view out/demo"
 _STEPS = 48  # of one period
 _PAUSE = 40  # ms between them
 _PANELS = (("measured",), ("model",), ("measured", "model"))
-_LINE = {"measured": (5, MEASURED), "model": (2, MODEL)}
+_LINE = {"measured": (5, palette.MEASURED), "model": (2, palette.ACCENT)}
 
 
 def view(
@@ -133,7 +134,7 @@ def window(tested: Tested, *, off_screen: bool = False) -> pyvista.Plotter:
     if len(pairs) > 1:
         plotter.subplot(0, 0)
         plotter.add_slider_widget(
-            shapes.choose, [1, len(pairs)], value=1, title="mode", fmt="%.0f", color="#1c2330",
+            shapes.choose, [1, len(pairs)], value=1, title="mode", fmt="%.0f", color=palette.INK,
             pointa=(0.05, 0.12), pointb=(0.6, 0.12), title_height=0.03,
         )  # fmt: skip
     if not off_screen:
@@ -160,7 +161,7 @@ class _Shapes:
         for column, parts in enumerate(_PANELS):
             plotter.subplot(0, column)
             plotter.set_background("white")
-            plotter.add_mesh(wire(self.rest.copy()), color=REST, line_width=1)
+            plotter.add_mesh(wire(self.rest.copy()), color=palette.PALE, line_width=1)
             for what in parts:
                 mesh = wire(self.rest.copy())
                 self.meshes.append((what, mesh))
@@ -185,7 +186,7 @@ class _Shapes:
             texts[1:] = [f"model {pair.model_frequency:.1f} Hz", f"both, MAC {pair.mac:.4f}"]
         for column, text in enumerate(texts):
             self.plotter.subplot(0, column)
-            self.plotter.add_text(text, name=f"title {column}", font_size=11, color="#1c2330")
+            self.plotter.add_text(text, name=f"title {column}", font_size=11, color=palette.INK)
         self.move()
 
     def step(self, _: int) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.plot import palette
 from model import Stack
 from updating.correlation.energy import Regions
 from updating.correlation.frf_correlation import FrfCorrelation
@@ -126,20 +127,20 @@ def region_plotter(
             grid,
             scalars=label,
             clim=(0.0, max(float(value.max()), LEAST_SCALE * float(value.mean()))),
-            cmap="inferno_r",
+            cmap=palette.PLACE,
             lighting=False,  # shadows would read as large values
             show_edges=True,
-            edge_color="#8a8f98",
+            edge_color=palette.QUIET,
             show_scalar_bar=column == 0,
             scalar_bar_args={"title": f"{label}\n", **_SCALAR_BAR},  # the empty line keeps it off the numbers
         )
         for clamp in stack.clamps:
             ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
-            plotter.add_mesh(pv.lines_from_points(ends), color="steelblue", line_width=4)
+            plotter.add_mesh(pv.lines_from_points(ends), color=palette.MODES, line_width=4)
         # one line, for VTK's touch each other, and at a place, for in a corner long text is smaller than short
         heading = f"{title}: {view}" if column == 0 else view
-        plotter.add_text(heading, position=(8.0, size[1] - 30.0), font_size=10, color="black")
-        plotter.add_axes(color="black", viewport=(0.8, 0.0, 1.0, 0.3))
+        plotter.add_text(heading, position=(8.0, size[1] - 30.0), font_size=10, color=palette.INK)
+        plotter.add_axes(color=palette.INK, viewport=(0.8, 0.0, 1.0, 0.3))
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
     return plotter
@@ -151,12 +152,13 @@ def frf_correlation_figure(correlation: FrfCorrelation) -> Figure:
 
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     over_frequency, by_function = figure.subplots(2, 1)
-    for name, values, color in (("CSAC", correlation.csac, "#1f4e79"), ("CSF", correlation.csf, "#b3341f")):
+    curves = {"CSAC": correlation.csac, "CSF": correlation.csf}
+    for (name, values), color in zip(curves.items(), palette.SERIES, strict=False):
         over_frequency.plot(correlation.frequency, values, color=color, linewidth=1, label=name)
     over_frequency.set(xlabel="frequency [Hz]", ylabel="agreement", ylim=(0.0, 1.05))
     over_frequency.legend(frameon=False, ncols=2)
     frac = correlation.frac.ravel(order="F")
-    by_function.bar(np.arange(1, frac.size + 1), frac, color="#7a8699")
+    by_function.bar(np.arange(1, frac.size + 1), frac, color=palette.SERIES[0])
     by_function.set(xlabel="function (outputs of each input in turn)", ylabel="FRAC", ylim=(0.0, 1.05))
     return figure
 
@@ -168,10 +170,10 @@ def comac_figure(points: PointCorrelation) -> Figure:
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     at = np.arange(points.node.size)
-    above.bar(at, 1.0 - points.comac, color="#1f5f8b")
+    above.bar(at, 1.0 - points.comac, color=palette.LEFT)
     above.set_ylabel("1 - CoMAC [1]")
-    below.bar(at, points.error, color="#1f5f8b", label="measured - model")
-    below.plot(at, points.error_std, ".", color="#b3341f", markersize=4, label="from noise alone")
+    below.bar(at, points.error, color=palette.LEFT, label="measured - model")
+    below.plot(at, points.error_std, ".", color=palette.QUIET, markersize=4, label="from noise alone")
     below.set_ylabel("difference / rms [1]")
     step = max(1, -(-at.size // 12))
     below.set_xticks(at[::step], [str(n) for n in points.node[::step]])

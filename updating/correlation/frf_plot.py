@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.modal.mac import frac
-from ema.plot.figures import ACCENT, FITTED, MEASURED, UNIT
+from ema.plot import palette
+from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, synthesize_runs
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_RESIDUAL = "#e8bd80"  # paler than the measured line in grey too
-_MODEL = "black"
 _GAPS = (0, (1.5, 3.5))  # through which the other curves are seen
 _SPARSE = 16
 
@@ -29,7 +28,9 @@ def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
     return tuple(int(k) for k in dict.fromkeys(picked))
 
 
-def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128] | None = None) -> Figure:
+def overlay_figure(
+    frf: FRF, measured: ModalModel, model: NDArray[np.complex128] | None = None, *, found: bool = False
+) -> Figure:
     """Draw functions with the synthesised ones over them, their difference, their phase and their coherence.
 
     Shown are the worst, the middle and the best of all by FRAC (`chosen_functions`), over the band that was
@@ -43,6 +44,8 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
         Modes identified from them.
     model : (n_chosen, n_frequency) complex, optional
         What a fitted model gives for the chosen functions at the lines of the band.
+    found : bool
+        Whether that is the model with what was found, not the base model.
     """
     from matplotlib.figure import Figure
 
@@ -61,15 +64,21 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
     for k, o in enumerate(chosen):
         magnitude, phase = panels[n * k], panels[n * k + 1]
         _draw_magnitude(magnitude, lines, fitted, o)
-        for value, color, size in ((lines.value[o, 0], MEASURED, 1.8), (fitted[o, 0], FITTED, 0.8)):
+        for value, color, size in (
+            (lines.value[o, 0], palette.MEASURED, 1.8),
+            (fitted[o, 0], palette.MODES, 0.8),
+        ):
             phase.plot(lines.frequency, _degrees(value), ".", color=color, markersize=size)
         title = f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
         if model is not None:
-            _draw_model(magnitude, phase, lines.frequency, model[k])
-            title += f", of the fitted model {float(frac(lines.value[o, 0], model[k])):.4f}"
+            _draw_model(magnitude, phase, lines.frequency, model[k], found=found)
+            name = "model with what was found" if found else "fitted model"
+            title += f", of the {name} {float(frac(lines.value[o, 0], model[k])):.4f}"
         phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
         if lines.coherence is not None:
-            panels[n * k + 2].plot(lines.frequency, lines.coherence[o, 0], color="0.35", linewidth=0.8)
+            panels[n * k + 2].plot(
+                lines.frequency, lines.coherence[o, 0], color=palette.MEASURED, linewidth=0.8
+            )
             panels[n * k + 2].set(ylabel="coh. [1]", ylim=(0.0, 1.1), yticks=[0, 1])
         magnitude.set_title(title, fontsize="small", loc="left")
     for axes in panels:
@@ -77,7 +86,7 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
         axes.tick_params(labelsize=8, labelbottom=axes is panels[-1])
         axes.yaxis.label.set_fontsize(8)
         for f in measured.frequency:
-            axes.axvline(f, color=ACCENT, linewidth=0.7, linestyle="--")
+            axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
     figure.align_ylabels()
     panels[-1].set_xlabel("frequency [Hz]")
     figure.legend(
@@ -92,25 +101,41 @@ def overlay_figure(frf: FRF, measured: ModalModel, model: NDArray[np.complex128]
 
 def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, NDArray[np.complex128]]:
     """Return the functions within the identified band and those that the modes stand for there."""
-    lines = frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
+    lines = within_band(frf, measured)
     return lines, synthesize_runs(measured, lines.frequency, lines.quantity, lines.run)
+
+
+def within_band(frf: FRF, measured: ModalModel) -> FRF:
+    """Return the functions at the lines of the band that was identified, less that at 0 Hz."""
+    return frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
 
 
 def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], output: int) -> None:
     value, model = lines.value[output, 0], fitted[output, 0]
-    axes.semilogy(lines.frequency, np.abs(value - model), color=_RESIDUAL, linewidth=0.6, label="difference")
-    axes.semilogy(lines.frequency, np.abs(value), color=MEASURED, linewidth=1.8, label="measured")
-    axes.semilogy(lines.frequency, np.abs(model), color=FITTED, linewidth=1.0, label="from the modes")
+    axes.semilogy(
+        lines.frequency,
+        np.abs(value - model),
+        color=palette.LEFT,
+        linewidth=0.5,
+        alpha=0.6,
+        label="difference",
+    )
+    axes.semilogy(lines.frequency, np.abs(value), color=palette.MEASURED, linewidth=1.8, label="measured")
+    axes.semilogy(lines.frequency, np.abs(model), color=palette.MODES, linewidth=1.0, label="from the modes")
     axes.set_ylabel(UNIT[lines.quantity])
 
 
 def _draw_model(
-    magnitude: Axes, phase: Axes, frequency: NDArray[np.float64], model: NDArray[np.complex128]
+    magnitude: Axes,
+    phase: Axes,
+    frequency: NDArray[np.float64],
+    model: NDArray[np.complex128],
+    *,
+    found: bool,
 ) -> None:
-    magnitude.semilogy(
-        frequency, np.abs(model), color=_MODEL, linewidth=1.2, linestyle=_GAPS, label="fitted model"
-    )
-    phase.plot(frequency[::_SPARSE], _degrees(model[::_SPARSE]), ".", color=_MODEL, markersize=1.5)
+    color, name = (palette.FOUND, "with what was found") if found else (palette.BASE, "fitted model")
+    magnitude.semilogy(frequency, np.abs(model), color=color, linewidth=1.4, linestyle=_GAPS, label=name)
+    phase.plot(frequency[::_SPARSE], _degrees(model[::_SPARSE]), ".", color=color, markersize=1.5)
 
 
 def _degrees(value: NDArray[np.complex128]) -> NDArray[np.float64]:

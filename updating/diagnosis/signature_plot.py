@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ema.plot import palette
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STYLES = (
-    ("#1f5f8b", "o", "-", 11),
-    ("#b3341f", "s", "--", 6.5),
-    ("#d9a441", "^", "-.", 5),
-    ("0.25", "D", ":", 3.5),
+    (palette.SERIES[0], "o", "-", 11),
+    (palette.SERIES[1], "s", "--", 6.5),
+    (palette.SERIES[2], "^", "-.", 5),
+    (palette.INK, "D", ":", 3.5),
 )
 """Colour, marker, line and marker size: smaller ones later, so that effects that do the same are all seen."""
 MOST = len(_STYLES)
@@ -50,8 +52,12 @@ def signature_pattern_figure(
     for axes, name in zip(panels, names, strict=True):
         inside = [k for k, g in enumerate(group) if g == name]
         at = np.arange(len(inside))
-        axes.bar(at, value[inside], 0.7, color="0.8", edgecolor="0.4", linewidth=0.6, label="lacking")
-        axes.errorbar(at, value[inside], error[inside], fmt="none", ecolor="0.2", capsize=3, linewidth=1.0)
+        axes.bar(
+            at, value[inside], 0.7, color=palette.PALE, edgecolor=palette.LEFT, linewidth=0.6, label="lacking"
+        )
+        axes.errorbar(
+            at, value[inside], error[inside], fmt="none", ecolor=palette.LEFT, capsize=3, linewidth=1.0
+        )
         for (effect, change), (color, marker, line, size_of_marker) in zip(
             signature.items(), _STYLES, strict=False
         ):
@@ -66,7 +72,7 @@ def signature_pattern_figure(
                 markersize=size_of_marker,
                 label=effect,
             )
-        axes.axhline(0.0, color="0.3", linewidth=0.8)
+        axes.axhline(0.0, color=palette.INK, linewidth=0.8)
         axes.set_xticks(at, [label[k] for k in inside], rotation=60, fontsize=8)
         axes.set_xlabel(f"mode of {name} [Hz]")
         axes.spines[["top", "right"]].set_visible(False)

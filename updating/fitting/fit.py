@@ -229,8 +229,12 @@ def _estimates(
         frequencies, measured.frequency[used], measured.frequency_std[used], bounds=bounds[0]
     )
     reference = _elastic(system, observed, G_f.value, 1e-10)
-    slope = reference.damping[_assign(shape, reference)] / 1e-10
-    d_f = estimate_damping(slope, measured.damping[used], measured.damping_std[used], bounds=bounds[1])
+    own = np.zeros(used.size)  # damping that effects bring without any of the contact
+    if system.stack.effects:
+        undamped = _elastic(system, observed, G_f.value, 0.0)
+        own = undamped.damping[_assign(shape, undamped)]
+    slope = (reference.damping[_assign(shape, reference)] - own) / 1e-10
+    d_f = estimate_damping(slope, measured.damping[used] - own, measured.damping_std[used], bounds=bounds[1])
     return G_f, d_f
 
 

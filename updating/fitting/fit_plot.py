@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from updating.fitting.fit import Estimate
 
 if TYPE_CHECKING:
@@ -29,12 +30,14 @@ def draw_objective(axes: Axes, estimate: Estimate) -> None:
     in_percent = estimate.name == "d_f"
     factor = 100.0 if in_percent else 1.0
     order = np.argsort(estimate.history[:, 0])
-    axes.plot(*(estimate.history[order] * [1.0, factor]).T, "o-", color="0.55", markersize=3, linewidth=1)
-    axes.plot(estimate.value, factor * estimate.objective, "D", color="#b3341f", markersize=6)
+    axes.plot(
+        *(estimate.history[order] * [1.0, factor]).T, "o-", color=palette.QUIET, markersize=3, linewidth=1
+    )
+    axes.plot(estimate.value, factor * estimate.objective, "D", color=palette.ACCENT, markersize=6)
     axes.annotate(
         f"{estimate.name} = {estimate.value:.4g} {estimate.unit}",
         (estimate.value, factor * estimate.objective),
-        xytext=(0.5, 0.92), textcoords="axes fraction", ha="center", color="#b3341f",
+        xytext=(0.5, 0.92), textcoords="axes fraction", ha="center", color=palette.ACCENT,
     )  # fmt: skip
     if not in_percent:
         axes.set_xscale("log")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from updating.fitting.joint_fit import JointFit
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def correlation_figure(fit: JointFit) -> Figure:
     n = len(names)
     figure = Figure(figsize=(4.4 + 0.36 * n, 1.6 + 0.36 * n), layout="constrained")
     axes = figure.subplots()
-    image = axes.imshow(fit.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    image = axes.imshow(fit.correlation, cmap=palette.SIGNED, vmin=-1.0, vmax=1.0)
     if n <= _WRITTEN:
         for i, j in np.ndindex(n, n):
             value = round(float(fit.correlation[i, j]), 2) + 0.0  # no -0.00

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.plot import palette
 from ema.types.arrays import readonly
 from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-REST, MEASURED, MODEL = "#dde1e7", "#9aa0a8", "#1f5f8b"
-"""Colours of the points at rest, measured and modelled: a wide light line under a thin dark one, in grey too."""
 SWELL = 0.1
 """Largest drawn displacement, as a share of the structure's size."""
 AZIMUTH, ELEVATION = -0.5, 0.42
@@ -197,8 +196,8 @@ def _partners(measured: ModalModel, fit: Fit | None) -> dict[int, tuple[int, NDA
 def _draw(axes: Axes, pair: ShapePair, what: str) -> None:
     """Draw the points at rest and one or both shapes, seen as the page starts."""
     size = SWELL * float(np.max(np.ptp(pair.coordinate, axis=0)))
-    layers = [(pair.coordinate, REST, 0.8)]
-    for name, color, width in (("measured", MEASURED, 2.2), ("model", MODEL, 1.0)):
+    layers = [(pair.coordinate, palette.PALE, 0.8)]
+    for name, color, width in (("measured", palette.MEASURED, 2.2), ("model", palette.ACCENT, 1.0)):
         if what in (name, "both"):
             layers.append((pair.coordinate + size * getattr(pair, name).real, color, width))
     for points, color, width in layers:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from model import printed_effects
 from updating.published.campaign import Calibrated, Published
 
@@ -69,7 +70,13 @@ def _contact(
         value = _damping(one) if damping else {row.stack: row.G_f for row in one.row}
         centre = x + 0.8 * (k + 0.5) / len(found) - 0.4
         height = [value.get(stack, np.nan) for stack in ticks]
-        axes.bar(centre, height, 0.8 / len(found), label=one.calibration)
+        axes.bar(
+            centre,
+            height,
+            0.8 / len(found),
+            label=one.calibration,
+            color=palette.SERIES[k % len(palette.SERIES)],
+        )
     key, factor = ("df_avg", 1e12) if damping else ("Gf_M2", 1.0)
     diamonds = [factor * published.contact.get(stack, {}).get(key, np.nan) for stack in ticks]
     axes.plot(x, diamonds, "kD", markerfacecolor="white", label="published")
@@ -94,8 +101,16 @@ def error_figure(found: Sequence[Calibrated]) -> Figure:
         stacks = [row.stack for row in one.row]
         x = np.arange(len(stacks))
         low = {t.stack: 100 * t.error for t in one.torque if t.torque == "M1"}
-        axes.bar(x - 0.2, [low.get(s, np.nan) for s in stacks], 0.4, label="ours, M1 (Table 4)")
-        axes.bar(x + 0.2, [100 * row.error for row in one.row], 0.4, label="ours, M2 (Table 7)")
+        axes.bar(
+            x - 0.2,
+            [low.get(s, np.nan) for s in stacks],
+            0.4,
+            label="ours, M1 (Table 4)",
+            color=palette.SERIES[0],
+        )
+        axes.bar(
+            x + 0.2, [100 * row.error for row in one.row], 0.4, label="ours, M2 (Table 7)", color=palette.BASE
+        )
         axes.plot(x + 0.2, [100 * row.published_error for row in one.row], "kD", label="published, M2")
         _finish(axes, stacks, f"{one.calibration}: base model")
     return figure
@@ -110,9 +125,17 @@ def fall_figure(found: Sequence[Calibrated]) -> Figure:
         x = np.arange(len(one.row))
         with_effects = [100 * np.abs(c.relative_error).mean() for c in one.shared.fit.configuration]
         left_out = [100 * np.abs(c.relative_error).mean() for c in one.shared.left_out]
-        axes.bar(x - 0.27, [100 * row.error for row in one.row], 0.27, label="base model", color="0.7")
-        axes.bar(x, with_effects, 0.27, label=" + ".join(printed_effects(one.shared.effects)))
-        axes.bar(x + 0.27, left_out, 0.27, label="the same, parameters from the other stacks")
+        axes.bar(x - 0.27, [100 * row.error for row in one.row], 0.27, label="base model", color=palette.BASE)
+        axes.bar(
+            x, with_effects, 0.27, label=" + ".join(printed_effects(one.shared.effects)), color=palette.FOUND
+        )
+        axes.bar(
+            x + 0.27,
+            left_out,
+            0.27,
+            label="the same, parameters from the other stacks",
+            color=palette.ELSEWHERE,
+        )
         title = (
             f"{one.calibration}: {100 * one.error:.1f} % → {100 * one.shared.error:.1f} %, "
             f"left out {100 * one.shared.left_out_error:.1f} %"
@@ -132,9 +155,9 @@ def pattern_figure(found: Sequence[Calibrated]) -> Figure:
         after = np.array([100 * c.relative_error for c in one.shared.fit.configuration])
         with_effects = " + ".join(printed_effects(one.shared.effects))
         for axes, error, name in zip(column, (base, after), ("base", with_effects), strict=True):
-            axes.axhline(0.0, color="0.8")
-            axes.plot(error.T, color="0.6", linewidth=0.8)
-            axes.plot(error.mean(axis=0), "o-", color="#b3341f", linewidth=2)
+            axes.axhline(0.0, color=palette.QUIET)
+            axes.plot(error.T, color=palette.QUIET, linewidth=0.8)
+            axes.plot(error.mean(axis=0), "o-", color=palette.ACCENT, linewidth=2)
             axes.set_xticks(range(error.shape[1]), ["T1", "B1", "B2", "T2"][: error.shape[1]])
             axes.set_title(textwrap.fill(f"{one.calibration}, {name}", 36), fontsize=9)
     for axes in panels[:, 0]:
@@ -158,7 +181,7 @@ def law_figure(found: Sequence[Calibrated]) -> Figure:
         )
         errors = [100 * law.error(name) for name in ("linear", "power", "refitted")]
         right.bar(np.arange(3) + 0.2 * (k - (len(found) - 1) / 2), errors, 0.2, label=one.calibration)
-    left.axhline(1.0, color="k", linewidth=0.8, linestyle="--")
+    left.axhline(1.0, color=palette.INK, linewidth=0.8, linestyle="--")
     left.set_xticks(range(len(found[0].law.stack) + 1), [*found[0].law.stack, "all"])
     left.set_xlabel("stack; bars: 95 % from leaving stacks out")
     left.set_ylabel("exponent n of $G \\sim p^n$")

@@ -19,13 +19,46 @@ def answer_section(results: Results) -> Section:
     """Say in full what was found, how sure that is and what was tried, or how the model stands to the measurement."""
     if results.diagnosis is not None:
         text = results.diagnosis.sentences
-        blocks: tuple[Table, ...] = (explanation_table(results), next_test_table(results))
+        blocks: tuple[Table, ...] = (
+            before_after_table(results),
+            explanation_table(results),
+            next_test_table(results),
+        )
     else:
-        text, blocks = fit_sentences(results), ()
+        text, blocks = fit_sentences(results), (before_after_table(results),)
     text = (*change_sentences(results), *text)
     if results.missing:
         text = (*text, f"Not done yet: {', '.join(results.missing)}.")
     return Section(title="In full", text=text, blocks=tuple(b for b in blocks if b.rows))
+
+
+def before_after_table(results: Results) -> Table:
+    """List what the base model and the model with what was found do in each configuration."""
+    pairs = [(t, t.fit, t.identified) for t in results.tested]
+    rows = [
+        (
+            t.name,
+            f"{100 * fit.error:.2f}",
+            f"{100 * own.fit.error:.2f}",
+            f"{fit.pairing.paired_mac.mean():.3f}",
+            f"{own.fit.pairing.paired_mac.mean():.3f}",
+            "" if np.isnan(own.base_frac) else f"{own.base_frac:.3f}",
+            "" if np.isnan(own.frac) else f"{own.frac:.3f}",
+        )
+        for t, fit, own in pairs
+        if fit is not None and own is not None
+    ]
+    return Table(
+        title="The base model, and the model with what was found",
+        header=(
+            "configuration", "frequency error, base [%]", "with what was found [%]", "mean MAC, base",
+            "with what was found", "mean FRAC, base", "with what was found",
+        ),
+        rows=tuple(rows),
+        note="G_f and d_f are fitted to each configuration in both; sizes and density are those of the stack file. "
+        "MAC compares shapes, FRAC frequency response functions: 1 where two are equal but for their scale, 0 where "
+        "they share nothing. The switch at the top of the page chooses which of the two models it shows.",
+    ).without_empty_columns()  # fmt: skip
 
 
 def overview_section(results: Results, address: Sequence[str]) -> Section:
@@ -74,6 +107,7 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
 def explanation_table(results: Results) -> Table:
     """List the explanations that a diagnosis fitted in full, the most probable first."""
     ranking = results.diagnosis.shown(_SHOWN) if results.diagnosis is not None else ()
+    labels = {} if results.diagnosis is None else results.diagnosis.labels
     return Table(
         title="Explanations that were tried",
         header=(
@@ -82,7 +116,7 @@ def explanation_table(results: Results) -> Table:
         ),
         rows=tuple(
             (
-                " + ".join(own.effects) or "none",
+                " + ".join(labels.get(e, e) for e in own.effects) or "none",
                 f"{own.probability:.3f}",
                 f"{100 * own.explained:.0f}",
                 f"{100 * own.frequency_error:.2g}",

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, Telling, telling
-from updating.report.chart_part import FITTED, MEASURED, axis, chart, legend_above
+from updating.report.chart_part import axis, chart, legend_above
 from updating.report.part import Picture, as_csv, svg
 from updating.report.results import Results
 from updating.results.text import percent
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
 _WIDE = 16  # characters of a line below a bar
 _MOST_MODES = 60  # whose names can be read below a picture
 _KINDS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
-_ERRORS = {"error": ("modes that were fitted", FITTED), "left_out": ("modes that were left out", MEASURED)}
+_ERRORS = {
+    "error": ("modes that were fitted", palette.USED),
+    "left_out": ("modes that were left out", palette.LEFT_OUT),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +115,7 @@ def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
 
 
 def errors_with_additions(results: Results) -> dict[str, dict[int, float]]:
-    """Return, by configuration and number of the mode, the relative frequency errors with what was added, if it was."""
+    """Return, by configuration and number of the mode, the relative frequency errors with what was found."""
     found: dict[str, dict[int, float]] = {}
     for own in mode_changes(results):
         if np.isfinite(own.after):
@@ -183,7 +187,7 @@ def step_chart(way: Sequence[Step]) -> str:
                 "y": [100.0 * value[0], *fall, 0.0],
                 "text": [percent(value[0]), *(f"{f:+.2g} %" for f in fall), percent(value[-1])],
                 "textposition": ["outside", *("inside" for _ in fall), "outside"], "insidetextanchor": "middle",
-                "insidetextfont": {"color": "white"}, "cliponaxis": False, "hoverinfo": "name+text",
+                "cliponaxis": False, "hoverinfo": "name+text",
                 "increasing": {"marker": marker}, "decreasing": {"marker": {**marker, "line": {"width": 0}}},
                 "totals": {"marker": marker}, "connector": {"line": {"width": 1, "color": color, "dash": "dot"}},
             }
@@ -291,7 +295,7 @@ def draw_modes(axes: Axes, modes: Sequence[ModeChange]) -> None:
     for k, (key, name, color) in enumerate(series):
         shift = 0.4 * (k - 0.5 * (len(series) - 1))
         axes.bar(at + shift, [100.0 * getattr(m, key) for m in modes], 0.38, color=color, label=name)
-    axes.axhline(0.0, color="0.3", linewidth=0.8)
+    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
     if len(modes) <= _MOST_MODES:
         axes.set_xticks(
             at, [f"{m.configuration}, {_mode_name(m)}" for m in modes], rotation=60, ha="right", fontsize=7
@@ -304,8 +308,8 @@ def draw_modes(axes: Axes, modes: Sequence[ModeChange]) -> None:
 def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
     after = any(np.isfinite(m.after) for m in modes)
     return [
-        ("before", "base model", MEASURED),
-        *([("after", "with what was found", FITTED)] if after else []),
+        ("before", "base model", palette.BASE),
+        *([("after", "with what was found", palette.FOUND)] if after else []),
     ]
 
 

@@ -10,10 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MEASURED, FITTED, ACCENT, LEFT, MODEL = "#8a919c", "#3585bd", "#c8563f", "#d39b45", "#7a62b8"
-"""Colours by meaning: what was measured, what a fitted model says, what was chosen or stands out, what is left between
-both, and what identified modes say. They can be told apart on white and on dark, by persons with any colour vision, and
-in grey."""
 HEIGHT = 360  # px
 
 

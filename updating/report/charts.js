@@ -77,10 +77,12 @@
       type: "scatter", mode: "lines", x: spec.frequency, y, name, line: style, hovertemplate: "%{y:.4~g}", ...more,
     });
     traces.push(line(rest, spec.left.name, spec.left.line, {}));
+    const shown = document.querySelector("[name=model]:checked")?.value ?? "found"; // of two models, by the page's switch
     own.curves.forEach((c, k) => {
-      traces.push(line(values[k].size, spec.curves[k].name, spec.curves[k].line, { legendgroup: k }));
+      const visible = (spec.curves[k].of ?? shown) === shown || "legendonly";
+      traces.push(line(values[k].size, spec.curves[k].name, spec.curves[k].line, { legendgroup: k, visible }));
       traces.push(line(values[k].phase, spec.curves[k].name, spec.curves[k].line,
-        { yaxis: "y2", legendgroup: k, showlegend: false, mode: "markers",
+        { yaxis: "y2", legendgroup: k, showlegend: false, mode: "markers", visible,
           marker: { size: 3, color: spec.curves[k].line.color }, hovertemplate: "%{y:.0f}°" }));
     });
     if (own.coherence) {
@@ -103,6 +105,11 @@
     root.classList.add("live");
     await Plotly.newPlot(plot, ...figure(), CONFIG);
     if (choice) choice.addEventListener("change", () => Plotly.react(plot, ...figure(), CONFIG));
+    if (spec.curves?.some((c) => c.of)) {
+      for (const own of document.querySelectorAll("[name=model]")) {
+        own.addEventListener("change", () => Plotly.react(plot, ...figure(), CONFIG));
+      }
+    }
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change",
       () => Plotly.react(plot, ...figure(), CONFIG));
   }

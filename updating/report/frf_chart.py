@@ -4,28 +4,34 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, MODEL, axis, legend_above
+from updating.report.chart_part import axis, legend_above
 
 _MOST_NUMBERS = 150_000
 """Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown."""
-_STYLE = (
-    {"name": "measured", "line": {"color": MEASURED, "width": 2.5}},
-    {"name": "from the modes", "line": {"color": FITTED, "width": 1.5}},
-    {"name": "fitted model", "line": {"color": MODEL, "width": 1.5, "dash": "dot"}},
-)
+BASE, FOUND, FITTED_MODEL = "base model", "with what was found", "fitted model"
+"""Names of models' curves: of two, and of one alone."""
+_STYLE: dict[str, dict[str, Any]] = {
+    "measured": {"line": {"color": palette.MEASURED, "width": 2.5}},
+    "from the modes": {"line": {"color": palette.MODES, "width": 1.5}},
+    FITTED_MODEL: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}},
+    BASE: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}, "of": "base"},
+    FOUND: {"line": {"color": palette.FOUND, "width": 1.5, "dash": "dot"}, "of": "found"},
+}
+"""How curves are drawn; "of" says by which model of the page's switch a curve is shown."""
 
 
 def frf_chart(
-    measured: ModalModel, lines: FRF, curves: Sequence[NDArray[np.complex128]], order: Sequence[int]
+    measured: ModalModel, lines: FRF, curves: Mapping[str, NDArray[np.complex128]], order: Sequence[int]
 ) -> str:
     """Return all functions at the first input as the JSON that `charts.js` shows one of.
 
@@ -35,8 +41,8 @@ def frf_chart(
         Whose frequencies are marked.
     lines : FRF
         The functions within the band.
-    curves : sequence of (n_output, n_frequency) complex
-        Measured, from the modes and, where there is one, from the fitted model.
+    curves : mapping of str to (n_output, n_frequency) complex
+        By name: measured, from the modes and, where there are any, those of models.
     order : sequence of int
         Outputs in the order of the list to choose from.
     """
@@ -45,7 +51,7 @@ def frf_chart(
     frequency = lines.frequency[at]
     functions = [
         {
-            "curves": [{"size": _size(c[o, at]), "phase": _phase(c[o, at])} for c in curves],
+            "curves": [{"size": _size(c[o, at]), "phase": _phase(c[o, at])} for c in curves.values()],
             **(
                 {}
                 if lines.coherence is None
@@ -60,8 +66,8 @@ def frf_chart(
                 "first": float(frequency[0]), "step": float(np.diff(frequency[:2])[0]), "n": int(frequency.size),
             },
             "functions": functions,
-            "curves": _STYLE[: len(curves)],
-            "left": {"name": "difference", "line": {"color": LEFT, "width": 1}},
+            "curves": [{"name": name, **_STYLE[name]} for name in curves],
+            "left": {"name": "difference", "line": {"color": palette.LEFT, "width": 1}},
             "layout": _layout(measured, lines),
         },
         separators=(",", ":"),
@@ -79,7 +85,7 @@ def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
         "yref": "paper",
         "y0": 0,
         "y1": 1,
-        "line": {"color": ACCENT, "width": 1, "dash": "dash"},
+        "line": {"color": palette.ACCENT, "width": 1, "dash": "dash"},
     }
     layout = {
         "height": 460,

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.types.frf import FRF
-from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel
-from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized
-from updating.errors import PairingError
-from updating.fitting.fitted_frf import fitted_frf
-from updating.report.frf_chart import frf_chart
+from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized, within_band
+from updating.report.frf_chart import BASE, FITTED_MODEL, FOUND, frf_chart
+from updating.report.identified_model import fracs, modelled
 from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
 from updating.report.stabilization_part import stabilization_blocks
+
+_WITH = {BASE: "with the base model", FOUND: "with what was found"}
 
 
 def frf_section(tested: Tested) -> Section:
@@ -22,56 +24,82 @@ def frf_section(tested: Tested) -> Section:
     if not tested.has_functions:
         return Section(title=frf_title(tested), text=(f"None: {tested.no_functions}.",))
     m, frf = tested.measured, tested.frf()
+    lines = within_band(frf, m)
+    models = model_functions(tested, lines)
     n_function = m.node.size * m.input.node.size
     text = (
         f"{m.frequency.size} modes between {m.band[0]:g} and {m.band[1]:g} Hz from {n_function} FRFs, without a "
         f"frequency guess. Measured functions and those of the modes correlate (FRAC) by {m.correlation.min():.5f} "
         f"to {m.correlation.max():.5f}, {np.median(m.correlation):.5f} in the middle.",
+        *_frac_text({name: float(np.mean(fracs(lines, value))) for name, value in models.items()}),
     )
     return Section(
         title=frf_title(tested),
         text=text,
-        blocks=(frf_picture(tested, frf), *stabilization_blocks(tested, frf)),
+        blocks=(frf_picture(tested, frf, models), *stabilization_blocks(tested, frf)),
     )
 
 
-def frf_picture(tested: Tested, frf: FRF) -> Picture:
-    """Draw the functions that the identified modes meet worst, in the middle and best; the chart shows any of them."""
+def _frac_text(frac: Mapping[str, float]) -> tuple[str, ...]:
+    """Say how well the functions of the models meet the measured ones, in the mean."""
+    if not frac:
+        return ()
+    told = " and ".join(f"{value:.3f} {_WITH[name]}" for name, value in frac.items())
+    return (
+        f"The model's functions, which know of the measured ones only what their modes say, correlate with them by "
+        f"{told} in the mean over all (FRAC: 1 where two functions are equal, 0 where they share nothing).",
+    )
+
+
+def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.complex128]]) -> Picture:
+    """Draw the functions that the identified modes meet worst, in the middle and best; the chart shows any of them.
+
+    `models` holds the functions of each model within the band, see `model_functions`.
+    """
     lines, fitted = synthesized(frf, tested.measured)
+    shown = models.get(FOUND, models.get(BASE))
     chosen = chosen_functions(tested.measured)
-    model = _modelled(tested, lines)
-    columns, names = [lines.frequency], ["frequency [Hz]"]
-    for o in chosen:
-        name = f"{lines.output.name(o)}/{lines.input.name(0)}"
-        shown = [("measured", lines.value[o, 0]), ("from the modes", fitted[o, 0])]
-        if model is not None:
-            shown.append(("fitted model", model[o]))
-        for what, value in shown:
-            columns += [value.real, value.imag]
-            names += [f"{name} {what} {part} [SI {lines.quantity}]" for part in ("real", "imaginary")]
-        if lines.coherence is not None:
-            columns.append(lines.coherence[o, 0])
-            names.append(f"{name} coherence")
-    curves = [lines.value[:, 0], fitted[:, 0], *([] if model is None else [model])]
+    drawn = None if shown is None else shown[list(chosen)]
     functions = frf_functions(tested.measured, lines)
+    curves = {"measured": lines.value[:, 0], "from the modes": fitted[:, 0], **models}
+    if len(models) == 1:
+        curves = {FITTED_MODEL if name in models else name: value for name, value in curves.items()}
     return Picture(
         name=f"frf_{tested.name}",
-        content=png(overlay_figure(frf, tested.measured, None if model is None else model[list(chosen)])),
+        content=png(overlay_figure(frf, tested.measured, drawn, found=FOUND in models)),
         form="png",
-        data=as_csv(names, zip(*columns, strict=True)),
+        data=_numbers(lines, curves, chosen),
         alt="Measured and synthesised FRFs",
         caption="Every function; the first ones are those that the identified modes meet worst, in the middle and best "
         "(a print shows these). Dashed: natural frequencies. The difference is what the modes leave; where it is as "
         "large as the function, noise governs."
-        + (
-            ""
-            if model is None
-            else " Dotted: the fitted model, which knows of the functions only what their modes say."
-        )
+        + ("" if shown is None else f" Dotted: the model{' with what was found' if FOUND in models else ''}.")
         + ("" if lines.coherence is not None else " The test system stored no coherence."),
         chart=frf_chart(tested.measured, lines, curves, [o for o, _ in functions]),
         choices=tuple(name for _, name in functions),
+        model="both" if len(models) > 1 else "",
     )
+
+
+def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:
+    """Return functions of the base model and of the one with what was found, (n_output, n_frequency), as they are."""
+    fits = {BASE: tested.fit, FOUND: None if tested.identified is None else tested.identified.fit}
+    values = {name: modelled(tested, own, lines) for name, own in fits.items() if own is not None}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _numbers(lines: FRF, curves: Mapping[str, NDArray[np.complex128]], chosen: Sequence[int]) -> str:
+    """Write the functions that a print shows as CSV."""
+    columns, names = [lines.frequency], ["frequency [Hz]"]
+    for o in chosen:
+        name = f"{lines.output.name(o)}/{lines.input.name(0)}"
+        for what, value in curves.items():
+            columns += [value[o].real, value[o].imag]
+            names += [f"{name} {what} {part} [SI {lines.quantity}]" for part in ("real", "imaginary")]
+        if lines.coherence is not None:
+            columns.append(lines.coherence[o, 0])
+            names.append(f"{name} coherence")
+    return as_csv(names, zip(*columns, strict=True))
 
 
 def frf_title(tested: Tested) -> str:
@@ -91,22 +119,3 @@ def frf_functions(measured: ModalModel, lines: FRF) -> list[tuple[int, str]]:
         )
         for o in order
     ]
-
-
-def _modelled(tested: Tested, lines: FRF) -> NDArray[np.complex128] | None:
-    """Return the fitted model's functions at the first input, (n_output, n_frequency); None where it has none."""
-    if tested.fit is None:
-        return None
-    first = slice(0, 1)
-    try:
-        value = fitted_frf(
-            tested.fit,
-            tested.measured.geometry,
-            output=lines.output,
-            input=Dofs(node=lines.input.node[first], direction=lines.input.direction[first]),
-            frequency=lines.frequency,
-            quantity=lines.quantity,
-        )
-    except PairingError:  # where the force acted is not known
-        return None
-    return value[:, 0]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from model import printed_effects
 from updating.fitting.joint_fit import FittedParameter
 from updating.fitting.ledger import Entry
@@ -26,7 +27,7 @@ _ERRORS = {
 _NAMES = ("fitted", "mode held out", "configuration held out")
 _APART = 3.0
 """Error of configurations held out, over that of modes held out, from which the page says what it is of."""
-_SHADES = ("#1f5f8b", "#7fa8c4", "#cfdde8")  # dark to light: they differ in grey as well
+_SHADES = (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)
 
 
 def ledger_section(results: Results) -> Section:
@@ -115,7 +116,7 @@ def ledger_figure(entries: Sequence[Entry]) -> Figure:
         for k, (name, shade) in enumerate(zip(_NAMES, _SHADES, strict=True)):
             value = 100.0 * np.array([_errors(e, kind)[k] for e in entries])
             bars = axes.barh(
-                y + 0.26 * (k - 1), value, 0.24, color=shade, edgecolor="#33414f", linewidth=0.5, label=name
+                y + 0.26 * (k - 1), value, 0.24, color=shade, edgecolor=palette.INK, linewidth=0.5, label=name
             )
             axes.bar_label(bars, ["" if np.isnan(v) else f"{v:.2f}" for v in value], padding=3, fontsize=8)
         axes.margins(x=0.16)

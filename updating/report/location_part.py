@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.plot import palette
 from model import catalogue, reduce
 from model.stack.effect import Family
 from updating.correlation.correlation_plot import LEAST_SCALE, error_map_picture
@@ -13,7 +14,7 @@ from updating.correlation.localization import ErrorMap, map_error, stiffness_ind
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit
-from updating.report.chart_part import FITTED, MEASURED, chart, single
+from updating.report.chart_part import chart, single
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 from updating.report.results import Tested
 
@@ -50,7 +51,7 @@ def kind_of_answer(diagnosis: Diagnosis | None) -> str | None:
 def location_section(tested: Tested, fit: Fit, shown: str | None = None) -> Section:
     """Show where a fit fails, if there is an error to locate, in one kind of stiffness: by default the likeliest."""
     found = error_map(tested, fit)
-    title, text = f"Where the model of {tested.name} fails", location_text(found)
+    title, text = f"Where the base model of {tested.name} fails", location_text(found)
     if _size(found) < _NOTHING:
         return Section(title=title, text=(text,))
     kind = most_likely_kind(found)
@@ -141,7 +142,7 @@ def map_chart(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> str:
         {
             "type": "mesh3d", "x": single(mm[:, 0]), "y": single(mm[:, 1]), "z": single(mm[:, 2]),
             "i": triangle[:, 0], "j": triangle[:, 1], "k": triangle[:, 2], "intensity": single(value[box]),
-            "intensitymode": "cell", "colorscale": "Oranges", "cmin": 0.0, "flatshading": True,
+            "intensitymode": "cell", "colorscale": palette.PLACE, "cmin": 0.0, "flatshading": True,
             "cmax": max(float(value.max()), LEAST_SCALE * float(value.mean())),
             "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0}, "hoverinfo": "skip",
             "colorbar": {
@@ -151,13 +152,13 @@ def map_chart(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> str:
         },
         {
             "type": "scatter3d", "mode": "lines", "name": "clamps", "hoverinfo": "name", "showlegend": False,
-            **dict(zip("xyz", (single(x) for x in rods.T), strict=True)), "line": {"color": FITTED, "width": 6},
+            **dict(zip("xyz", (single(x) for x in rods.T), strict=True)), "line": {"color": palette.MODES, "width": 6},
         },
         {
             "type": "scatter3d", "mode": "markers", "name": "point", "showlegend": False,
             **dict(zip("xyz", (single(x) for x in points.T), strict=True)),
             "text": [str(n) for n in geometry.node[seen]],
-            "marker": {"size": 3, "color": MEASURED}, "hovertemplate": "point %{text}<extra></extra>",
+            "marker": {"size": 3, "color": palette.MEASURED}, "hovertemplate": "point %{text}<extra></extra>",
         },
     ]  # fmt: skip
     axes = {

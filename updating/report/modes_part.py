@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.modal.complexity import LEAST_MPC, complexity
 from ema.modal.mac import mac
+from ema.plot import palette
 from ema.plot.figures import mac_figure
 from ema.quality.words import label, meaning
 from updating.correlation.correlation import correlate
@@ -18,9 +20,9 @@ from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import PointCorrelation, correlate_points
 from updating.fitting.fit import Estimate
 from updating.fitting.fit_plot import objective_figure
-from updating.report.chart_part import ACCENT, LEFT, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.frf_part import frf_title
-from updating.report.part import Picture, Section, Table, anchor, as_csv, png
+from updating.report.part import ByModel, Picture, Section, Table, anchor, as_csv, of_model, png
 from updating.report.results import Tested
 from updating.results.text import Z95, parameter_text, uncertain
 
@@ -28,12 +30,13 @@ if TYPE_CHECKING:
     from updating.fitting.fit import Fit
 
 SHADES = 128  # of the scale of MAC
+_ADDED, _WITH_ADDED = "with what was found [%]", " With what was found:"
 
 
 def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
     """Show the table of modes, the fitted parameters, and what the checks found.
 
-    `added` holds of each mode, by its number from 1, the relative frequency error with what was added to the model.
+    `added` holds of each mode, by its number from 1, the relative frequency error with what was found.
     """
     if tested.fit is None:
         blocks: tuple[Table, ...] = (
@@ -44,13 +47,50 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
         )
     else:
         blocks = (
-            pair_table(tested, tested.fit, added),
-            parameter_table(tested.fit),
+            *pair_tables(tested, tested.fit, added),
+            *by_model(tested, lambda fit: (parameter_table(fit),)),
             complexity_table(tested),
             quality_table(tested),
             passed_table(tested),
         )
     return Section(title=f"Modes of {tested.name}", blocks=blocks)
+
+
+def by_model(tested: Tested, make: Callable[[Fit], tuple[ByModel, ...]]) -> tuple[ByModel, ...]:
+    """Make the blocks of the fitted model and, where something was found, those of the model with that too."""
+    if tested.fit is None:
+        return ()
+    if tested.identified is None:
+        return make(tested.fit)
+    blocks = of_model(make(tested.identified.fit), "found")
+    blocks += of_model(make(tested.fit), "base")
+    return tuple(blocks)
+
+
+def pair_tables(tested: Tested, fit: Fit, added: Mapping[int, float]) -> tuple[Table, ...]:
+    """List paired modes of the base model and, where something was found, of the model with that."""
+    base = pair_table(tested, fit, added)
+    if tested.identified is None:
+        return (base,)
+    found = found_pair_table(tested, fit, tested.identified.fit)
+    return *of_model([found], "found"), *of_model([base], "base")
+
+
+def found_pair_table(tested: Tested, base: Fit, own: Fit) -> Table:
+    """List paired modes of the model with what was found, beside the errors of the base model."""
+    c = correlate(tested.measured, base.modes, base.pairing)
+    before = dict(zip((int(m) + 1 for m in base.pairing.measured), c.frequency_error, strict=True))
+    table = pair_table(tested, own, before)
+    header = tuple("error of the base model [%]" if h == _ADDED else h for h in table.header)
+    note = table.note.partition(_WITH_ADDED)[0]
+    return replace(
+        table,
+        header=header,
+        title="Modes, measured and modelled with what was found",
+        note=f"{note} The effects are held at the values that were found; G_f and d_f are fitted again to this "
+        "configuration, and sizes and density are those of the stack file: the answer, which lets them differ by what "
+        "is known of them, leaves less.",
+    )
 
 
 def identified_table(tested: Tested) -> Table:
@@ -95,6 +135,7 @@ def complexity_table(tested: Tested) -> Table:
         note="A real shape has MPC 1 and MCF 0: all components in phase or against it. MPD and phase scatter are the "
         "mean and the root mean square of how far phases are off their line. Modes with an MPC below "
         f"{LEAST_MPC:g} are too complex (Pappa, Elliott and Schenk, NASA TM-107607, 1992).",
+        folded=not np.any(found.is_complex),  # a page on a phone is long enough
     ).without_empty_columns()  # fmt: skip
 
 
@@ -116,7 +157,9 @@ def pair_table(tested: Tested, fit: Fit, added: Mapping[int, float]) -> Table:
             f" Measured modes without a partner above MAC {fit.pairing.threshold:g}: {', '.join(left_over)}."
         )
     if added:
-        note += " With what was added: the error of the model that the answer comes to, with one G_f for all torques."
+        note += (
+            f"{_WITH_ADDED} the error of the model that the answer comes to, with one G_f for all torques."
+        )
     after = [f"{round(100.0 * added[m + 1], 2) + 0.0:+.2f}" if m + 1 in added else "" for m in used]
     columns = zip(
         used, c.measured_frequency, Z95 * measured.frequency_std[used], c.model_frequency, 100 * c.frequency_error,
@@ -126,7 +169,7 @@ def pair_table(tested: Tested, fit: Fit, added: Mapping[int, float]) -> Table:
     table = Table(
         title="Modes, measured and modelled",
         header=(
-            "mode", "f measured [Hz]", "f model [Hz]", "error [%]", "with what was added [%]", "damping measured [%]",
+            "mode", "f measured [Hz]", "f model [Hz]", "error [%]", _ADDED, "damping measured [%]",
             "damping model [%]", "MAC",
         ),
         rows=tuple(
@@ -197,11 +240,12 @@ def mac_section(tested: Tested) -> Section:
     fit = tested.fit
     if fit is None:
         return Section(title=f"MAC of {tested.name}", blocks=(auto_mac_picture(tested),))
-    comac = (comac_picture(tested, fit),) if fit.pairing.measured.size else ()
-    return Section(
-        title=f"MAC and CoMAC of {tested.name}",
-        blocks=(mac_picture(tested, fit), *comac, objective_picture(fit)),
-    )
+
+    def pictures(own: Fit) -> tuple[Picture, ...]:
+        comac = (comac_picture(tested, own),) if own.pairing.measured.size else ()
+        return mac_picture(tested, own), *comac, objective_picture(own)
+
+    return Section(title=f"MAC and CoMAC of {tested.name}", blocks=by_model(tested, pictures))
 
 
 def mac_picture(tested: Tested, fit: Fit) -> Picture:
@@ -233,7 +277,7 @@ def mac_chart(
     """Return a MAC matrix as a chart; `across` and `down` say whose frequencies its columns and rows are."""
     x, y = ([f"{k}: {f:.1f}" for k, f in enumerate(own, start=1)] for own in (columns, rows))
     trace = {
-        "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": "Blues",
+        "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": palette.LIKENESS,
         "xgap": 1, "ygap": 1, "texttemplate": "%{z:.2f}", "colorbar": {"title": {"text": "MAC"}, "thickness": 12},
         "hovertemplate": f"{across} mode %{{x}} Hz, {down} mode %{{y}} Hz: MAC %{{z:.4f}}<extra></extra>",
     }  # fmt: skip
@@ -286,12 +330,12 @@ def comac_picture(tested: Tested, fit: Fit) -> Picture:
 def comac_chart(points: PointCorrelation) -> str:
     """Return 1 - CoMAC over the difference of the shapes, of every point, as a chart."""
     names = [str(node) for node in points.node]
-    noise = {"mode": "markers", "marker": {"color": MEASURED, "size": 5}, "name": "from noise alone"}
+    noise = {"mode": "markers", "marker": {"color": palette.QUIET, "size": 5}, "name": "from noise alone"}
     return chart(
         [
             {"type": "bar", "x": names, "y": single(1.0 - points.comac), "yaxis": "y2", "showlegend": False,
-             "marker": {"color": LEFT}, "name": "1 - CoMAC"},
-            {"type": "bar", "x": names, "y": single(points.error), "marker": {"color": LEFT},
+             "marker": {"color": palette.LEFT}, "name": "1 - CoMAC"},
+            {"type": "bar", "x": names, "y": single(points.error), "marker": {"color": palette.LEFT},
              "name": "measured - model"},
             {"type": "scatter", "x": names, "y": single(points.error_std), **noise},
         ],
@@ -330,9 +374,9 @@ def objective_chart(fit: Fit) -> str:
         on = {"type": "scatter", "xaxis": f"x{place}", "yaxis": f"y{place}", "showlegend": place == ""}
         traces += [
             {**on, "mode": "lines+markers", "x": tried[:, 0].tolist(), "y": (factor * tried[:, 1]).tolist(),
-             "name": "tried", "line": {"color": MEASURED, "width": 1}, "marker": {"size": 4}},
+             "name": "tried", "line": {"color": palette.QUIET, "width": 1}, "marker": {"size": 4}},
             {**on, "mode": "markers", "x": [estimate.value], "y": [factor * estimate.objective], "name": "estimate",
-             "marker": {"color": ACCENT, "size": 10, "symbol": "diamond"}},
+             "marker": {"color": palette.ACCENT, "size": 10, "symbol": "diamond"}},
         ]  # fmt: skip
     return chart(
         traces,

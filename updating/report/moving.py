@@ -28,7 +28,7 @@ def write_gifs(results: Results) -> tuple[Path, ...]:
     """
     paths = []
     for tested in results.tested:
-        for number, pair in enumerate(shape_pairs(tested.measured, tested.fit), start=1):
+        for number, pair in enumerate(shape_pairs(tested.measured, tested.shown), start=1):
             name = folder_name(f"shape_{tested.name}_{number:02d}")
             paths.append(results.folder / "figures" / f"{name}.gif")
             write_bytes(paths[-1], shape_gif(pair))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from ema.types.shown import figure_of, html_of, html_table
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit
@@ -48,7 +49,7 @@ def fit_figure(own: Fit) -> Figure:
     for axes, estimate in zip(places, (own.G_f, own.d_f), strict=True):
         draw_objective(axes, estimate)
     last = int(own.pairing.model.max(initial=0)) + 2
-    image = right.imshow(own.pairing.mac[:, :last], cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    image = right.imshow(own.pairing.mac[:, :last], cmap=palette.LIKENESS, vmin=0.0, vmax=1.0, aspect="auto")
     shown = own.modes.frequency[:last]
     right.set_xticks(range(shown.size), [f"{f:.0f}" for f in shown], rotation=90, fontsize="small")
     right.set_yticks(range(own.pairing.mac.shape[0]), [str(r + 1) for r in range(own.pairing.mac.shape[0])])

@@ -24,6 +24,7 @@ _TONE: dict[Verdict, str] = {
     "unlike anything": "open",
 }
 _TOLD = 3  # explanations that one sentence can name
+_MAPS = 3  # of configurations; beside the steps they fill two rows
 
 
 def opening_section(results: Results, own: Sequence[Section] = ()) -> Section:
@@ -34,13 +35,12 @@ def opening_section(results: Results, own: Sequence[Section] = ()) -> Section:
     results : Results
         What to show.
     own : sequence of Section
-        Those of the configurations, of which one lends its picture of where the model fails.
+        Those of the configurations, which lend their pictures of where the model fails.
     """
     way, modes = steps(results), mode_changes(results)
-    place = _place(results, own)
     pictures = [
         *([step_picture(way)] if way else []),
-        *([place] if place is not None else []),
+        *_places(results, own),
         *([mode_picture(modes)] if modes else []),
     ]
     return Section(title="Answer", text=results.remarks, blocks=(opening(results), *pictures))
@@ -56,9 +56,22 @@ def opening(results: Results) -> Opening:
     return Opening(
         badge=found.verdict,
         tone=tone,  # type: ignore[arg-type]
-        sentence=headline(found),
+        sentence=" ".join((headline(found), *frac_sentence(results))),
         command=command,
         reason=reason,
+    )
+
+
+def frac_sentence(results: Results) -> tuple[str, ...]:
+    """Say how well the model's functions meet the measured ones, before and after; nothing where that is not known."""
+    own = [t.identified for t in results.tested if t.identified is not None]
+    own = [m for m in own if np.isfinite([m.base_frac, m.frac]).all()]
+    if not own:
+        return ()
+    before, after = (float(np.mean([getattr(m, name) for m in own])) for name in ("base_frac", "frac"))
+    way = "rises" if after > before else "goes"
+    return (
+        f"The likeness of modelled and measured FRFs (mean FRAC) {way} from {before:.2f} to {after:.2f}.",
     )
 
 
@@ -146,7 +159,7 @@ def _of_a_fit(results: Results) -> Opening:
             sentence=" ".join(change_sentences(results)),
         )
     return Opening(
-        badge="identified",
+        badge="modes identified",
         tone="good",
         sentence=sentence,
         command=command("fit"),
@@ -212,11 +225,9 @@ def _table_sentences(results: Results) -> tuple[str, ...]:
     )
 
 
-def _place(results: Results, own: Sequence[Section]) -> Picture | None:
-    """Return the picture of where the model fails, of the configuration that shows it by the most modes."""
+def _places(results: Results, own: Sequence[Section]) -> list[Picture]:
+    """Return the pictures of where the model fails, side by side; those that more modes show stand first."""
     maps = {p.name: p for part in own for p in part.pictures if p.name.startswith("error_map_")}
     fits = [t.fit for t in results.tested if t.fit is not None]
-    for fit in sorted(fits, key=lambda fit: (-fit.pairing.measured.size, -fit.error)):
-        if f"error_map_{fit.name}" in maps:
-            return maps[f"error_map_{fit.name}"]
-    return None
+    order = sorted(fits, key=lambda fit: (-fit.pairing.measured.size, -fit.error))
+    return [maps[name] for fit in order if (name := f"error_map_{fit.name}") in maps][:_MAPS]

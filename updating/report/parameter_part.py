@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.plot import palette
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
 from updating.report.ledger_part import model_name
@@ -92,7 +93,7 @@ def parameter_figure(fitted: Sequence[Tested]) -> Figure:
         own = [_estimates(t)[k] for t in fitted]
         name, factor = _AXES[own[0].name]
         axes.errorbar(
-            at, [factor * e.value for e in own], [Z95 * factor * e.std for e in own], fmt="o", color="#1f5f8b",
+            at, [factor * e.value for e in own], [Z95 * factor * e.std for e in own], fmt="o", color=palette.BASE,
             markersize=5, capsize=4,
         )  # fmt: skip
         axes.set(xlabel=label, ylabel=name)

@@ -9,7 +9,7 @@ import io
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL import Image
 
+Shown = Literal["", "base", "found", "both"]
+"""Which of two models a block is of, between which the page switches; empty where it is of none of them."""
 _DPI = 125
 _NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
 _LONG = 30  # characters of a cell
@@ -45,6 +47,8 @@ class Table:
         Whether first cells are numbers of points, of which a click shows the function where the link leads.
     hint : tuple of str
         For each row a sentence that the page shows under the cursor; may be empty.
+    model : {"", "base", "found"}
+        Whether it is of the base model or of the one with what was found.
     """
 
     title: str
@@ -55,6 +59,7 @@ class Table:
     folded: bool = False
     chooses: bool = False
     hint: tuple[str, ...] = ()
+    model: Shown = ""
     kind: Literal["table"] = "table"
 
     @property
@@ -96,6 +101,8 @@ class Picture:
         picture then serves print and pages whose scripts do not run. May be empty.
     choices : tuple of str
         Names of what the chart shows one of at a time.
+    model : {"", "base", "found", "both"}
+        Whether it is of the base model, of the one with what was found, or draws the one that the page shows.
     """
 
     name: str
@@ -107,6 +114,7 @@ class Picture:
     width: Literal["half", "full"] = "full"
     chart: str = ""
     choices: tuple[str, ...] = ()
+    model: Shown = ""
     kind: Literal["picture"] = "picture"
 
     @property
@@ -137,6 +145,8 @@ class Gallery:
         The same at rest, for print and for a page whose scripts do not run.
     note : str
         What stands above them.
+    model : {"", "base", "found"}
+        Whether its modelled shapes are of the base model or of the one with what was found.
     """
 
     shapes: str
@@ -144,7 +154,11 @@ class Gallery:
     paired: tuple[bool, ...]
     still: tuple[Picture, ...]
     note: str
+    model: Shown = ""
     kind: Literal["gallery"] = "gallery"
+
+
+ByModel = TypeVar("ByModel", Table, Picture, Gallery)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,6 +177,8 @@ class Opening:
         What to run next; may be empty.
     reason : str
         What that command does.
+    model : str
+        Empty: it is of no model alone.
     """
 
     badge: str
@@ -170,6 +186,7 @@ class Opening:
     sentence: str
     command: str = ""
     reason: str = ""
+    model: Shown = ""
     kind: Literal["opening"] = "opening"
 
 
@@ -211,6 +228,27 @@ class Section:
         """Whether anything in it, or in the sections within, is drawn by the page's renderer."""
         own = any(isinstance(b, Gallery) or (isinstance(b, Picture) and b.chart) for b in self.blocks)
         return own or any(part.has_charts for part in self.parts)
+
+    @property
+    def has_models(self) -> bool:
+        """Whether anything in it, or in the sections within, is there for two models."""
+        own = any(b.model for b in self.blocks)
+        return own or any(part.has_models for part in self.parts)
+
+
+def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list[ByModel]:
+    """Return blocks as those of one of two models; files of the model with what was found have names of their own."""
+    suffix = "_found" if model == "found" else ""
+    out: list[ByModel] = []
+    for block in blocks:
+        if isinstance(block, Gallery):
+            still = tuple(replace(own, name=f"{own.name}{suffix}") for own in block.still)
+            out.append(replace(block, model=model, still=still))
+        elif isinstance(block, Picture):
+            out.append(replace(block, model=model, name=f"{block.name}{suffix}"))
+        else:
+            out.append(replace(block, model=model))
+    return out
 
 
 def _column_class(cells: Iterable[str]) -> str:

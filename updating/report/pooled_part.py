@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, MODEL, axis, chart, legend_above
+from ema.plot import palette
+from updating.report.chart_part import axis, chart, legend_above
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.results.pooled_answer import PooledDiagnosis, SpecimenAnswer
 from updating.results.pooled_text import NOT_TOLD, SPECIMEN_HEADER, contact_cells, specimen_row
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 Contact = Literal["G_f", "d_f"]
 
-_GROUPS = (MEASURED, FITTED, LEFT, MODEL, "#4d9f72", "#b0679b", "#6b6f78", "#a3843c")
 _USUAL = "treatment"
 _NO_DAMPING = " A dash: no damping ratio was measured."
 _RATIOS = ("d_f",)  # known to a factor
@@ -174,11 +174,11 @@ def _error_series(
 ) -> list[tuple[str, str, str, list[SpecimenAnswer], str]]:
     """Return marker, colour and name of what is drawn for a specimen, those that have it, and of which error."""
     found = [
-        ("circle", MEASURED, "base model", list(specimens), "base_error"),
-        ("circle", FITTED, "with what was found", list(specimens), "error"),
+        ("circle", palette.BASE, "base model", list(specimens), "base_error"),
+        ("circle", palette.FOUND, "with what was found", list(specimens), "error"),
     ]
     odd = [own for own in specimens if own.odd]
-    return [*found, *([("diamond", ACCENT, "odd", odd, "error")] if odd else [])]
+    return [*found, *([("diamond", palette.ACCENT, "odd", odd, "error")] if odd else [])]
 
 
 def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
@@ -210,7 +210,9 @@ def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
 def _draw_errors(axes: Axes, specimens: Sequence[SpecimenAnswer]) -> None:
     at = {own.name: k for k, own in enumerate(specimens)}
     for own in specimens:
-        axes.plot([at[own.name]] * 2, [100.0 * own.base_error, 100.0 * own.error], color="0.8", zorder=1)
+        axes.plot(
+            [at[own.name]] * 2, [100.0 * own.base_error, 100.0 * own.error], color=palette.QUIET, zorder=1
+        )
     for symbol, color, name, each, key in _error_series(specimens):
         axes.scatter(
             [at[own.name] for own in each],
@@ -322,7 +324,10 @@ def _line(own: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float],
 def _colours(specimens: Sequence[SpecimenAnswer], group: str) -> dict[str, str]:
     """Return the colour of each specimen by name: one for each value of a column of the notes."""
     values = list(dict.fromkeys(own.notes.get(group, "") for own in specimens))
-    return {own.name: _GROUPS[values.index(own.notes.get(group, "")) % len(_GROUPS)] for own in specimens}
+    return {
+        own.name: palette.SERIES[values.index(own.notes.get(group, "")) % len(palette.SERIES)]
+        for own in specimens
+    }
 
 
 def _figure(draw: Callable[[Axes], None]) -> Figure:

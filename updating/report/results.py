@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
@@ -29,6 +29,30 @@ _MADE = ("modal_model.json", "measurement.npz")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedModel:
+    """The model of one configuration with what was found.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        What was added to the base model.
+    value : mapping of str to float
+        Values of the effects' parameters.
+    fit : Fit
+        G_f and d_f fitted again with them, and the modes.
+    base_frac, frac : float
+        FRAC of measured functions with those of the base model and of this one, in the mean over all; NaN where no
+        functions were measured, or where nothing says where the force acted.
+    """
+
+    effects: tuple[str, ...]
+    value: Mapping[str, float]
+    fit: Fit
+    base_frac: float
+    frac: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Tested:
     """One configuration that was identified, and fitted or not.
 
@@ -50,6 +74,8 @@ class Tested:
         The fitted model.
     change : Change or None
         What differs from its reference, where it has one.
+    identified : IdentifiedModel or None
+        The model with what was found, where `identified_model.with_identified_models` added it.
     """
 
     name: str
@@ -60,6 +86,12 @@ class Tested:
     quality: Quality
     fit: Fit | None
     change: Change | None = None
+    identified: IdentifiedModel | None = None
+
+    @property
+    def shown(self) -> Fit | None:
+        """The fit with what was found, else that of the base model, else none."""
+        return self.fit if self.identified is None else self.identified.fit
 
     @property
     def has_functions(self) -> bool:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Stack
+from updating.fitting.fit import Fit
 from updating.fitting.shape_faces import faces
 from updating.fitting.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
+from updating.report.modes_part import by_model
 from updating.report.part import Gallery, Picture, Section, as_csv, png
 from updating.report.results import Tested
 
@@ -23,13 +25,14 @@ def shape_section(tested: Tested) -> Section:
     title = f"Mode shapes of {tested.name}"
     if not np.isin(tested.measured.node, tested.measured.geometry.node).any():
         return Section(title=title, text=("None of the measured points has coordinates.",))
-    return Section(title=title, blocks=(gallery(tested),))
+    if tested.fit is None:
+        return Section(title=title, blocks=(gallery(tested, None),))
+    return Section(title=title, blocks=by_model(tested, lambda fit: (gallery(tested, fit),)))
 
 
-def gallery(tested: Tested) -> Gallery:
-    """Show all measured shapes of a configuration with their partners."""
-    stack = None if tested.fit is None else tested.fit.stack
-    return gallery_of(tested.name, shape_pairs(tested.measured, tested.fit), stack)
+def gallery(tested: Tested, fit: Fit | None) -> Gallery:
+    """Show all measured shapes of a configuration with their partners in a model."""
+    return gallery_of(tested.name, shape_pairs(tested.measured, fit), None if fit is None else fit.stack)
 
 
 def gallery_of(name: str, pairs: Sequence[ShapePair], stack: Stack | None) -> Gallery:

@@ -8,18 +8,24 @@ import numpy as np
 
 from ema.identification.columns import DroppedColumn, Stability, dropped_columns, stability
 from ema.identification.stabilization import StabilizationDiagram, stabilization
+from ema.plot import palette
 from ema.plot.figures import pole_groups, stabilization_figure
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from updating.report.chart_part import ACCENT, FITTED, LEFT, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.part import Picture, Table, as_csv, png
 from updating.report.results import Tested
 
 _SYMBOLS = (
-    {"symbol": "circle", "size": 2.5, "color": MEASURED},
-    {"symbol": "x-thin", "size": 5, "color": MEASURED, "line": {"width": 1.2, "color": MEASURED}},
-    {"symbol": "triangle-up", "size": 6, "color": LEFT},
-    {"symbol": "circle", "size": 5.5, "color": FITTED},
+    {"symbol": "circle", "size": 2.5, "color": palette.QUIET},
+    {
+        "symbol": "x-thin",
+        "size": 5,
+        "color": palette.MEASURED,
+        "line": {"width": 1.2, "color": palette.MEASURED},
+    },
+    {"symbol": "triangle-up", "size": 6, "color": palette.LEFT},
+    {"symbol": "circle", "size": 5.5, "color": palette.MODES},
 )
 
 
@@ -71,7 +77,7 @@ def stabilization_chart(
     traces: list[dict[str, object]] = [
         {
             "type": "scatter", "mode": "lines", "x": single(diagram.frequency), "y": single(diagram.indicator[0]),
-            "yaxis": "y2", "name": "mode indicator", "line": {"color": MEASURED, "width": 1}, "opacity": 0.6,
+            "yaxis": "y2", "name": "mode indicator", "line": {"color": palette.QUIET, "width": 1}, "opacity": 0.6,
             "hoverinfo": "skip",
         }
     ]  # fmt: skip
@@ -83,8 +89,8 @@ def stabilization_chart(
                 "hovertemplate": "order %{y}: %{x:.2f} Hz, %{customdata:.3f} %<extra>" + name + "</extra>",
             }
         )  # fmt: skip
-    marks = [(float(f), "dash", ACCENT) for f in modal_model.frequency]
-    marks += [(own.frequency, "dot", MEASURED) for own in dropped]
+    marks = [(float(f), "dash", palette.ACCENT) for f in modal_model.frequency]
+    marks += [(own.frequency, "dot", palette.QUIET) for own in dropped]
     layout = {
         "height": 420,
         "xaxis": axis("frequency [Hz]", range=[float(diagram.frequency[0]), float(diagram.frequency[-1])]),
@@ -102,7 +108,7 @@ def stabilization_chart(
         "annotations": [
             {
                 "x": own.frequency, "y": 1, "yref": "paper", "text": "✕", "showarrow": False, "yanchor": "bottom",
-                "hovertext": own.reason, "font": {"color": ACCENT},
+                "hovertext": own.reason, "font": {"color": palette.ACCENT},
             }
             for own in dropped
         ],

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ema import Change, change_csv, change_sentence
 from ema.modal.change import KINDS, STATED_FREEDOM
+from ema.plot import palette
 from ema.plot.figures import mac_figure
-from updating.report.chart_part import ACCENT, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.modes_part import SHADES, mac_chart, matrix_csv
 from updating.report.part import Picture, Section, Table, as_csv, png, svg
 from updating.results.text import uncertain
@@ -90,8 +91,8 @@ def shift_figure(found: Change) -> Figure:
     figure = Figure(figsize=(5.0, 3.4), layout="constrained")
     axes = figure.subplots()
     at, shift, moved = np.arange(found.mode.size), np.expm1(found.frequency_shift), found.which[:, 0]
-    axes.axhline(0.0, color="0.6", linewidth=0.8)
-    for which, color in ((~moved, MEASURED), (moved, ACCENT)):
+    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
+    for which, color in ((~moved, palette.QUIET), (moved, palette.ACCENT)):
         axes.errorbar(at[which], 100 * shift[which], 100 * half[which], fmt="o", color=color, capsize=3)
     axes.set_xticks(at, _labels(found), rotation=45, fontsize="small")
     axes.set(xlabel="mode, frequency of the reference [Hz]", ylabel="shift [%]")
@@ -108,7 +109,7 @@ def shift_chart(found: Change) -> str:
             "error_y": {"type": "data", "array": single(100 * half[which])},
         }
         for which, name, color in (
-            (~found.which[:, 0], "within the scatter", MEASURED), (found.which[:, 0], "changed", ACCENT),
+            (~found.which[:, 0], "within the scatter", palette.QUIET), (found.which[:, 0], "changed", palette.ACCENT),
         )
     ]  # fmt: skip
     kind = {"type": "category", "categoryorder": "array", "categoryarray": _labels(found)}
@@ -166,14 +167,14 @@ def comac_figure(found: Change) -> Figure:
     known = np.all(np.isfinite(found.location), axis=1)
     place, value = 1e3 * found.location[known], 1.0 - found.comac[known]
     if not known.any():
-        axes.bar(np.arange(found.node.size), 1.0 - found.comac, color=ACCENT)
+        axes.bar(np.arange(found.node.size), 1.0 - found.comac, color=palette.ACCENT)
         axes.set(xlabel="point, in the order of the measurement", ylabel="1 - CoMAC")
         return figure
     first, second = np.sort(np.argsort(-np.ptp(place, axis=0), kind="stable")[:2])
     largest = max(float(value.max()), 1e-12)
     discs = axes.scatter(
-        place[:, first], place[:, second], c=value, s=20.0 + 160.0 * value / largest, cmap="Reds", vmin=0.0,
-        edgecolors="0.5", linewidths=0.5,
+        place[:, first], place[:, second], c=value, s=20.0 + 160.0 * value / largest, cmap=palette.CHANGE, vmin=0.0,
+        edgecolors=palette.QUIET, linewidths=0.5,
     )  # fmt: skip
     if np.ptp(place[:, second]) > 0.2 * np.ptp(place[:, first]):
         axes.set_aspect("equal")

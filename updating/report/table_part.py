@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ema.plot import palette
 from updating.fitting.modal_table import TableFit
 from updating.report.part import Picture, Section, Table, anchor, as_csv, svg
 from updating.report.results import Results
@@ -14,7 +15,7 @@ from updating.results.text import estimate_text, parameter_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_PUBLISHED, _OURS = "0.7", "#1f5f8b"
+_PUBLISHED, _OURS = palette.QUIET, palette.BASE
 
 
 def table_overview(results: Results) -> Section:
@@ -122,7 +123,7 @@ def table_figure(fits: tuple[TableFit, ...]) -> Figure:
         at, [f.G_f.value for f in fits], [f.G_f.std for f in fits], fmt="o", color=_OURS, capsize=3
     )
     below.plot(
-        at, [f.row.published_G_f for f in fits], "s", color="0.5", markerfacecolor="none", markersize=8
+        at, [f.row.published_G_f for f in fits], "s", color=_PUBLISHED, markerfacecolor="none", markersize=8
     )
     below.set_xticks(at, [f.row.name for f in fits])
     below.set(xlabel="stack", ylabel="$G_f$ [Pa/Pa]")
@@ -142,7 +143,7 @@ def row_figure(fit: TableFit, shape_class: tuple[str, ...]) -> Figure:
         (-0.2, row.published_frequency, _PUBLISHED, "published"), (0.2, fit.frequency, _OURS, "ours"),
     ):  # fmt: skip
         axes.bar(at + shift, 100.0 * (f / row.frequency - 1.0), 0.38, color=color, label=name)
-    axes.axhline(0.0, color="0.3", linewidth=0.8)
+    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
     axes.set_xticks(at, shape_class)
     axes.set_ylabel("frequency error [%]")
     axes.spines[["top", "right"]].set_visible(False)

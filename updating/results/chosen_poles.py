@@ -41,8 +41,8 @@ def keep_choice(poles: Path, folder: Path) -> None:
 
 
 def forget_choices(output: Path) -> None:
-    """Let the poles of all configurations in a results folder be chosen automatically again."""
-    for file in output.glob(f"*/{CHOSEN}"):
+    """Let the poles of all configurations in a results folder, and in results in it, be chosen automatically again."""
+    for file in (*output.glob(f"*/{CHOSEN}"), *output.glob(f"*/*/{CHOSEN}")):
         file.unlink()
 
 
@@ -99,5 +99,5 @@ def choice_note(poles: Path) -> str:
     number = read_poles(poles).size
     return (
         f"its {number} poles were {BY_HAND} ({poles.parent.name}/{poles.name}) and are used by every command; "
-        "lamella ema CAMPAIGN -o DIR --identify-anew chooses them automatically again"
+        "the same command with --identify-anew chooses them automatically again"
     )

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from ema import Change, change_sentence
+from ema.plot import palette
 from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit
 from updating.fitting.shape_plot import any_pair
-from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above
+from updating.report.chart_part import axis, chart, legend_above
 from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart
 from updating.report.results import Tested
@@ -41,12 +42,12 @@ def frequencies_chart(tested: Tested, fit: Fit) -> str:
             "yaxis": place, "offsetgroup": name,
         }  # fmt: skip
 
-    frequency = bars(c.frequency_error, ACCENT, "frequency error", "y")
+    frequency = bars(c.frequency_error, palette.LEFT, "frequency error", "y")
     frequency["error_y"] = {"type": "data", "array": (100.0 * Z95 * c.frequency_error_std).tolist()}
-    damping = bars(c.measured_damping, MEASURED, "damping measured", "y2")
+    damping = bars(c.measured_damping, palette.MEASURED, "damping measured", "y2")
     damping["error_y"] = {"type": "data", "array": (100.0 * Z95 * tested.measured.damping_std[used]).tolist()}
     return chart(
-        [frequency, damping, bars(c.model_damping, FITTED, "damping of the model", "y2")],
+        [frequency, damping, bars(c.model_damping, palette.BASE, "damping of the model", "y2")],
         {
             "yaxis": axis("frequency error [%]", domain=[0.56, 1.0], zeroline=True),
             "yaxis2": axis("damping ratio [%]", domain=[0.0, 0.44]),

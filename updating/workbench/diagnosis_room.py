@@ -15,6 +15,13 @@ from updating.workbench.page import empty, figure, plot
 from updating.workbench.run import Command
 
 TITLE, ICON = "Diagnosis", "mdi-stethoscope"
+CHANGES = {
+    "ema": "Grey: what is shown is of the modes before this identification.",
+    "fit": "Grey: what is shown is of the fit before this one.",
+    "diagnose": "Grey: what is shown is of the results before this diagnosis.",
+}
+"""Commands that put other results in the place of those that are shown, and what is said meanwhile."""
+_STALE = "{ stale: stale }"
 
 
 def room(server: Any, opened: Opened) -> None:
@@ -23,6 +30,7 @@ def room(server: Any, opened: Opened) -> None:
         {
             "running": "", "said": [], "badge": "", "sentence": "", "sentences": [], "steps": empty(),
             "changes": empty(), "explanations": {"header": [], "rows": []}, "found": [], "has_steps": False,
+            "has_changes": False, "stale": "", "remarks": [],
         }
     )  # fmt: skip
     own = _Commands(server.state, opened)
@@ -53,11 +61,12 @@ class _Commands:
         table = explanation_table(results)
         state.explanations = {"header": list(table.header), "rows": [list(row) for row in table.rows]}
         way, modes = steps(results), mode_changes(results)
-        state.has_steps = bool(way)
+        state.has_steps, state.has_changes = bool(way), bool(modes)
         if way:
             state.steps = figure(step_chart(way))
         if modes:
             state.changes = figure(mode_chart(modes))
+        state.remarks, state.stale = [unbroken(text) for text in results.remarks], ""
 
     def fit(self) -> None:
         """Fit G_f and d_f."""
@@ -77,6 +86,8 @@ class _Commands:
     def start(self, words: Sequence[str]) -> None:
         """Run `lamella` with some words."""
         self.state.running, self.state.said = words[0], []
+        if words[0] in CHANGES:
+            self.state.stale = CHANGES[words[0]]
         # a task: the page's next message, such as a stop, waits for what this call awaits
         self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._done))
 
@@ -109,12 +120,22 @@ def show(server: Any) -> None:
             id="add",
         )
     log(controller)
+    html.P("{{ stale }}", v_if="stale", classes="text-body-2 mt-2", id="stale")
+    html.P("{{ line }}", v_for="line in remarks", key="line", classes="text-body-2 mt-2 remark")
+    with html.Div(classes=(_STALE,), id="answer"):
+        _answer()
+
+
+def _answer() -> None:
+    """Show the answer: in a word, in a sentence, in pictures, in full and as a table."""
+    from trame.widgets import html, vuetify3
+
     vuetify3.VChip("{{ badge }}", classes="mt-3", id="badge")
     html.P("{{ sentence }}", classes="text-h6 my-2", id="sentence")
     with vuetify3.VRow():
         with vuetify3.VCol(cols=12, md=5, v_show="has_steps"):
             plot("steps", 360)
-        with vuetify3.VCol(cols=12, md=7):
+        with vuetify3.VCol(cols=12, md=7, v_show="has_changes"):
             plot("changes", 360)
     html.P("{{ line }}", v_for="line in sentences", key="line", classes="text-body-2 my-1")
     with vuetify3.VTable(density="compact", v_if="explanations.rows.length", id="ranking"):
@@ -124,15 +145,15 @@ def show(server: Any) -> None:
         )
 
 
-def log(controller: Any) -> None:
-    """Show what a command says, and the button that stops it."""
+def log(controller: Any, suffix: str = "") -> None:
+    """Show what a command says, and the button that stops it; `suffix` makes their names those of one room."""
     from trame.widgets import html, vuetify3
 
     with html.Div(v_if="running", classes="d-flex align-center ga-3 mt-2"):
         vuetify3.VProgressCircular(indeterminate=True, size=22)
         html.Span("lamella {{ running }} is running")
-        vuetify3.VBtn("Stop", click=controller.stop, color="error", size="small", id="stop")
+        vuetify3.VBtn("Stop", click=controller.stop, color="error", size="small", id=f"stop{suffix}")
     html.Pre(
         "{{ said.slice(-12).join('\\n') }}", v_if="said.length", classes="text-caption pa-2 mt-2 bg-grey-lighten-4",
-        style="overflow-x: auto; font-family: monospace !important", id="said",
+        style="overflow-x: auto; font-family: monospace !important", id=f"said{suffix}",
     )  # fmt: skip

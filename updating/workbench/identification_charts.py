@@ -11,11 +11,12 @@ from ema.identification.columns import dropped_columns, stability
 from ema.identification.maximum_likelihood import linear_fit
 from ema.identification.stabilization import stabilization
 from ema.modal.mac import mac
+from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.fitting.shape_plot import lone_shape
-from updating.report.chart_part import FITTED, LEFT, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.modes_part import mac_chart
 from updating.report.results import Tested
 from updating.report.shape_part import shape_numbers
@@ -60,9 +61,9 @@ def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple
     fit = linear_fit(lines.frequency, value, pole, lines.quantity)
     o = int(np.flatnonzero(lines.output.node == point)[0]) if np.any(lines.output.node == point) else 0
     curves = (
-        ("difference", np.abs(fit.residual[o]), {"color": LEFT, "width": 1}),
-        ("measured", np.abs(value[o]), {"color": MEASURED, "width": 2.5}),
-        ("from the chosen poles", np.abs(value[o] - fit.residual[o]), {"color": FITTED, "width": 1.5}),
+        ("difference", np.abs(fit.residual[o]), {"color": palette.LEFT, "width": 1}),
+        ("measured", np.abs(value[o]), {"color": palette.MEASURED, "width": 2.5}),
+        ("from the chosen poles", np.abs(value[o] - fit.residual[o]), {"color": palette.MODES, "width": 1.5}),
     )
     traces = [
         {"type": "scatter", "x": single(lines.frequency), "y": single(y), "name": name, "line": style}

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ema.identification.poles_file import read_poles, write_poles
 from ema.identification.stabilization import highest_order
+from ema.plot import palette
 from ema.types.errors import EmaError
 from ema.types.frf import FRF
 from updating.errors import UpdatingError
 from updating.fitting.shape_plot import lone_shape
-from updating.report.chart_part import ACCENT
 from updating.report.results import Tested
 from updating.results.chosen_poles import keep_choice
 from updating.workbench.campaign_edit import write_identification
@@ -167,7 +167,7 @@ class _Picking:
         marks = [
             {
                 "type": "line", "name": "chosen", "x0": p["hertz"], "x1": p["hertz"], "yref": "paper", "y0": 0.97,
-                "y1": 1, "line": {"color": ACCENT, "width": 6},
+                "y1": 1, "line": {"color": palette.ACCENT, "width": 6},
             }
             for p in state.poles
         ]  # fmt: skip

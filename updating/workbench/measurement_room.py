@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.modal.complexity import complexity
+from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from updating.correlation.frf_plot import synthesized
-from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.results import Tested
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
@@ -21,7 +22,6 @@ from updating.workbench.page import empty, figure, plot
 TITLE, ICON = "Measurement", "mdi-access-point"
 _LONG, _THIN = 2.4, 0.3  # of the longest side as it is drawn, and the least of any: a beam is still seen
 _ARROW = 0.05  # of the longest side
-_COLOURS = (FITTED, ACCENT, "#7a62b8", "#d39b45", "#4b9c6b", "#8a919c")
 
 
 def points_chart(tested: Tested, chosen: int) -> str:
@@ -40,15 +40,15 @@ def points_chart(tested: Tested, chosen: int) -> str:
     doubtful = {point for own in tested.quality.verdicts if own.level != "pass" for point in own.point}
     measured = tested.measured
     wires = [
-        (ends, MEASURED, "lines"),
-        (_arrows(row, measured.node, measured.direction), FITTED, "directions"),
-        (_arrows(row, measured.input.node, measured.input.direction), ACCENT, "force"),
+        (ends, palette.QUIET, "lines"),
+        (_arrows(row, measured.node, measured.direction), palette.MODES, "directions"),
+        (_arrows(row, measured.input.node, measured.input.direction), palette.ACCENT, "force"),
     ]
     if tested.fit is not None:
         wires.append(
             (
                 _edges(tested.fit.stack.length, tested.fit.stack.width, tested.fit.stack.height),
-                "#b9c0ca",
+                palette.QUIET,
                 "stack",
             )
         )
@@ -60,7 +60,10 @@ def points_chart(tested: Tested, chosen: int) -> str:
         }
         for own, color, name in wires
     ]  # fmt: skip
-    colour = [ACCENT if n == chosen else "#d39b45" if n in doubtful else FITTED for n in numbers]
+    colour = [
+        palette.MODES if n == chosen else palette.ACCENT if n in doubtful else palette.MEASURED
+        for n in numbers
+    ]
     traces.append(
         {
             "type": "scatter3d", "mode": "markers+text", "name": "points", "showlegend": False,
@@ -121,10 +124,13 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
     ]
     traces: list[dict[str, Any]] = []
     for k, (o, i) in enumerate(own):
-        name, color = f"{lines.output.name(o)} over {lines.input.name(i)}", _COLOURS[k % len(_COLOURS)]
+        name, color = (
+            f"{lines.output.name(o)} over {lines.input.name(i)}",
+            palette.SERIES[k % len(palette.SERIES)],
+        )
         for value, label, style in (
             (lines.value[o, i], name, {"color": color, "width": 2}),
-            (fitted[o, i], f"{name}, from the modes", {"color": "#444b57", "width": 1, "dash": "dot"}),
+            (fitted[o, i], f"{name}, from the modes", {"color": palette.QUIET, "width": 1, "dash": "dot"}),
         ):
             x = single(lines.frequency)
             traces += [
@@ -250,8 +256,8 @@ def show(server: Any) -> None:
             )  # fmt: skip
             plot("points", 430, clicked, solid=True)
             html.P(
-                "Lines from points: the measured directions, and that of the force in red. Orange points have a "
-                "finding. Grey: the stack and the lines between points.",
+                "Lines from points: the measured directions in blue, that of the force in red. Red points have a "
+                "finding, the large blue one is chosen. Grey: the stack and the lines between points.",
                 classes="text-caption",
             )
         with vuetify3.VCol(cols=12, md=6):
@@ -259,7 +265,7 @@ def show(server: Any) -> None:
     _list("Files of this point", "files", "Its functions are not stored.")
     _list("About this point", "about", "Nothing was found about this point.")
     _list("About the measurement", "others", "Nothing was found about the rest.")
-    html.H3("Modes", classes="text-subtitle-1 mt-2")
+    html.H2("Modes", classes="text-subtitle-1 mt-2")
     with vuetify3.VTable(density="compact", id="modes"):
         names = (
             "mode",
@@ -281,7 +287,7 @@ def _list(title: str, key: str, none: str) -> Sequence[Any]:
     from trame.widgets import html
 
     return (
-        html.H3(title, classes="text-subtitle-1 mt-2"),
+        html.H2(title, classes="text-subtitle-1 mt-2"),
         html.Ul(
             f'<li v-for="line in {key}" :key="line">{{{{ line }}}}</li>', classes="ml-5 text-body-2", id=key
         ),

@@ -1,4 +1,5 @@
-// Names for a screen reader, where the widgets of the page give none: sliders, progress, tooltips, and the title.
+// Names for a screen reader, where the widgets of the page give none: sliders and their values, boxes to tick,
+// progress, tooltips, and the title.
 (() => {
   const name = (selector, text) => {
     for (const node of document.querySelectorAll(selector)) {
@@ -13,8 +14,14 @@
     const said = own?.querySelector("label")?.textContent || own?.getAttribute("aria-label") || beside;
     return thumbs.length > 1 ? `${said}, ${thumbs.indexOf(thumb) ? "upper" : "lower"} end` : said;
   };
+  const beside = (node) => node.closest(".slider").querySelector(".text-body-2")?.textContent.split("=") ?? [];
   const names = () => {
     name(".v-slider-thumb", ofSlider);
+    name(".slider input[type=checkbox]", (node) => `Fit ${beside(node)[0]}`);
+    for (const thumb of document.querySelectorAll(".slider .v-slider-thumb")) { // its own numbers are steps
+      const value = (beside(thumb)[1] ?? "").trim();
+      if (thumb.getAttribute("aria-valuetext") !== value) thumb.setAttribute("aria-valuetext", value);
+    }
     name("[role=progressbar]", () => "Work goes on");
     name("[role=tooltip]", (node) => node.textContent || "Hint");
     for (const title of document.querySelectorAll(".v-toolbar-title")) {
@@ -26,6 +33,6 @@
   const soon = () => {
     wait ||= setTimeout(() => { wait = 0; names(); }, 300);
   };
-  new MutationObserver(soon).observe(document.body, { childList: true, subtree: true });
+  new MutationObserver(soon).observe(document.body, { childList: true, characterData: true, subtree: true });
   soon();
 })();

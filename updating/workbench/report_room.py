@@ -55,5 +55,5 @@ def show(server: Any) -> None:
         "Write the report", click=server.controller.report,
         disabled=("!!running || asked_sections.length === 0",), color="primary", id="write-report",
     )  # fmt: skip
-    log(server.controller)
+    log(server.controller, "-report")
     html.P("It is written to {{ report_file }}; open that file in any browser.", classes="text-body-2 mt-3")

@@ -22,6 +22,12 @@ from updating.workbench.opened import Opened
 
 ROOMS = (measurement_room, identification_room, comparison_room, what_if_room, diagnosis_room, report_room)
 
+_STYLE = """
+.v-field-label { opacity: 1 !important; color: #42526b; }
+.stale { opacity: 0.45; filter: grayscale(1); }
+"""
+"""Labels that are not grey on grey, and what is shown of results that others are about to replace."""
+
 
 def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool) -> None:
     """Serve the workbench until it is interrupted.
@@ -99,9 +105,7 @@ def page(opened: Opened) -> Any:
         client.Script((files("updating.report") / "rest.js").read_text(encoding="utf-8"))
         for name in ("history.js", "names.js"):
             client.Script((files("updating.workbench") / name).read_text(encoding="utf-8"))
-        client.Style(
-            ".v-field-label { opacity: 1 !important; color: #42526b; }"
-        )  # grey on grey is hard to read
+        client.Style(_STYLE)
         layout.title.set_text(results.name)
         layout.icon.hide()
         with layout.toolbar:

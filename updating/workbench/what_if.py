@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac
+from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import DERIVATIVE, FRF
 from model import Modes, Observed, catalogue, find_effects, observe, read_stack
@@ -21,7 +22,7 @@ from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS
 from updating.fitting.objective import frequency_error
 from updating.fitting.prepared import Prepared, partners, prepare, solve_every
 from updating.fitting.target import stack_in_state, target_of_modes
-from updating.report.chart_part import ACCENT, FITTED, MEASURED, axis, chart, legend_above, single
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.results import Tested
 from updating.results.store import write_bytes
 from updating.results.text import quantity
@@ -171,14 +172,14 @@ def outcome_chart(before: Outcome, now: Outcome) -> str:
             "type": "bar", "x": names, "y": (100.0 * (own.model / own.measured - 1.0)).tolist(), "name": name,
             "marker": {"color": color}, "hovertemplate": "%{y:+.2f} %",
         }
-        for own, name, color in ((before, "before", MEASURED), (now, "now", FITTED))
+        for own, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
     ]  # fmt: skip
     traces += [
         {
             "type": "scatter", "mode": "markers", "x": names, "y": own.likeness.tolist(), "yaxis": "y2",
             "marker": {"color": color, "size": 8}, "showlegend": False, "hovertemplate": "MAC %{y:.3f}", "name": name,
         }
-        for own, name, color in ((before, "before", MEASURED), (now, "now", FITTED))
+        for own, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
     ]  # fmt: skip
     return chart(
         traces,
@@ -227,9 +228,9 @@ def response_chart(
             "hovertemplate": "%{y:.3~g}",
         }
         for value, name, style in (
-            (lines.value[output, 0], "measured", {"color": MEASURED, "width": 2.5}),
-            (before, "model before", {"color": FITTED, "width": 1, "dash": "dot"}),
-            (now, "model now", {"color": ACCENT, "width": 1.5}),
+            (lines.value[output, 0], "measured", {"color": palette.MEASURED, "width": 2.5}),
+            (before, "model before", {"color": palette.BASE, "width": 1, "dash": "dot"}),
+            (now, "model now", {"color": palette.FOUND, "width": 1.5}),
         )
     ]  # fmt: skip
     size = np.abs(lines.value[output, 0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 
 from ema import read_campaign
 from ema.types.frf import FRF
-from model import Observed, catalogue
+from model import Observed
 from updating.errors import LAMELLA_ERRORS
 from updating.fitting.prepared import Prepared
 from updating.fitting.target import model_file
 from updating.report.change_part import mode_changes, mode_chart
+from updating.report.identified_model import what_was_found
 from updating.report.results import Results, read_results
 from updating.results.text import Z95, percent, uncertain
 from updating.workbench.opened import Opened
@@ -34,9 +36,11 @@ from updating.workbench.what_if import (
     response_chart,
     write_specification,
 )
+from updating.workbench.what_if_effects import effect_choices, fitted_values, found_values, slider_rows
 
 TITLE, ICON = "What if", "mdi-tune-variant"
 _FILE, _FOLDER = "what_if.toml", "what_if"
+_STALE = "{ stale: preparing }"  # what is shown is of another model meanwhile
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,12 +56,11 @@ class _Tried:
 
 def room(server: Any, opened: Opened) -> None:
     """Keep the room's state right."""
-    labels = [{"title": e.label, "value": name} for name, e in sorted(catalogue().items())]
     server.state.update(
         {
-            "effect_list": labels, "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
+            "effect_list": [], "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
             "preparing": False, "what_if_text": "", "response": empty(), "channel": 0, "channels": [],
-            "fitted_modes": empty(), "fitted_text": "", "fitting": False,
+            "fitted_modes": empty(), "fitted_text": "", "fitting": False, "can_be_found": False,
         }
     )  # fmt: skip
     own = _WhatIf(server.state, opened)
@@ -65,6 +68,7 @@ def room(server: Any, opened: Opened) -> None:
     server.controller.tick = own.tick
     server.controller.fit_what_if = own.fit
     server.controller.stop_what_if = own.command.stop
+    server.controller.set_to_found = own.set_to_found
 
     @server.state.change("channel")
     def choose_channel(**_: Any) -> None:
@@ -85,6 +89,8 @@ class _WhatIf:
         self._values: dict[str, float] = {}
         self._now: Outcome | None = None
         self._awaited = False
+        self._wanted: dict[str, float] = {}  # values that the sliders take once the model is there
+        self._of: tuple[str, list[str]] | None = None  # configuration and effects that the sliders are of
         self.command = Command(self._said)
 
     async def begin(self) -> None:
@@ -92,6 +98,11 @@ class _WhatIf:
         wanted = self.state.configuration, list(self.state.tried_effects)
         with self.state as state:
             state.preparing, state.what_if_text = True, "Reducing the model, which takes some seconds."
+            results = self.opened.results()
+            state.effect_list, state.can_be_found = (
+                effect_choices(results),
+                what_was_found(results) is not None,
+            )
         try:
             tried = await asyncio.get_running_loop().run_in_executor(None, self._try, *wanted)
         except LAMELLA_ERRORS as error:
@@ -101,16 +112,15 @@ class _WhatIf:
         if wanted != (self.state.configuration, list(self.state.tried_effects)):
             return  # something else was chosen meanwhile
         self._tried = tried
+        values = self._wanted or (
+            self._values if wanted == self._of else {}
+        )  # who comes back finds it as it was
         self._values = {knob.name: knob.start for knob in tried.knobs}
         with self.state as state:
             state.preparing, state.what_if_text = False, ""
-            state.sliders = [
-                {
-                    "name": own.name, "step": own.step(own.start), "text": own.text(own.start),
-                    "free": own.name != "pressure", "can": own.name != "pressure",
-                }
-                for own in tried.knobs
-            ]  # fmt: skip
+            state.sliders = slider_rows(tried.knobs, wanted[1])
+            self._place(values)
+            self._wanted, self._of = {}, wanted
             lines = tried.lines
             names = (
                 []
@@ -140,6 +150,37 @@ class _WhatIf:
             lines=tested.frf().band(*tested.measured.band) if tested.has_functions else None,
             force=driven(tested, made),
         )
+
+    def _place(self, values: Mapping[str, float]) -> None:
+        """Put sliders at values, by the names of their parameters; the others stay."""
+        if self._tried is None:
+            return
+        sliders = [dict(own) for own in self.state.sliders]
+        for knob, own in zip(self._tried.knobs, sliders, strict=True):
+            if knob.name in values:
+                value = self._values[knob.name] = values[knob.name]
+                own |= {"step": knob.step(value), "text": knob.text(value)}
+        self.state.sliders = sliders
+
+    async def set_to_found(self) -> None:
+        """Try the effects that were found, with every slider at the value that was found."""
+        with self.state as state:
+            state.preparing, state.what_if_text = True, "Fitting G_f and d_f with what was found."
+        try:
+            results, name = self.opened.results(), self.state.configuration
+            effects, values = await asyncio.get_running_loop().run_in_executor(
+                None, found_values, results, name
+            )
+        except LAMELLA_ERRORS as error:
+            with self.state as state:
+                state.preparing, state.what_if_text = False, str(error)
+            return
+        self._wanted = values
+        if list(effects) == list(self.state.tried_effects):
+            await self.begin()
+            return
+        with self.state as state:
+            state.tried_effects = list(effects)  # which begins anew
 
     def move(self, index: int, step: float) -> None:
         """Take a slider's place; what came before the picture was drawn is drawn once."""
@@ -221,6 +262,10 @@ class _WhatIf:
             results = read_results(self.opened.folder / _FOLDER)
             state.fitted_modes = figure(mode_chart(mode_changes(results)))
             state.fitted_text = fitted_sentence(results)
+            if results.updated is not None and self._tried is not None:
+                own = fitted_values(results.updated.fit.parameter, state.configuration, state.configurations)
+                self._place(own)
+                self._draw(self._tried)
 
 
 def fitted_sentence(results: Results) -> str:
@@ -245,12 +290,23 @@ def show(server: Any) -> None:
         with vuetify3.VCol(cols=12, md=5):
             vuetify3.VAutocomplete(
                 v_model=("tried_effects",), items=("effect_list",), label="Effects to try", multiple=True, chips=True,
-                closable_chips=True, density="compact", hide_details=True, id="effects",
+                closable_chips=True, density="compact", hide_details=True, id="effects", item_props=True,
+                filter_keys=("['title', 'raw.subtitle', 'raw.value']",),
+            )  # fmt: skip
+            html.P(
+                "Those that matter come first; type a word of a name or of a family, such as boundary, to search.",
+                classes="text-caption",
+            )
+            vuetify3.VBtn(
+                "Set to what was found", click=controller.set_to_found, id="set-to-found", classes="mt-1",
+                disabled=("preparing || fitting",), v_if="can_be_found", size="small", variant="tonal",
             )  # fmt: skip
             vuetify3.VProgressLinear(indeterminate=True, v_if="preparing")
-            with html.Div(
-                v_for="(own, i) in sliders", key="own.name", classes="mt-2 slider d-flex align-center"
+            with (
+                html.Div(v_for="(own, i) in sliders", key="own.name", classes=(_STALE,)),
+                html.Div(classes="mt-2 slider d-flex align-center flex-wrap"),
             ):
+                html.H2("{{ own.head }}", v_if="own.head", classes="text-subtitle-2 w-100 slider-head")
                 vuetify3.VCheckboxBtn(
                     model_value=("own.free",), disabled=("!own.can",), density="compact", style="flex: 0 0 auto",
                     update_modelValue=(controller.tick, "[i, $event]"),
@@ -272,7 +328,12 @@ def show(server: Any) -> None:
                 classes="text-caption",
             )
             html.P("{{ what_if_text }}", classes="text-body-2 mt-2", id="what-if-text")
-        with vuetify3.VCol(cols=12, md=7, v_show="outcome_text"):
+        with vuetify3.VCol(cols=12, md=7, v_show="outcome_text", classes=(_STALE,)):
+            html.P(
+                "Of what was tried before, until the model is there.",
+                v_if="preparing",
+                classes="text-caption",
+            )
             html.P("{{ outcome_text }}", classes="text-subtitle-1", id="outcome-text")
             plot("outcome", 380)
             vuetify3.VSelect(

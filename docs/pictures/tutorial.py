@@ -1,0 +1,82 @@
+"""Draw the pictures of the page `tutorial` from results: python docs/pictures/tutorial.py RESULTS_FOLDER PICTURES.
+
+The folder holds a campaign that was fitted and diagnosed, such as `lamella demo` leaves; a Chromium must be installed.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from updating.report.pdf import find_browser
+
+SIZE = {"width": 1200, "height": 860}
+COLOURS = 96
+SETTLED = 2500  # ms until what moves has come to rest
+CODE = "from updating.commands.command_line import main; main()"
+OPEN = [sys.executable, "-u", "-c", CODE, "open"]
+
+
+@contextmanager
+def workbench(folder: Path) -> Iterator[str]:
+    """Serve the workbench of some results and yield its address."""
+    command = [*OPEN, str(folder), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ)) as process:
+        assert process.stdout is not None
+        found = (re.search(r"Workbench: (http://\S+)", line) for line in process.stdout)
+        yield next(own[1] for own in found if own)
+        process.terminate()
+
+
+def take(page: Any, path: Path) -> None:
+    """Write what the page shows now, with few colours."""
+    page.wait_for_timeout(SETTLED)
+    image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def rooms(page: Any, address: str, folder: Path) -> None:
+    """Go through the rooms of the workbench and take a picture of each that the tutorial shows."""
+    page.goto(address)
+    page.wait_for_selector("#points .js-plotly-plot")
+    take(page, folder / "tutorial_measurement.png")
+    page.get_by_role("tab", name="Identification").click()
+    take(page, folder / "tutorial_identification.png")
+    page.get_by_role("tab", name="Comparison").click()
+    take(page, folder / "tutorial_comparison.png")
+    page.get_by_role("tab", name="Diagnosis").click()
+    take(page, folder / "tutorial_diagnosis.png")
+    page.get_by_role("tab", name="What if").click()
+    page.wait_for_selector(".slider input", state="attached")
+    page.locator("#set-to-found").click()
+    page.wait_for_function("document.querySelectorAll('.slider').length > 3")
+    take(page, folder / "tutorial_what_if.png")
+
+
+def main(results: Path, pictures: Path) -> None:
+    """Take all pictures."""
+    with sync_playwright() as play:
+        browser = play.chromium.launch(
+            executable_path=str(find_browser()), args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        page = browser.new_page(viewport=SIZE)
+        page.set_default_timeout(180_000)
+        with workbench(results) as address:
+            rooms(page, address, pictures)
+        page.goto((results / "report.html").absolute().as_uri())
+        take(page, pictures / "tutorial_report.png")
+        browser.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
