@@ -218,7 +218,7 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         values=values,
         verdict=decision.verdict,
         candidates=tuple(tuple(sorted(x.terms)) for x in decision.left),
-        ruled_out=tuple(sorted(set.intersection(*(set(ruled_out(stack, own)) for own in left)))),
+        ruled_out=tuple(sorted(set.intersection(*(set(ruled_out(own)) for own in left)))),
         not_visible=not_visible(left[0]),
         covered=_covered(found, truth, values, whole),
         distance=float(np.sqrt(max(misfit(found.base, sizes) - misfit(true, sizes), 0.0))),
