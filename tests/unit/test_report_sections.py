@@ -8,12 +8,13 @@ import pytest
 
 from model import read_stack
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
+from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.signature_plot import signature_pattern_figure
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
 from updating.fitting.ledger import Entry
 from updating.fitting.modal_table import TableFit, TableRow
-from updating.report.answer import answer_section
+from updating.report.answer import answer_section, moved_table
 from updating.report.ledger_part import ledger_figure, ledger_section
 from updating.report.page import render, sections
 from updating.report.parameter_part import interval_table
@@ -96,6 +97,20 @@ def test_the_sentences_of_a_diagnosis_come_first():
     made |= {"sentences": ("Identified: clamp mass.", "Because.")}
     section = answer_section(results(diagnosis=Diagnosis(**made), missing=("M2",)))
     assert section.text == ("Identified: clamp mass.", "Because.", "Not done yet: M2.")
+
+
+def test_what_was_moved_is_listed_with_the_farthest_first():
+    own = {"std": 0.01, "stated": 1.0, "unit": "1"}
+    moved = (
+        Moved(name="a", label="gain", value=1.02, prior=0.02, deviations=1.0, **own),
+        Moved(name="b", label="pressure", value=0.7, prior=0.1, deviations=-3.0, **own),
+        Moved(name="G_f", label="contact stiffness", value=1.1, prior=None, deviations=None, **own),
+    )
+    made = dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | {"moved": moved}
+    rows = moved_table(results(diagnosis=Diagnosis(**made))).rows
+    assert rows[0] == ("pressure", "1", "0.7", "0.0196", "0.196", "3.0")
+    assert [row[0] for row in rows[1:]] == ["gain", "contact stiffness"]
+    assert rows[2][-2:] == ("", "")
 
 
 def table_fit(name, factor):

@@ -10,7 +10,7 @@ from updating.inference.levels import SEPARATE
 from updating.report.opening import change_sentences, fit_sentences
 from updating.report.part import Section, Table
 from updating.report.results import Results
-from updating.results.text import estimate_text
+from updating.results.text import Z95, estimate_text, quantity
 
 _SHOWN = 8  # explanations of a diagnosis
 
@@ -22,6 +22,7 @@ def answer_section(results: Results) -> Section:
         blocks: tuple[Table, ...] = (
             before_after_table(results),
             explanation_table(results),
+            moved_table(results),
             next_test_table(results),
         )
     else:
@@ -133,6 +134,30 @@ def explanation_table(results: Results) -> Table:
         "where each mode is predicted from all others. Explanations less than "
         f"{np.exp(SEPARATE):.0f} times less probable than the first are not told apart.",
     )  # fmt: skip
+
+
+def moved_table(results: Results) -> Table:
+    """List every quantity of stack file and measurement that all fits may move, as stated and as fitted."""
+    every = results.diagnosis.moved if results.diagnosis is not None else ()
+    ordered = sorted(every, key=lambda own: -abs(own.deviations or 0.0))
+    return Table(
+        title="What else was fitted",
+        header=("quantity", "stated", "fitted", "± 95 %", "known to ± 95 %", "standard deviations moved"),
+        rows=tuple(
+            (
+                own.label,
+                quantity(own.stated, own.unit, own.value),
+                quantity(own.value, own.unit),
+                quantity(Z95 * own.std, own.unit, own.value),
+                "" if own.prior is None else quantity(Z95 * own.prior, own.unit, own.value),
+                "" if own.deviations is None else f"{abs(own.deviations):.1f}",
+            )
+            for own in ordered
+        ),
+        note="Beside effects, every fit may move these within what is known of them beforehand; of G_f and d_f nothing "
+        "is. Beyond three standard deviations either the stack file states something wrongly, or something is missing "
+        "that this makes up for.",
+    )
 
 
 def next_test_table(results: Results) -> Table:
