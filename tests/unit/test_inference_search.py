@@ -134,6 +134,8 @@ def prediction(frequency, damping=0.1, pull=1.0):
         (prediction(2e-3), prediction(5e-3), True),
         (prediction(4.9e-3), prediction(5e-3), False),  # by less than matters
         (prediction(1e-5), prediction(1e-4), False),  # of what matters to nobody
+        (prediction(0.12), prediction(0.3), False),  # beyond first order nothing is predicted
+        (prediction(0.02), prediction(0.3), True),
         (prediction(5e-3, damping=0.05), prediction(5e-3), True),
         (prediction(8e-3, damping=0.05), prediction(5e-3), False),  # what makes frequencies worse
         (prediction(5e-3, pull=1.0), prediction(5e-3, pull=5.0), True),  # what lets go of what is known

@@ -16,6 +16,8 @@ FALLS = 0.9
 """Ratio of left-out errors, after over before, below which an explanation predicts better."""
 RISES = 1.02
 """The same above which it predicts worse."""
+PREDICTS = 0.1
+"""Relative error of left-out frequencies from which an explanation predicts nothing: it is taken to first order."""
 FREQUENCY_MATTERS = 5e-4
 """Change of a relative frequency that matters to nobody: reassembly alone moves frequencies by as much."""
 DAMPING_MATTERS = 1e-2

@@ -19,6 +19,7 @@ from updating.inference.levels import (
     FREQUENCY_MATTERS,
     MISSING,
     NAMED,
+    PREDICTS,
     PULLED,
     RELEASED,
     RISES,
@@ -98,9 +99,9 @@ def better(new: Prediction, old: Prediction) -> bool:
     """Tell whether an explanation predicts better by what matters, or lets go of what is known and was pulled far.
 
     Errors of frequencies and of damping ratios are compared where modes, and where states, are left out. One must fall,
-    and that of frequencies of left-out modes may not rise; that of left-out states is for the most part what assembly
-    does to each. What explains a difference between two states cannot be predicted from one of them: there it is the
-    pull that tells.
+    and that of frequencies of left-out modes may not rise, nor be so large that nothing is predicted; that of left-out
+    states is for the most part what assembly does to each. What explains a difference between two states cannot be
+    predicted from one of them: there it is the pull that tells.
     """
     falls = False
     for now, before in ((new.mode, old.mode), (new.state, old.state)):
@@ -108,7 +109,7 @@ def better(new: Prediction, old: Prediction) -> bool:
             a, b = getattr(now, kind), getattr(before, kind)
             falls |= bool(a < FALLS * b and b - a > matters)
     a, b = new.mode.frequency, old.mode.frequency
-    if a > RISES * b and a - b > 0.1 * FREQUENCY_MATTERS:
+    if a > PREDICTS or (a > RISES * b and a - b > 0.1 * FREQUENCY_MATTERS):
         return False
     return falls or (old.pull > PULLED and new.pull < RELEASED * old.pull)
 
