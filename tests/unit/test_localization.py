@@ -225,8 +225,10 @@ def test_what_is_located_is_all_of_the_error(local):
 def test_the_picture_is_dark_where_contact_was_lost(local, stack):
     image = Image.open(io.BytesIO(error_map_picture(local, stack, "tangential contact", size=(800, 320))))
     assert image.size == (800, 320)
-    front = np.asarray(image.convert("RGB"), dtype=float)[:, :400].sum(axis=2)
-    dark = np.argwhere(front[40:260] < 90.0)  # the scale's dark end and the heading lie outside
+    front = np.asarray(image.convert("RGB"), dtype=float)[
+        40:250, :400
+    ]  # the heading and the scale lie outside
+    dark = np.argwhere((front.sum(axis=2) < 200.0) & (front[..., 0] > 2.0 * front[..., 2]))  # and no ink
     assert dark.shape[0] > 100
     assert 230 < np.median(dark[:, 1]) < 340
 
