@@ -74,6 +74,8 @@ class StackModel:
         sign with more.
     above : float
         See `n_equation`.
+    like : StackModel, optional
+        Another model of the same stack and equations, whose points and finer mesh need not be computed again.
     """
 
     def __init__(
@@ -87,19 +89,21 @@ class StackModel:
         start: float = 0.0,
         n_equation: int | None = None,
         above: float = 1.2,
+        like: StackModel | None = None,
     ) -> None:
         self.candidates, self.equations = candidates, candidates.system.equations
         self.stack, self.scatter = candidates.stack, scatter
         self.effects = dict(candidates.effects if effects is None else effects)
         self.tested, self.observation, self.start = tuple(tested), tuple(observation), start
         self.slip = slip_effect(self.effects)
+        self._seen: dict[int, tuple[Vector, Vector]] = {} if like is None else like._seen
         self.measured = tuple(
             StackState(
                 state=_state(own, touching=self.stack.n_lamina > 1),
                 parameter={"pressure": own.pressure, **own.known},
                 assembled=own.assembled,
-                rows=observe(candidates.system, points).reduced_rows,
-                slope=place_slopes(candidates.system, points)[:, 0],
+                rows=self._rows(points)[0],
+                slope=self._rows(points)[1],
                 sensor=own.modes.sensor,
                 strain=own.strain,
             )
@@ -116,9 +120,18 @@ class StackModel:
             frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms
         ]
         self.n_equation = n_equation or self._within(above)
-        self.mesh = FinerMesh(candidates)
-        self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {}
-        self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = {}
+        self.mesh = FinerMesh(candidates) if like is None else like.mesh
+        self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {} if like is None else like._finer
+        self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = (
+            {} if like is None else like._resized
+        )
+
+    def _rows(self, points: Observation) -> tuple[Vector, Vector]:
+        """Return the rows of measured points, (n_dof, n_basis), and how they change as all move along x."""
+        if id(points) not in self._seen:
+            rows = observe(self.candidates.system, points).reduced_rows
+            self._seen[id(points)] = rows, place_slopes(self.candidates.system, points)[:, 0]
+        return self._seen[id(points)]
 
     def of_tests(self, tested: Sequence[Tested], observation: Sequence[Observation]) -> StackModel:
         """Return the model of the same stack in other tests, the same equations being looked at."""
@@ -130,6 +143,7 @@ class StackModel:
             self.effects,
             start=self.start,
             n_equation=self.n_equation,
+            like=self,
         )
 
     def with_effects(self, effects: Mapping[str, Effect]) -> StackModel:
@@ -142,6 +156,7 @@ class StackModel:
             effects,
             start=self.start,
             n_equation=self.n_equation,
+            like=self,
         )
 
     def _within(self, above: float, *, spare: int = 4) -> int:

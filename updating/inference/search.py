@@ -144,6 +144,7 @@ def search(
     *,
     asked: Sequence[Sequence[str]] = (),
     in_full: int = 8,
+    likeliest: int = 3,
     beside: int = 3,
     deepest: int = 3,
     behind: float = 12.0,
@@ -158,7 +159,9 @@ def search(
     asked : sequence of sequence of str
         Terms that are fitted together in any case.
     in_full : int
-        Explanations of each extension that are fitted to the end.
+        Explanations of each extension that are kept.
+    likeliest : int
+        Those of them that are fitted to the end in any case; the others only where they come near raising the odds.
     beside : int
         Explanations beside which a further term is looked for.
     deepest : int
@@ -177,12 +180,13 @@ def search(
 
     def extend(at: Explanation) -> None:
         further_ones = extended(model, common, at)
-        for one in further_ones[:in_full]:
-            if (
-                further_ones[0].log_evidence - one.log_evidence < behind
-                and frozenset(one.terms) not in fitted
-            ):
-                fitted[frozenset(one.terms)] = explain(model, [terms[n] for n in one.terms], common, one.x)
+        for i, one in enumerate(further_ones[:in_full]):
+            near = further_ones[0].log_evidence - one.log_evidence < behind
+            if near and frozenset(one.terms) not in fitted:
+                may_matter = i < likeliest or one.log_evidence - at.log_evidence > further - behind / 4.0
+                fitted[frozenset(one.terms)] = (
+                    explain(model, [terms[n] for n in one.terms], common, one.x) if may_matter else one
+                )
         say(f"{len(fitted)} explanations fitted")
 
     extend(base)
@@ -240,14 +244,17 @@ def extended(
     common: Setting,
     at: Explanation,
     *,
+    least: int = 6,
     last: int = 16,
+    gain: float = 1.0,
     steps: int = 10,
     small: float = 0.3,
 ) -> list[Explanation]:
     """Fit each further term beside an explanation on one basis about it, the likeliest first.
 
-    Terms are ordered by what one step from each of their starts is expected to reach; the `last` likeliest take
-    up to `steps`, as long as each lowers the cost by more than `small`.
+    Terms are ordered by what one step from each of their starts is expected to reach. The `least` likeliest, and of the
+    `last` likeliest those that are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it
+    by more than `small`.
     """
     present = [model.terms[n] for n in at.terms]
     further = [t for n, t in model.terms.items() if n not in at.terms]
@@ -278,8 +285,11 @@ def extended(
                 continue
             if term.name not in ahead or one[0] > ahead[term.name][0]:
                 ahead[term.name] = one
+    now = outlook(model, present, common, at.x, local.of(at.coordinates), at.evidence.sizes)[0]
     found = []
-    for name in sorted(ahead, key=lambda n: -ahead[n][0])[:last]:
+    for i, name in enumerate(sorted(ahead, key=lambda n: -ahead[n][0])[:last]):
+        if i >= least and ahead[name][0] < now + gain:
+            break
         terms = [*present, model.terms[name]]
         near = local.of(coordinates_of(model, terms))
         try:
