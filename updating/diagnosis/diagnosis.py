@@ -210,7 +210,7 @@ def searched(
             break
         model, common, base = again
         found.append(mixed_up)
-    return model, search(model, common, base, asked=asked), tuple(found)
+    return model, search(model, common, base, starts=[_start(model, evidence)], asked=asked), tuple(found)
 
 
 def priors_of(scatter: DiagnosisScatter) -> tuple[SizePrior, SizePrior]:

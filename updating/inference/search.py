@@ -17,6 +17,7 @@ from updating.inference.levels import (
     DAMPING_MATTERS,
     FALLS,
     FREQUENCY_MATTERS,
+    INADEQUATE,
     MISSING,
     NAMED,
     PREDICTS,
@@ -142,6 +143,7 @@ def search(
     common: Setting,
     base: Explanation,
     *,
+    starts: Sequence[Vector] = (),
     asked: Sequence[Sequence[str]] = (),
     in_full: int = 8,
     likeliest: int = 3,
@@ -156,6 +158,8 @@ def search(
     ----------
     model, common, base
         The model, what fits share, and the fit of the base model.
+    starts : sequence of (n_nuisance,)
+        From where fits of the base model started: where it is far off, what is missing drew it away from there.
     asked : sequence of sequence of str
         Terms that are fitted together in any case.
     in_full : int
@@ -179,7 +183,7 @@ def search(
         return own.log_evidence - fitted[frozenset()].log_evidence - further * len(own.terms)
 
     def extend(at: Explanation) -> None:
-        further_ones = extended(model, common, at)
+        further_ones = extended(model, common, at, starts)
         for i, one in enumerate(further_ones[:in_full]):
             near = further_ones[0].log_evidence - one.log_evidence < behind
             if near and frozenset(one.terms) not in fitted:
@@ -243,6 +247,7 @@ def extended(
     model: Model,
     common: Setting,
     at: Explanation,
+    starts: Sequence[Vector] = (),
     *,
     least: int = 6,
     last: int = 16,
@@ -267,6 +272,9 @@ def extended(
         > PULLED
     ):
         origins.append({**have, **dict.fromkeys(known, 0.0)})  # what is missing may have pulled them
+    if at.evidence.sizes.stiffness > common.priors[0].quantile(1.0 - INADEQUATE):
+        names = [c.name for c in model.nuisances]
+        origins += [{**have, **dict(zip(names, start, strict=True))} for start in starts]
     local = model.about(
         coordinates, [np.array([own.get(c.name, 0.0) for c in coordinates]) for own in origins]
     )
