@@ -120,7 +120,7 @@ class StackModel:
             frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms
         ]
         self.n_equation = n_equation or self._within(above)
-        self.mesh = FinerMesh(candidates) if like is None else like.mesh
+        self.mesh: FinerMesh = FinerMesh(candidates) if like is None else like.mesh
         self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {} if like is None else like._finer
         self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = (
             {} if like is None else like._resized
