@@ -48,12 +48,21 @@ def decide(found: Search) -> Decision:
     own = found.chosen
     large = too_large(own, found.setting.priors)
     if not own.terms:
-        pulled = found.prediction(own).pull > PULLED
-        empty: Verdict = "unlike anything" if large or pulled else "nothing missing"
+        empty: Verdict = "unlike anything" if large or _pulled(found) else "nothing missing"
         return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
     left = _left(found)
     verdict: Verdict = "partly explained" if large else "identified" if len(left) == 1 else "one of"
     return Decision(verdict=verdict, left=left, steps=_steps(found, own), too_large=large)
+
+
+def _pulled(found: Search) -> bool:
+    """Tell whether the base model pulls a prior far that no term could widen: where one could, odds have decided."""
+    base = found.base
+    return any(
+        abs(x) > PULLED * c.std
+        for c, x in zip(base.coordinates[: base.n_nuisance], base.x, strict=False)
+        if c.name not in found.freed
+    )
 
 
 def too_large(

@@ -56,6 +56,10 @@ class Search:
     ----------
     setting : Setting
         What their fits share.
+    n_term : int
+        Number of terms that could be missing.
+    freed : frozenset of str
+        Nuisances whose prior some term widens.
     fitted : mapping of frozenset of str to Explanation
         By their terms; the base model has none.
     chosen : Explanation
@@ -64,6 +68,7 @@ class Search:
 
     setting: Setting
     n_term: int
+    freed: frozenset[str]
     fitted: Mapping[frozenset[str], Explanation]
     chosen: Explanation
     _seen: dict[int, Prediction] = field(default_factory=dict, repr=False)
@@ -230,7 +235,8 @@ def search(
     for names in map(frozenset, asked):
         if names and names not in fitted:
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
-    return Search(common, len(terms), fitted, chosen, seen)
+    freed = frozenset(name for term in terms.values() for name in term.frees)
+    return Search(common, len(terms), freed, fitted, chosen, seen)
 
 
 def _sharpened(
