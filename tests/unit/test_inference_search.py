@@ -80,7 +80,11 @@ def test_nothing_is_named_where_nothing_is_missing():
 
 
 def test_what_acts_alike_is_not_told_apart():
-    decision = decide(searched(0.4, (TERM, TWIN, STIFF)))
+    found = searched(0.4, (TERM, TWIN, STIFF))
+    decision = decide(found)
+    assert [found.odds(x) for x in decision.left] == sorted(
+        (found.odds(x) for x in decision.left), reverse=True
+    )
     assert decision.verdict == "one of"
     assert {x.terms for x in decision.left} == {("spot",), ("twin",)}
 

@@ -51,8 +51,9 @@ def decide(found: Search) -> Decision:
         empty: Verdict = "unlike anything" if large or _pulled(found) else "nothing missing"
         return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
     left = _left(found)
+    large = too_large(left[0], found.setting.priors)
     verdict: Verdict = "partly explained" if large else "identified" if len(left) == 1 else "one of"
-    return Decision(verdict=verdict, left=left, steps=_steps(found, own), too_large=large)
+    return Decision(verdict=verdict, left=left, steps=_steps(found, left[0]), too_large=large)
 
 
 def _pulled(found: Search) -> bool:
@@ -85,7 +86,7 @@ def p_value(size: float, prior: SizePrior) -> float:
 
 
 def _left(found: Search) -> tuple[Explanation, ...]:
-    """Return what cannot be told from the explanation that was chosen, which comes first."""
+    """Return what was chosen and what cannot be told from it, the most probable first."""
     own, base = found.chosen, found.base
     near = [
         f
@@ -98,7 +99,7 @@ def _left(found: Search) -> tuple[Explanation, ...]:
         and not set(f.terms) < set(own.terms)
     ]
     kept = [f for f in near if not any(set(g.terms) < set(f.terms) for g in (*near, own))]
-    return (own, *sorted(kept, key=lambda f: -found.odds(f)))
+    return tuple(sorted((own, *kept), key=lambda f: -found.odds(f)))
 
 
 def _steps(found: Search, own: Explanation) -> tuple[Explanation, ...]:
