@@ -31,12 +31,13 @@ from updating.diagnosis.candidates import instruments_of
 from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
-from updating.diagnosis.ranking import Z95, estimates, log_ratios, sizes_of
+from updating.diagnosis.ranking import estimates, log_ratios, sizes_of
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.decide import decide
+from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation, errors_at
 from updating.inference.search import Search
-from updating.inference.spread import whitened
+from updating.results.text import Z95
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "other_worlds.jsonl"
 """The cases of the published table."""
@@ -198,7 +199,7 @@ def _real(own: Explanation) -> float:
     of_frequency = np.zeros((n, n * m))  # half the Rayleigh quotient of the errors
     for row, a in enumerate(weight):
         of_frequency[row, m * row : m * (row + 1)] = 0.5 * a
-    _, jacobian = whitened(problem, own.evidence.sizes)
+    _, jacobian, _ = whitened(problem, own.evidence.sizes)
     precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag(precision))
     slope = of_frequency @ problem.jacobian

@@ -23,9 +23,10 @@ from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
-from updating.diagnosis.ranking import Z95, estimates, log_ratios, mean_error
+from updating.diagnosis.ranking import estimates, log_ratios, mean_error
 from updating.diagnosis.slipping import AtLevel
 from updating.inference.decide import decide
+from updating.results.text import Z95
 
 RECORD = Path(__file__).parents[2] / "data" / "blind" / "slipping.jsonl"
 """The cases of the published table."""

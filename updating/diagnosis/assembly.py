@@ -79,16 +79,6 @@ class Assembled(Evidence):
         """The evidence alone: all that a fit needs, and small enough for another process."""
         return Evidence(**{field.name: getattr(self, field.name) for field in fields(Evidence)})
 
-    def with_system(self, system: ReducedSystem) -> Assembled:
-        """Return the evidence beside the same model with another basis."""
-        return replace(
-            self,
-            system=system,
-            equations=system.equations,
-            observed=tuple(observe(system, o) for o in self.observation),
-            place_slope=tuple(place_slopes(system, o) for o in self.observation),
-        )
-
 
 def assemble_evidence(
     candidates: CandidateModel,

@@ -18,12 +18,11 @@ from updating.diagnosis.evidence import Tested
 from updating.diagnosis.ranking import misfit
 from updating.diagnosis.second_level import second_level
 from updating.diagnosis.stack_model import StackModel
-from updating.inference.discrepancy import joined
+from updating.inference.discrepancy import joined, whitened
 from updating.inference.equation_error import equation_errors
 from updating.inference.explain import Explanation, coordinates_of
 from updating.inference.protocol import Coordinate, LocalModel
 from updating.inference.search import Search
-from updating.inference.spread import whitened
 
 Vector = NDArray[np.float64]
 
@@ -302,8 +301,8 @@ def _misfit_with(test: StackModel, found: Search, local: LocalModel, own: Explan
     at = _at(coordinates, own)
     noise = np.full(test.states[0].frequency.size, float(np.median(np.concatenate(found.setting.noise))))
     errors = equation_errors(test.states[0], local.of(coordinates).modal(at, 0), noise, at.size)
-    fresh, slope = whitened(joined([errors], np.ones((1, 1))), own.evidence.sizes)
-    old, before = whitened(own.problem, own.evidence.sizes)
+    fresh, slope, _ = whitened(joined([errors], np.ones((1, 1))), own.evidence.sizes)
+    old, before, _ = whitened(own.problem, own.evidence.sizes)
     names = [c.name for c in own.coordinates]
     jacobian = np.zeros((fresh.size, own.x.size + 2))
     for i, c in enumerate(coordinates):

@@ -16,11 +16,11 @@ from model import Observation
 from updating.diagnosis.answer_parts import Kind, PointChange
 from updating.diagnosis.calibration import MOST, POINT_SHOWS
 from updating.diagnosis.stack_model import StackModel
-from updating.inference.discrepancy import Evidence, Problem, evidence, spectrum
+from updating.inference.discrepancy import Evidence, Problem, evidence, spectrum, whitened
 from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate
 from updating.inference.search import Search
-from updating.inference.spread import information, whitened
+from updating.inference.spread import information
 
 Vector = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def stepped(
     problem: Problem, x: Vector, coordinates: tuple[Coordinate, ...], found: Search, own: Explanation
 ) -> tuple[Vector, Evidence]:
     """Return where a linear step of all coordinates leads, and the evidence there."""
-    value, jacobian = whitened(problem, own.evidence.sizes)
+    value, jacobian, _ = whitened(problem, own.evidence.sizes)
     precision = np.array([c.std**-2.0 for c in coordinates])
     hessian = jacobian.T @ jacobian + problem.curvature + np.diag(precision + 1e-12)
     step = -la.solve(hessian, jacobian.T @ value + problem.slope + precision * x, assume_a="pos")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.diagnosis.answer import Ranked, Strained
@@ -16,13 +15,13 @@ from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.diagnosis.stack_model import StackModel
 from updating.fitting.estimate import ParameterEstimate
 from updating.inference import discrepancy
+from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation
 from updating.inference.search import Search
+from updating.results.text import Z95
 
 Vector = NDArray[np.float64]
 
-Z95 = 1.96
-"""Standard deviations to either side that hold 95 % of a normal distribution."""
 _JUDGED = 16  # explanations whose errors on what is left out are computed
 
 
@@ -118,14 +117,8 @@ def mean_error(log_ratio: Vector) -> float:
 
 def misfit(own: Explanation, sizes: discrepancy.Sizes) -> float:
     """Return the squares of an explanation's errors over their variances by noise and a discrepancy of given sizes."""
-    problem, total = own.problem, 0.0
-    for value, noise, common, size in (
-        (problem.value, problem.noise, problem.discrepancy, sizes.stiffness),
-        (problem.damping, problem.damping_noise, problem.damping_discrepancy, sizes.damping),
-    ):
-        if value.size:
-            total += float(value @ la.solve(noise + size**2 * common, value, assume_a="pos"))
-    return total + float(np.sum(own.pulls[np.isfinite([c.std for c in own.coordinates])] ** 2))
+    value, _, _ = whitened(own.problem, sizes)
+    return float(value @ value + np.sum(own.pulls[np.isfinite([c.std for c in own.coordinates])] ** 2))
 
 
 def strained(own: Explanation) -> tuple[Strained, ...]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model import Modes, Parameter
@@ -168,12 +167,6 @@ def _value(compared: Sequence[_Compared]) -> Vector:
     return np.concatenate(
         [np.concatenate([own.frequency[0], own.damping[0], own.shape[0].ravel()]) for own in compared]
     )
-
-
-def span_of(jacobian: Vector) -> Vector:
-    """Return orthonormal columns, (n, n_coordinate) at most, that span those of a Jacobian."""
-    length = np.linalg.norm(jacobian, axis=0)
-    return np.asarray(la.orth(jacobian[:, length > 0.0] / length[length > 0.0]))
 
 
 def reweighed(found: Residual, evidence: Evidence) -> Residual:

@@ -195,6 +195,33 @@ class Spectrum:
         )
 
 
+def whitened(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector, float]:
+    """Return errors (N,) and derivatives (N, n_coordinate) over their noise and a discrepancy of given sizes.
+
+    Last comes half the logarithm of the determinant of the covariance.
+    """
+    values, jacobians, log = [], [], 0.0
+    for value, jacobian, noise, common, size in (
+        (problem.value, problem.jacobian, problem.noise, problem.discrepancy, sizes.stiffness),
+        (
+            problem.damping,
+            problem.damping_jacobian,
+            problem.damping_noise,
+            problem.damping_discrepancy,
+            sizes.damping,
+        ),
+    ):
+        if value.size:
+            root = la.cholesky(noise + size**2 * common, lower=True, check_finite=False)
+            white = la.solve_triangular(
+                root, np.column_stack([value, jacobian]), lower=True, check_finite=False
+            )
+            values.append(white[:, 0])
+            jacobians.append(white[:, 1:])
+            log += float(np.sum(np.log(np.diag(root))))
+    return np.concatenate(values), np.vstack(jacobians), log
+
+
 def spectrum(value: Vector, jacobian: Vector, noise: Vector, discrepancy: Vector) -> Spectrum:
     """Diagonalise the covariances by noise and by discrepancy together."""
     if not value.size:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.inference.algebra import scaled_inverse, scaled_solve
@@ -23,6 +22,7 @@ from updating.inference.discrepancy import (
     joined,
     shared_levels,
     spectrum,
+    whitened,
 )
 from updating.inference.equation_error import Errors, equation_errors, shape_noise
 from updating.inference.protocol import Coordinate, LocalModel, Model, Term
@@ -146,27 +146,8 @@ class _Cost:
     sizes: Sizes
 
     def whitened(self, problem: Problem) -> tuple[Vector, Vector, float]:
-        values, jacobians, logs = [], [], -problem.log_map
-        for value, jacobian, noise, discrepancy, size in (
-            (problem.value, problem.jacobian, problem.noise, problem.discrepancy, self.sizes.stiffness),
-            (
-                problem.damping,
-                problem.damping_jacobian,
-                problem.damping_noise,
-                problem.damping_discrepancy,
-                self.sizes.damping,
-            ),
-        ):
-            if not value.size:
-                continue
-            root = la.cholesky(size**2 * discrepancy + noise, lower=True, check_finite=False)
-            white = la.solve_triangular(
-                root, np.column_stack([value, jacobian]), lower=True, check_finite=False
-            )
-            values.append(white[:, 0])
-            jacobians.append(white[:, 1:])
-            logs += float(np.sum(np.log(np.diag(root))))
-        return np.concatenate(values), np.vstack(jacobians), logs
+        value, jacobian, log = whitened(problem, self.sizes)
+        return value, jacobian, log - problem.log_map
 
     def total(self, white: tuple[Vector, Vector, float], x: Vector) -> float:
         return 0.5 * float(white[0] @ white[0] + np.sum(self.precision * x**2)) + white[2]

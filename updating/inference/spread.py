@@ -5,35 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.inference.algebra import scaled_solve
-from updating.inference.discrepancy import Problem, Sizes
+from updating.inference.discrepancy import Problem, Sizes, whitened
 from updating.inference.protocol import Coordinate
 
 Vector = NDArray[np.float64]
-
-
-def whitened(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector]:
-    """Return errors (N,) and derivatives (N, n_coordinate) over their noise and a discrepancy of given sizes."""
-    values, jacobians = [], []
-    for value, jacobian, noise, common, size in (
-        (problem.value, problem.jacobian, problem.noise, problem.discrepancy, sizes.stiffness),
-        (
-            problem.damping,
-            problem.damping_jacobian,
-            problem.damping_noise,
-            problem.damping_discrepancy,
-            sizes.damping,
-        ),
-    ):
-        if value.size:
-            root = la.cholesky(noise + size**2 * common, lower=True)
-            white = la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True)
-            values.append(white[:, 0])
-            jacobians.append(white[:, 1:])
-    return np.concatenate(values), np.vstack(jacobians)
 
 
 def rise(
@@ -50,7 +28,7 @@ def rise(
     problem, x, coordinates, sizes, fitted
         As `information` takes them.
     """
-    value, jacobian = whitened(problem, sizes)
+    value, jacobian, _ = whitened(problem, sizes)
     have = np.array(fitted, dtype=bool)
     precision = np.array([c.std**-2.0 for c in coordinates])[have]
     slope = jacobian[:, have].T @ value + problem.slope[have] + precision * x[have]
@@ -84,7 +62,7 @@ def information(
     fitted : (n_coordinate,) bool
         Which the explanation has.
     """
-    value, jacobian = whitened(problem, sizes)
+    value, jacobian, _ = whitened(problem, sizes)
     precision = np.array([c.std**-2.0 for c in coordinates])
     have = np.array(fitted, dtype=bool)
     hessian = jacobian.T @ jacobian + problem.curvature
