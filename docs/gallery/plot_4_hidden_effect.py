@@ -27,7 +27,7 @@ found = updating.diagnose(model.read_stack(campaign.stack), tested, model.catalo
 found
 
 # %%
-# The error as what was found is added, of modes that were fitted and of modes that were left out; and mode by mode.
+# The error as what was identified is added, of modes that were fitted and of those left out; and mode by mode.
 waterfall = found.plot()
 
 # %%

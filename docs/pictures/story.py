@@ -16,7 +16,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from ema.plot import palette
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
-from updating.report.identified_model import with_identified_models
+from updating.report.identified_model import with_models
 from updating.report.results import read_results
 from updating.results.text import percent, together
 
@@ -52,7 +52,7 @@ def draw_errors(axes: Axes, found: Diagnosis) -> None:
     base, own = found.ranked(()), found.ranked(found.set[0])
     text = (
         f"base model: {percent(base.frequency_error)} in the mean, {percent(base.left_out_error)} of modes left out",
-        f"with what was found: {percent(own.frequency_error)}, {percent(own.left_out_error)} of modes left out",
+        f"with what was identified: {percent(own.frequency_error)}, {percent(own.left_out_error)} of modes left out",
     )
     axes.set_ylim(0.0, 1.45 * max(before))
     ticks = [f"{own.frequency:.0f}" for own in found.errors]
@@ -69,7 +69,7 @@ def draw_errors(axes: Axes, found: Diagnosis) -> None:
 
 def story(folder: Path) -> Figure:
     """Return the picture: a shape measured, modelled before and after, what was missing, and the error that falls."""
-    results = with_identified_models(read_results(folder))
+    results = with_models(read_results(folder))
     tested, found = results.tested[CONFIGURATION], results.diagnosis
     if found is None or not found.set or tested.identified is None:
         message = (

@@ -50,28 +50,21 @@ fault = updating.map_error(
 print(f"expansion matches the shapes with a MAC of {expanded.matched.min():.4f} or more")
 print(f"error in constitutive relation: {100 * np.sqrt(fault.total.max()):.2f} % of the stiffness at most")
 
-# Both torques at once: one contact law, with and without an exponent of pressure; the last mode of M2 is predicted.
+# Both torques at once: what the model lacks, and what an effect that is asked for does to the error; the numbers are
+# those of lamella diagnose and lamella fit --effect.
 pressure = {c.name: c.pressure for c in campaign.configurations if c.pressure is not None}
-targets = [
-    updating.target_of_modes(
-        stack.with_contact(pressure=pressure[name]).with_effects(*model.find_effects(["pressure_exponent"])),
-        found.modal_model,
-    )
-    for name, found in tested.items()
-]
-prepared = updating.prepare(targets)
-last = {"M2": [targets[1].frequency.size - 1]}
+found = updating.diagnose(
+    stack,
+    [(name, pressure[name], own.modal_model) for name, own in tested.items()],
+    model.catalogue(),
+    asked=[["pressure_exponent"]],
+)
+print(found.sentences[0])
 for effects in ((), ("pressure_exponent",)):
-    joint = updating.joint_fit(
-        prepared,
-        updating.FitSettings(effects=effects, scope={"d_f": "configuration"}, hold_out=last),
-        intervals="profile",
-    )
+    own = found.ranked(effects)
     print(
-        f"{' + '.join(('base', *effects))}: error {100 * joint.error():.2f} %, "
-        f"held out {100 * joint.error(held_out=True):.2f} %"
+        f"{' + '.join(('base', *effects))}: error {100 * own.frequency_error:.2f} %, "
+        f"left out {100 * own.left_out_error:.2f} %"
     )
-for p in joint.parameter:
-    print(
-        f"  {p.name} of {p.group or 'all'} = {p.value:.4g} {p.unit}, {p.interval[0]:.4g} to {p.interval[1]:.4g}"
-    )
+for p in own.parameter:
+    print(f"  {p.name} = {p.value:.4g} {p.unit}, {p.lower:.4g} to {p.upper:.4g}")

@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 import model
+from ema import read_campaign
 from updating.commands import diagnose as command
 from updating.commands import fit as fit_command
 from updating.diagnosis import cached_model
@@ -14,8 +15,13 @@ from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.discrepancy import Sizes
 from updating.errors import FitError
 from updating.fitting.ledger import Ledger
+from updating.report.identified_model import with_models
+from updating.report.results import read_results
 from updating.results.store import read_result
-from updating.results.text import interval_text
+from updating.results.text import interval_text, percent
+from updating.workbench.what_if import outcome, tried_model
+from updating.workbench.what_if_effects import values_of
+from updating.workbench.what_if_room import fitted_sentence
 
 CONSIDERED = ("clamp_mass", "pressure_exponent")
 
@@ -103,3 +109,38 @@ def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
         assert entry.shared == own.parameter
         assert f"{100 * own.frequency_error:.2f} | {100 * own.damping_error:.2f}" in shown.getvalue()
     assert interval_text(found.ranked(("clamp_mass",)).parameter[0]) in shown.getvalue()
+    assert_shown_alike(campaign, out, found)
+
+
+def assert_shown_alike(campaign_file, out, found):
+    """Report and workbench have the numbers of a diagnosis: of the base model, of the answer and of what was asked."""
+    results = with_models(read_results(out))
+    assert results.remarks == ()
+    error = {names: found.ranked(names).frequency_error for names in ((), ("clamp_mass",))}
+    answer = tuple(e for e in (found.set[0] if found.set else ()) if e not in found.measurement)
+    assert mean_error(t.fit for t in results.tested) == pytest.approx(error[()], rel=1e-9)
+    assert all((t.identified is not None) == bool(answer) for t in results.tested)
+    if answer:
+        named = found.ranked(found.set[0]).frequency_error
+        assert mean_error(t.identified.fit for t in results.tested) == pytest.approx(named, rel=1e-9)
+    assert f"{percent(error[()])} before and {percent(error['clamp_mass',])} after" in fitted_sentence(
+        results, ["clamp_mass"]
+    )
+    campaign = read_campaign(campaign_file)
+    for effects in error:
+        shown = []
+        for tested in results.tested:
+            state = campaign.configuration(tested.name)
+            tried = tried_model(results, tested, state, campaign.stack, effects)
+            shown.append(outcome(tried, values_of(results, tested.name, effects)))
+        n = sum(own.measured.size for own in shown)
+        assert sum(own.error * own.measured.size for own in shown) / n == pytest.approx(
+            error[effects], rel=1e-3
+        )
+
+
+def mean_error(fits):
+    """Return the mean frequency error of all pairs."""
+    fits = list(fits)
+    sizes = [fit.pairing.measured.size for fit in fits]
+    return sum(fit.error * n for fit, n in zip(fits, sizes, strict=True)) / sum(sizes)

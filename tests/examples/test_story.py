@@ -70,7 +70,7 @@ def test_the_table_of_each_configuration_shows_the_error_with_what_was_added(tol
     shown = [
         float(cell)
         for table in tables
-        for cell in re.findall(r'data-of="with what was found \[%\]"[^>]*>([^<]*)<', table)
+        for cell in re.findall(r'data-of="with what was identified \[%\]"[^>]*>([^<]*)<', table)
     ]
     assert len(tables) == 2
     np.testing.assert_allclose(shown, [100.0 * own.explained for own in found.errors], atol=0.0051)

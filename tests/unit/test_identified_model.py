@@ -1,4 +1,4 @@
-"""The report shows the base model and the model with what was found, and switches between them."""
+"""The report shows the base model and the model with what was identified, and switches between them."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +12,13 @@ from model import catalogue, find_effects, observe, read_stack, reduce, solve_mo
 from tests.recovery.other_worlds import modal_model
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis, Ranked
+from updating.diagnosis.explained_model import explained_stack
 from updating.errors import FitError
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import fit
 from updating.report import identified_model as module
 from updating.report.answer import before_after_table
-from updating.report.identified_model import Found, identified_model, what_was_found, with_identified_models
+from updating.report.identified_model import Found, identified_model, what_was_found, with_models
 from updating.report.modes_part import by_model, complexity_table, pair_tables
 from updating.report.opening import frac_sentence
 from updating.report.page import render
@@ -104,7 +105,7 @@ FOUND = Found(effects=(EFFECT,), value={PARAMETER: VALUE}, source=Path("diagnosi
 
 @pytest.fixture(scope="module")
 def with_model(tested):
-    return replace(tested, identified=identified_model(FOUND, tested))
+    return replace(tested, identified=identified_model(None, FOUND, tested))
 
 
 def test_effects_at_their_values_with_G_f_fitted_again_meet_what_they_made(with_model):
@@ -160,47 +161,75 @@ def test_errors_before_and_after_stand_beside_each_other(with_model):
     assert frac_sentence(results(tested=(with_model,))) == ()
 
 
-def test_models_are_kept_beside_their_fits_until_the_answer_changes(with_model, tmp_path, monkeypatch):
+RATIOS = {"G_f": 0.05, "G_f[M1]": -0.02, "young": 0.004, "height": 0.002, "clamp_1_x": 0.003}
+
+
+def explained(with_model, **modelled):
+    """A diagnosis of the stack that moves some of what is known, and its answer's own parameter."""
+    given = diagnosis(EFFECT, parameter=(estimate(PARAMETER, VALUE),))
+    own = replace(given.ranking[0], nuisance=RATIOS, modelled=modelled)
+    base = replace(own, effects=(), parameter=())
+    return replace(given, stack=with_model.fit.stack, ranking=(own, base), rig=())
+
+
+def test_a_stack_has_what_an_explanation_moved(with_model):
+    stack, (effect,) = with_model.fit.stack, find_effects((EFFECT,), catalogue())
+    own = explained(with_model).ranking[0]
+    made = explained_stack(stack, own, [effect], state="M1", pressure=1e5)
+    assert made.contact.G_f == pytest.approx(stack.contact.G_f * np.exp(0.03))
+    assert made.contact.pressure == 1e5
+    assert made.material.young == pytest.approx(stack.material.young * np.exp(0.004))
+    assert made.height == pytest.approx(stack.height * np.exp(0.002))
+    assert made.clamps[0].x == pytest.approx(stack.clamps[0].x + 0.003)
+    assert made.clamps[0].y == stack.clamps[0].y
+    assert dict(made.effect_values) == {PARAMETER: VALUE}
+    assert explained_stack(stack, own, [effect], state="M2").contact.G_f == pytest.approx(
+        stack.contact.G_f * np.exp(0.05)
+    )
+
+
+def test_a_diagnosis_alone_gives_both_models_with_its_numbers(with_model, tmp_path):
+    frequency = tuple((1.001 * with_model.fit.modes.frequency[:8]).tolist())
     given = results(
-        folder=tmp_path, tested=(replace(with_model, identified=None, folder=tmp_path),),
-        diagnosis=diagnosis(EFFECT, parameter=(estimate(PARAMETER, VALUE),)),
+        folder=tmp_path, tested=(replace(with_model, identified=None, fit=None, folder=tmp_path),),
+        diagnosis=explained(with_model, M1=frequency),
     )  # fmt: skip
-    for name in ("fit.json", "modal_model.json", "diagnosis.json"):
+    for name in ("modal_model.json", "diagnosis.json"):
         (tmp_path / name).write_text(name, encoding="utf-8")
-    made = []
-
-    def make(*_):
-        made.append(1)
-        return with_model.identified
-
-    monkeypatch.setattr(module, "identified_model", make)
-    for _ in range(2):
-        (own,) = with_identified_models(given).tested
-        assert own.identified.fit.G_f.value == with_model.identified.fit.G_f.value
-    assert len(made) == 1
+    out = with_models(given)
+    assert out.remarks == ()
+    (own,) = out.tested
+    for fit_ in (own.fit, own.identified.fit):
+        assert fit_.modes.frequency[:8] == pytest.approx(frequency, rel=1e-12)
+        assert fit_.G_f.value == pytest.approx(with_model.fit.stack.contact.G_f * np.exp(0.03))
+    assert own.fit.stack.effects == ()
+    assert own.identified.effects == (EFFECT,)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "identified_model", lambda *_: pytest.fail("it is there"))
+        again = with_models(given)
+    assert again.tested[0].identified.fit.error == own.identified.fit.error
+    assert again.origin[f"{tmp_path.name}/base_model.json"]["inputs"]
     (tmp_path / "diagnosis.json").write_text("another answer", encoding="utf-8")
-    with_identified_models(given)
-    assert len(made) == 2
-    assert with_identified_models(given).origin[f"{tmp_path.name}/identified_model.json"]["inputs"]
+    other = replace(given, diagnosis=explained(with_model, M1=tuple(1.01 * f for f in frequency)))
+    assert with_models(other).tested[0].fit.error != own.fit.error
 
 
-def test_a_model_that_cannot_be_solved_so_leaves_the_base_model_and_a_remark(
-    with_model, tmp_path, monkeypatch
-):
+def test_a_model_that_cannot_be_solved_so_leaves_a_remark(with_model, tmp_path, monkeypatch):
     def fail(*_):
         message = "no mode pairs"
         raise FitError(message)
 
     monkeypatch.setattr(module, "identified_model", fail)
-    for name in ("fit.json", "modal_model.json", "diagnosis.json"):
+    for name in ("modal_model.json", "diagnosis.json"):
         (tmp_path / name).write_text(name, encoding="utf-8")
     given = results(
         folder=tmp_path, tested=(replace(with_model, identified=None, folder=tmp_path),),
-        diagnosis=diagnosis(EFFECT, parameter=(estimate(PARAMETER, VALUE),)),
+        diagnosis=explained(with_model),
     )  # fmt: skip
-    out = with_identified_models(given)
+    out = with_models(given)
     assert out.tested[0].identified is None
-    assert out.remarks == ("M1: the model with what was found cannot be shown: no mode pairs",)
+    assert out.tested[0].fit is not None
+    assert out.remarks == ("M1: the model of the answer cannot be shown: no mode pairs.",)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.5])

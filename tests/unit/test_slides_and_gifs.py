@@ -136,6 +136,6 @@ def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_
     assert len(pictures("MAC of M1")) == len(pictures("Where the base model fails")) == 2
     left, right = sorted(pictures("MAC of M1"), key=lambda s: s.left)
     assert left.left + left.width <= right.left
-    assert "with what was found: mean frequency error 0.20 %, mean MAC 0.990" in words("MAC of M1")
+    assert "with what was identified: mean frequency error 0.20 %, mean MAC 0.990" in words("MAC of M1")
     assert "Mode 1 found" in words("Mode shapes of M1")
     assert "Mode 1" not in words("Mode shapes of M1")  # of the base model

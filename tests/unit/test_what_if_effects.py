@@ -1,27 +1,28 @@
 """What can be tried in the workbench: effects in an order that matters, sliders in groups and what they are set to."""
 
 import asyncio
+import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from model import catalogue
+from model import Contact, catalogue, read_stack
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.fitting.estimate import ParameterEstimate
 from updating.report.results import Results
-from updating.workbench import diagnosis_room, what_if_effects
+from updating.workbench import diagnosis_room
 from updating.workbench.diagnosis_room import CHANGES
-from updating.workbench.what_if import Knob
+from updating.workbench.what_if import Knob, explanation
 from updating.workbench.what_if_effects import (
     FIRST,
     NEXT,
     effect_choices,
-    fitted_values,
-    found_values,
     slider_rows,
+    values_of,
 )
+from updating.workbench.what_if_room import fitted_sentence
 
 MASS = ParameterEstimate(
     name="clamp_added_mass", unit="kg", value=0.3, lower=0.1, upper=0.5, at_bound=False
@@ -71,35 +72,48 @@ def test_sliders_stand_in_groups_with_a_heading_each():
         "contact, of the base model", "", "",
         f"{catalogue()['clamp_mass'].label} (inertia)", "lost contact in the middle (pressure field)",
     ]  # fmt: skip
-    assert [own["free"] for own in rows] == [True, True, False, True, True]
 
 
-def test_sliders_are_set_to_the_answer_with_contact_fitted_to_the_configuration(monkeypatch):
-    def fitted(G_f):
-        value = SimpleNamespace(G_f=SimpleNamespace(value=G_f), d_f=SimpleNamespace(value=1e-11))
-        return SimpleNamespace(fit=value)
+def stack():
+    contact = Contact(G_f=1000.0, d_f=1e-11, pressure=2e5, normal_modulus=1e12)
+    given = read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml")
+    return replace(given, contact=contact)
 
-    tested = tuple(
-        SimpleNamespace(name=name, identified=fitted(g)) for name, g in (("M1", 900.0), ("M2", 950.0))
+
+def test_sliders_are_set_to_what_the_diagnosis_fitted_for_the_configuration():
+    own = replace(
+        ranked("clamp_mass", parameter=(MASS,)), nuisance={"G_f": 0.1, "G_f[M2]": 0.02, "d_f": -0.5}
     )
-    given = results(diagnosis=diagnosed(), tested=tested)
-    monkeypatch.setattr(what_if_effects, "with_identified_models", lambda own: own)
-    assert found_values(given, "M2") == (
-        ("clamp_mass",), {"clamp_added_mass": 0.3, "G_f": 950.0, "d_f": 1e-11}
+    given = results(diagnosis=replace(diagnosed(), stack=stack(), ranking=(own,)))
+    assert values_of(given, "M2", ["clamp_mass"]) == pytest.approx(
+        {"G_f": 1000.0 * math.exp(0.12), "d_f": 1e-11 * math.exp(-0.5), "clamp_added_mass": 0.3}
+    )
+    assert values_of(given, "M1", ["clamp_mass"])["G_f"] == pytest.approx(1000.0 * math.exp(0.1))
+    assert values_of(results(), "M2", ["clamp_mass"]) == {}
+
+
+def test_an_answer_counts_with_what_it_says_of_the_measurement_and_others_as_they_were_fitted():
+    with_place = ranked("clamp_mass", "stated_place")
+    given = replace(
+        diagnosed(), set=(with_place.effects,), measurement=("stated_place",),
+        ranking=(with_place, ranked("weld_seam"), ranked()),
     )  # fmt: skip
-    assert found_values(results(), "M2") == ((), {})
+    assert explanation(results(diagnosis=given), ["clamp_mass"]) is with_place
+    assert explanation(results(diagnosis=given), []) is given.ranking[2]
+    assert explanation(results(diagnosis=given), ["weld_seam"]) is given.ranking[1]
+    assert explanation(results(diagnosis=given), ["glue"]) is None
+    assert explanation(results(), []) is None
 
 
-def test_sliders_follow_a_fit_with_what_is_shared_and_what_is_the_configurations_own():
-    parameters = [
-        SimpleNamespace(name=name, group=group, value=value)
-        for name, group, value in (
-            ("clamp_added_mass", "", 0.3), ("G_f", "stack", 900.0), ("d_f", "M1", 1e-11), ("d_f", "M2", 2e-11)
-        )
-    ]  # fmt: skip
-    assert fitted_values(parameters, "M2", ["M1", "M2"]) == {
-        "clamp_added_mass": 0.3, "G_f": 900.0, "d_f": 2e-11
-    }  # fmt: skip
+def test_what_a_fit_changed_is_said_with_the_numbers_of_the_diagnosis():
+    base, own = ranked(), ranked("clamp_mass", parameter=(MASS,))
+    base = replace(base, frequency_error=0.043, left_out_error=0.15)
+    own = replace(own, frequency_error=0.00039, left_out_error=0.00093)
+    text = fitted_sentence(results(diagnosis=replace(diagnosed(), ranking=(own, base))), ["clamp_mass"])
+    assert text == (
+        "Mean frequency error 4.3 % before and 0.039 % after the fit, of modes left out 15 % and 0.093 %; "
+        "clamp_added_mass = 300 g (100 g to 500 g)."
+    )
 
 
 class State(SimpleNamespace):

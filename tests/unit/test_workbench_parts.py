@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,14 +10,13 @@ import numpy as np
 import pytest
 
 from ema.campaign.campaign import read_campaign
-from updating.commands.update_file import read_update_file
 from updating.errors import StoreError
 from updating.results.store import write_result
 from updating.workbench.campaign_edit import write_identification
 from updating.workbench.identification_charts import toggled
 from updating.workbench.opened import find
 from updating.workbench.run import Command
-from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response, write_specification
+from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response
 
 DEMO = Path(__file__).parents[2] / "data" / "demo_diagnosis" / "campaign.toml"
 G_F = Knob(name="G_f", unit="Pa/Pa", lower=100.0, upper=10_000.0, start=1280.0, logarithmic=True)
@@ -42,25 +40,6 @@ def test_a_click_takes_a_pole_and_the_next_one_there_drops_it():
     both = toggled(first, 120.0, 1.0)
     assert np.abs(both) / (2 * np.pi) == pytest.approx([120.0, 300.0])
     np.testing.assert_array_equal(toggled(both, 300.3, 0.2), both[:1])
-
-
-def test_what_was_tried_is_written_as_an_updating_file_that_begins_there(tmp_path):
-    values = {"G_f": 1500.0, "clamp_added_mass": 0.3}
-    path = tmp_path / "what_if.toml"
-    write_specification(
-        path, Path("somewhere/campaign.toml"), ["clamp_mass"], (G_F, MASS), values, ["G_f", MASS.name]
-    )
-    given = read_update_file(path)
-    assert given.effects == ("clamp_mass",)
-    assert given.first == {"clamp_added_mass": 0.3}
-    assert given.fixed == {}
-    write_specification(
-        path, Path("somewhere/campaign.toml"), ["clamp_mass"], (G_F, MASS), values, [MASS.name]
-    )
-    given = read_update_file(path)
-    assert (given.first, given.fixed) == ({"clamp_added_mass": 0.3}, {"G_f": 1500.0})
-    (file,) = (own["file"] for own in tomllib.loads(path.read_text(encoding="utf-8"))["campaign"])
-    assert Path(file).is_absolute()
 
 
 def test_what_the_model_does_now_is_drawn_beside_what_it_did_before():

@@ -10,7 +10,7 @@ import typer
 
 from updating.commands.options import Keep, ResultsFolder
 from updating.commands.terminal import OUT
-from updating.report.identified_model import with_identified_models
+from updating.report.identified_model import with_models
 from updating.report.moving import write_gifs
 from updating.report.page import write_report
 from updating.report.pdf import find_browser, print_pdf
@@ -49,7 +49,7 @@ def report(
     """
     with OUT.status("drawing"):
         page = make_report(folder, keep=keep, only=only or ())
-    results = with_identified_models(read_results(folder, keep=keep))
+    results = with_models(read_results(folder, keep=keep))
     for sentence in results.remarks:
         OUT.print(sentence, highlight=False)
     OUT.print(f"Report: {page}")

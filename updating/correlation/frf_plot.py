@@ -45,7 +45,7 @@ def overlay_figure(
     model : (n_chosen, n_frequency) complex, optional
         What a fitted model gives for the chosen functions at the lines of the band.
     found : bool
-        Whether that is the model with what was found, not the base model.
+        Whether that is the model with what was identified, not the base model.
     """
     from matplotlib.figure import Figure
 
@@ -72,7 +72,7 @@ def overlay_figure(
         title = f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
         if model is not None:
             _draw_model(magnitude, phase, lines.frequency, model[k], found=found)
-            name = "model with what was found" if found else "fitted model"
+            name = "model with what was identified" if found else "fitted model"
             title += f", of the {name} {float(frac(lines.value[o, 0], model[k])):.4f}"
         phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
         if lines.coherence is not None:
@@ -133,7 +133,7 @@ def _draw_model(
     *,
     found: bool,
 ) -> None:
-    color, name = (palette.FOUND, "with what was found") if found else (palette.BASE, "fitted model")
+    color, name = (palette.FOUND, "with what was identified") if found else (palette.BASE, "fitted model")
     magnitude.semilogy(frequency, np.abs(model), color=color, linewidth=1.4, linestyle=_GAPS, label=name)
     phase.plot(frequency[::_SPARSE], _degrees(model[::_SPARSE]), ".", color=color, markersize=1.5)
 

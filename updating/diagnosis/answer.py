@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import builtins
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from ema.types.shown import Shown
-from model import Effect
+from model import Effect, Stack
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.answer_parts import (
     ContactAmplitude,
@@ -61,6 +61,11 @@ class Ranked:
         Number of these differences.
     discrepancy : Sizes
         What it leaves beside the noise: of a frequency and of a damping ratio.
+    nuisance : mapping of str to float
+        What all fits may move, as it was fitted with this explanation: logarithms of ratios to what the stack file
+        states, or m, by the names that `Moved` has.
+    modelled : mapping of str to (n,) float
+        Natural frequencies of the elastic modes of its model, Hz, by state, to somewhat above the band.
     """
 
     effects: tuple[str, ...]
@@ -77,6 +82,8 @@ class Ranked:
     misfit: float
     n_residual: int
     discrepancy: Sizes
+    nuisance: Mapping[str, float] = field(default_factory=dict)
+    modelled: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def error(self, kind: Telling) -> float:
         """Return the mean relative error of frequencies or of damping ratios."""
@@ -158,6 +165,8 @@ class Diagnosis(Shown):
 
     Attributes
     ----------
+    stack : Stack
+        The model's stack, as its file states it, with the instruments of the test.
     verdict : str
         "nothing missing", "identified", "one of", "partly explained" or "unlike anything".
     set : tuple of tuple of str
@@ -218,6 +227,7 @@ class Diagnosis(Shown):
         The answer in plain words.
     """
 
+    stack: Stack
     verdict: Verdict
     set: tuple[tuple[str, ...], ...]
     labels: Mapping[str, str]

@@ -135,6 +135,7 @@ def conclude(
     middle, spread = sizes_of(found, first)
     singles = sorted((x for x in found.fitted.values() if len(x.terms) == 1), key=found.odds, reverse=True)
     answer = Diagnosis(
+        stack=model.stack,
         verdict=decision.verdict,
         set=tuple(x.terms for x in left),
         labels={**labels, **{name: LABELS[name] for name in model.hypotheses}, **overstated},

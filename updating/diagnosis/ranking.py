@@ -88,6 +88,11 @@ def _ranked(
         misfit=rest,
         n_residual=own.problem.value.size + own.problem.damping.size,
         discrepancy=sizes_of(found, own)[0],
+        nuisance={c.name: float(x) for c, x in zip(own.coordinates[: own.n_nuisance], own.x, strict=False)},
+        modelled={
+            state.name: tuple(np.sqrt(e.modelled[0][e.modelled[0] > 0.0] / (4.0 * np.pi**2)).tolist())
+            for state, e in zip(model.states, own.errors, strict=True)
+        },
     )
 
 
@@ -107,7 +112,7 @@ def sizes_of(found: Search, own: Explanation) -> tuple[Sizes, Sizes]:
 def log_ratios(own: Explanation) -> tuple[Vector, Vector]:
     """Return logarithms of measured over modelled frequencies, and damping ratios that are compared, state by state."""
     damping = np.concatenate([e.damping for e in own.errors])
-    return np.concatenate([e.frequency for e in own.errors]), damping[np.isfinite(damping)]
+    return np.concatenate([e.paired for e in own.errors]), damping[np.isfinite(damping)]
 
 
 def mean_error(log_ratio: Vector) -> float:

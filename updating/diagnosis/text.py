@@ -77,7 +77,7 @@ def sentences(found: Diagnosis) -> tuple[str, ...]:
 def next_command(
     found: Diagnosis, campaign: str, folder: str, options: Sequence[tuple[str, str]] = ()
 ) -> str | None:
-    """Return the command that adds what was found and shows the error fall; None where there is nothing to add.
+    """Return the command that adds what was identified and shows the error fall; None where there is nothing to add.
 
     `options` are those, with their values, that the diagnosis was made with.
     """
@@ -285,7 +285,7 @@ def _remains(found: Diagnosis) -> list[str]:
 
 
 def _further(found: Diagnosis) -> list[str]:
-    """Say what the rest looks like, but is too little of beside what was found to be named."""
+    """Say what the rest looks like, but is too little of beside what was identified to be named."""
     told = {name for effects in found.set for name in effects}
     further = [name for name in found.steps[-1].effects if name not in told]
     if not (found.set and further):

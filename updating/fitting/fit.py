@@ -216,8 +216,10 @@ def _estimates(
         found = _elastic(system, observed, contact.G_f, contact.d_f)
         column = _assign(shape, found)
         return (
-            _kept("G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], found.frequency[column])),
-            _kept("d_f", "s/Pa", contact.d_f, opt_d(measured.damping[used], found.damping[column])),
+            kept_estimate(
+                "G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], found.frequency[column])
+            ),
+            kept_estimate("d_f", "s/Pa", contact.d_f, opt_d(measured.damping[used], found.damping[column])),
         )
 
     def frequencies(value: float) -> Prediction:
@@ -238,7 +240,7 @@ def _estimates(
     return G_f, d_f
 
 
-def _kept(name: str, unit: str, value: float, objective: float) -> Estimate:
+def kept_estimate(name: str, unit: str, value: float, objective: float) -> Estimate:
     """Return a parameter that nothing depends on, at its value."""
     return Estimate(
         name=name,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ema.types.frf import Quantity
 from ema.types.geometry import Dofs, Geometry
-from model import frf, reduce
+from model import frf, reduce, solve_modes
 from updating.correlation.registration import register
 from updating.fitting.fit import Fit
 
@@ -22,6 +22,9 @@ def fitted_frf(
     quantity: Quantity,
 ) -> NDArray[np.complex128]:
     """Synthesise the functions of a fitted model from its modes, with the static residual of those left out.
+
+    Where the modes are those of an ever finer mesh, lines are taken where this mesh has them, so that resonances lie at
+    the frequencies of the modes.
 
     Parameters
     ----------
@@ -48,11 +51,18 @@ def fitted_frf(
     responses, forces = (
         register(fit.stack, geometry, dofs.node, dofs.direction).observation for dofs in (output, input)
     )
+    n_mode = 6 + fit.modes.frequency.size
+    system = reduce(fit.stack, n_snapshot=1, n_mode=n_mode)  # in the middle of the range, at the fitted G_f
+    G_f, d_f = fit.G_f.value, fit.d_f.value
+    plain = solve_modes(system, G_f=G_f, d_f=d_f, n_mode=n_mode, observation=responses, by=()).elastic()
+    n = min(plain.frequency.size, fit.modes.frequency.size)
+    natural = np.sort(fit.modes.frequency[:n])
+    ratio = np.interp(frequency, natural, np.sort(plain.frequency[:n]) / natural)
     return frf(
-        reduce(fit.stack, n_snapshot=1),  # which lies in the middle of the range, at the fitted G_f
-        G_f=fit.G_f.value,
-        d_f=fit.d_f.value,
-        frequency=frequency,
+        system,
+        G_f=G_f,
+        d_f=d_f,
+        frequency=ratio * frequency,
         output=responses,
         input=forces,
         quantity=quantity,

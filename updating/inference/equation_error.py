@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from updating.inference.protocol import Modal, State
 
@@ -47,6 +48,8 @@ class Errors:
         Its derivatives.
     eigenvalue : (n,) float
         Measured, (rad/s)**2.
+    modelled : (n, m) float
+        The model's, as each measured mode meets them.
     shape : (n_basis, m) float
         The model's modes, as `Modal` has them.
     """
@@ -62,6 +65,7 @@ class Errors:
     damping_std: Vector
     damping_jacobian: Vector
     eigenvalue: Vector
+    modelled: Vector
     shape: Vector
 
     @property
@@ -71,6 +75,16 @@ class Errors:
         Half the Rayleigh quotient of the errors is (omega_r / omega_s - omega_s / omega_r) / 2 of a mode s.
         """
         return np.asarray(np.arcsinh(0.5 * np.sum(self.value * self.weight, axis=1)))
+
+    @property
+    def paired(self) -> Vector:
+        """Logarithm of measured frequency over that of the model's mode with the largest part in it, (n,).
+
+        Each mode of the model is taken once. It is what is printed; nothing is decided by it.
+        """
+        part = np.where(self.modelled > 0.0, self.weight**2, -1.0)
+        row, column = linear_sum_assignment(part, maximize=True)
+        return np.asarray(0.5 * np.log(self.eigenvalue[row] / self.modelled[row, column]))
 
 
 def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float = 0.7) -> Vector:
@@ -190,8 +204,17 @@ def equation_errors(
         damping_std=np.hypot(state.damping_std / state.damping, rest),
         damping_jacobian=damping_jacobian,
         eigenvalue=lam,
+        modelled=_met(modal, n),
         shape=modal.shape,
     )
+
+
+def _met(modal: Modal, n: int) -> Vector:
+    """Return the model's eigenvalues as each measured mode meets them, (n, m)."""
+    found = np.tile(modal.eigenvalue, (n, 1))
+    if modal.of_mode is not None:
+        found[:, modal.n_rigid :] += np.einsum("rii->ri", modal.of_mode)[:, modal.n_rigid :]
+    return found
 
 
 def _gaps(modal: Modal, omega: Vector) -> tuple[Vector, Vector]:

@@ -34,7 +34,7 @@ def answer_section(results: Results) -> Section:
 
 
 def before_after_table(results: Results) -> Table:
-    """List what the base model and the model with what was found do in each configuration."""
+    """List what the base model and the model with what was identified do in each configuration."""
     pairs = [(t, t.fit, t.identified) for t in results.tested]
     rows = [
         (
@@ -50,15 +50,15 @@ def before_after_table(results: Results) -> Table:
         if fit is not None and own is not None
     ]
     return Table(
-        title="The base model, and the model with what was found",
+        title="The base model, and the model with what was identified",
         header=(
-            "configuration", "frequency error, base [%]", "with what was found [%]", "mean MAC, base",
-            "with what was found", "mean FRAC, base", "with what was found",
+            "configuration", "frequency error, base [%]", "with what was identified [%]", "mean MAC, base",
+            "with what was identified", "mean FRAC, base", "with what was identified",
         ),
         rows=tuple(rows),
-        note="G_f and d_f are fitted to each configuration in both; sizes and density are those of the stack file. "
-        "MAC compares shapes, FRAC frequency response functions: 1 where two are equal but for their scale, 0 where "
-        "they share nothing. The switch at the top of the page chooses which of the two models it shows.",
+        note="Both models have the numbers of the answer. MAC compares shapes, FRAC frequency response functions: 1 "
+        "where two are equal but for their scale, 0 where they share nothing. The switch at the top of the "
+        "page chooses which of the two models it shows.",
     ).without_empty_columns()  # fmt: skip
 
 
@@ -81,8 +81,7 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
                 if t.fit is None
                 else (
                     str(t.fit.pairing.measured.size),
-                    estimate_text(t.fit.G_f),
-                    estimate_text(t.fit.d_f),
+                    *(("", "") if t.opt is None else map(estimate_text, (t.opt.G_f, t.opt.d_f))),
                     f"{100 * t.fit.error:.2f}",
                     f"{t.fit.pairing.paired_mac.min():.4f}",
                 )
@@ -94,13 +93,13 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
     return Table(
         title="",
         header=(
-            "configuration", "torque [N m]", "pressure [kPa]", "modes", "paired", "G_f [Pa/Pa]", "d_f [s/Pa]",
-            "frequency error [%]", "lowest MAC", "findings",
+            "configuration", "torque [N m]", "pressure [kPa]", "modes", "paired", "G_f by opt_G [Pa/Pa]",
+            "d_f by opt_d [s/Pa]", "frequency error [%]", "lowest MAC", "findings",
         ),
         rows=rows,
         note="± is half of the 95 % interval. The frequency error is the mean of |measured - model| / measured over "
-        "the paired modes, eq. (2), each configuration with its own G_f. Findings are warnings of the checks of the "
-        "measurement. A click on a heading sorts.",
+        "the paired modes of the base model, eq. (2). opt_G and opt_d, eq. (1), fit one configuration alone. Findings "
+        "are warnings of the checks of the measurement. A click on a heading sorts.",
         link=tuple(address),
     )  # fmt: skip
 

@@ -115,7 +115,7 @@ def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
 
 
 def errors_with_additions(results: Results) -> dict[str, dict[int, float]]:
-    """Return, by configuration and number of the mode, the relative frequency errors with what was found."""
+    """Return, by configuration and number of the mode, the relative frequency errors with what was identified."""
     found: dict[str, dict[int, float]] = {}
     for own in mode_changes(results):
         if np.isfinite(own.after):
@@ -250,7 +250,7 @@ def mode_picture(modes: Sequence[ModeChange]) -> Picture:
         ),
         alt=f"Frequency errors of {len(modes)} modes{' before and after' if after else ''}",
         caption="(model - measured) / measured frequency of every mode, with the base model"
-        + (" and with what was found." if after else "."),
+        + (" and with what was identified." if after else "."),
         chart=mode_chart(modes),
     )
 
@@ -309,7 +309,7 @@ def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
     after = any(np.isfinite(m.after) for m in modes)
     return [
         ("before", "base model", palette.BASE),
-        *([("after", "with what was found", palette.FOUND)] if after else []),
+        *([("after", "with what was identified", palette.FOUND)] if after else []),
     ]
 
 

@@ -18,7 +18,7 @@ from updating.report.chart_part import axis, legend_above
 
 _MOST_NUMBERS = 150_000
 """Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown."""
-BASE, FOUND, FITTED_MODEL = "base model", "with what was found", "fitted model"
+BASE, FOUND, FITTED_MODEL = "base model", "with what was identified", "fitted model"
 """Names of models' curves: of two, and of one alone."""
 _STYLE: dict[str, dict[str, Any]] = {
     "measured": {"line": {"color": palette.MEASURED, "width": 2.5}},

@@ -16,7 +16,7 @@ from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
 from updating.report.stabilization_part import stabilization_blocks
 
-_WITH = {BASE: "with the base model", FOUND: "with what was found"}
+_WITH = {BASE: "with the base model", FOUND: "with what was identified"}
 
 
 def frf_section(tested: Tested) -> Section:
@@ -73,7 +73,11 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
         caption="Every function; the first ones are those that the identified modes meet worst, in the middle and best "
         "(a print shows these). Dashed: natural frequencies. The difference is what the modes leave; where it is as "
         "large as the function, noise governs."
-        + ("" if shown is None else f" Dotted: the model{' with what was found' if FOUND in models else ''}.")
+        + (
+            ""
+            if shown is None
+            else f" Dotted: the model{' with what was identified' if FOUND in models else ''}."
+        )
         + ("" if lines.coherence is not None else " The test system stored no coherence."),
         chart=frf_chart(tested.measured, lines, curves, [o for o, _ in functions]),
         choices=tuple(name for _, name in functions),
@@ -82,7 +86,7 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
 
 
 def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:
-    """Return functions of the base model and of the one with what was found, (n_output, n_frequency), as they are."""
+    """Return functions of the base and of the identified model, (n_output, n_frequency), as they are."""
     fits = {BASE: tested.fit, FOUND: None if tested.identified is None else tested.identified.fit}
     values = {name: modelled(tested, own, lines) for name, own in fits.items() if own is not None}
     return {name: value for name, value in values.items() if value is not None}

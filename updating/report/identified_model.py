@@ -1,12 +1,13 @@
-"""The model with what was found: its modes and functions, G_f and d_f fitted again with the effects at their values."""
+"""The models of the answer beside each configuration: the base model, and that with what was identified."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from ema.types.frf import FRF
 from ema.types.geometry import Dofs
 from model import catalogue, find_effects
 from updating.correlation.frf_plot import within_band
+from updating.correlation.rig_check import RigCheck
+from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.explained_model import explained_model, explained_stack
 from updating.errors import LAMELLA_ERRORS, PairingError
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Fit, fit
@@ -24,8 +28,10 @@ from updating.report.results import IdentifiedModel, Results, Tested
 from updating.results.store import kept, read_document
 from updating.workers.workers import distribute
 
-FILE = "identified_model.json"
-"""Beside the fit of a configuration."""
+FILE, BASE_FILE = "identified_model.json", "base_model.json"
+"""Beside the modes of a configuration."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +86,12 @@ def _found(effects: tuple[str, ...], parameters: tuple[ParameterEstimate, ...], 
     )
 
 
-def with_identified_models(results: Results, executor: Executor | None = None) -> Results:
-    """Add to each configuration that was fitted the model with what was found; results without a finding stay.
+def with_models(results: Results, executor: Executor | None = None) -> Results:
+    """Add to each configuration the models of the answer: that of the base and that with what was identified.
 
-    Each is written beside the fit, and read back as long as nothing that it comes from changes. Where the model cannot
-    be solved so, a remark says why.
+    A diagnosis has both with its numbers. Without one, but with effects in the ledger, G_f and d_f are fitted again
+    with these. Models are written beside the configuration, and read back as long as nothing that they come from
+    changes. Where one cannot be solved, a remark says why.
 
     Parameters
     ----------
@@ -94,41 +101,68 @@ def with_identified_models(results: Results, executor: Executor | None = None) -
         Where the models are solved; by default here.
     """
     found = what_was_found(results)
-    if found is None:
+    if results.diagnosis is None and found is None:
         return results
-    fitted = [tested for tested in results.tested if tested.fit is not None]
-    made = dict(
-        zip((t.name for t in fitted), distribute(partial(_attempted, found), fitted, executor), strict=True)
-    )
-    remarks = tuple(f"{name}: {own}" for name, own in made.items() if isinstance(own, str))
-    tested = tuple(
-        replace(t, identified=own) if isinstance(own := made.get(t.name), IdentifiedModel) else t
-        for t in results.tested
-    )
+    done = [t for t in results.tested if results.diagnosis is not None or t.fit is not None]
+    attempt = partial(_attempted, results.diagnosis, found, results.folder)
+    made = {own.name: (own, remark) for own, remark in distribute(attempt, done, executor)}
+    tested = tuple(made[t.name][0] if t.name in made else t for t in results.tested)
+    files = [t.folder / name for t in tested for name in (BASE_FILE, FILE) if t.name in made]
     origin = {
-        f"{t.folder.name}/{FILE}": read_document(t.folder / FILE)["provenance"]
-        for t in tested
-        if t.identified is not None
+        f"{file.parent.name}/{file.name}": read_document(file)["provenance"]
+        for file in files
+        if file.exists()
     }
     return replace(
-        results, tested=tested, remarks=(*results.remarks, *remarks), origin={**results.origin, **origin}
+        results,
+        tested=tested,
+        remarks=(*results.remarks, *(remark for _, remark in made.values() if remark)),
+        origin={**results.origin, **origin},
     )
 
 
-def _attempted(found: Found, tested: Tested) -> IdentifiedModel | str:
-    """Return the model of a configuration, or why there is none."""
-    inputs = [found.source, tested.folder / "fit.json", tested.folder / "modal_model.json"]
+def _attempted(
+    diagnosis: Diagnosis | None, found: Found | None, folder: Path, tested: Tested
+) -> tuple[Tested, str]:
+    """Return a configuration with its models, or as it is, and why."""
+    source = folder / "diagnosis.json" if found is None else found.source
+    inputs = [source, tested.folder / "modal_model.json"]
     if tested.has_functions:
         inputs.append(tested.folder / "measurement.npz")
-    make: Callable[[], IdentifiedModel] = partial(identified_model, found, tested)
+
+    def read(name: str, kind: type[T], make: Callable[[], T]) -> T:
+        return kept(tested.folder / name, kind, make, inputs=tuple(inputs), options={})
+
     try:
-        return kept(tested.folder / FILE, IdentifiedModel, make, inputs=tuple(inputs), options={})
+        if diagnosis is not None:
+            base = read(BASE_FILE, Fit, partial(_modelled, diagnosis, tested, (), ()))
+            tested = replace(tested, fit=base)
+        else:
+            inputs.append(tested.folder / "fit.json")
+        if found is not None:
+            own = read(FILE, IdentifiedModel, partial(identified_model, diagnosis, found, tested))
+            tested = replace(tested, identified=own)
     except LAMELLA_ERRORS as error:
-        return f"the model with what was found cannot be shown: {error}"
+        return tested, f"{tested.name}: the model of the answer cannot be shown: {error}."
+    return tested, ""
 
 
-def identified_model(found: Found, tested: Tested) -> IdentifiedModel:
-    """Fit G_f and d_f of one configuration again with effects at given values.
+def _modelled(
+    diagnosis: Diagnosis, tested: Tested, explanation: Sequence[str], effects: Sequence[str]
+) -> Fit:
+    """Return the model of a configuration with the numbers of an explanation, and its effects that change the stack."""
+    own = diagnosis.ranked(explanation)
+    known = find_effects(effects, catalogue())
+    stack = explained_stack(diagnosis.stack, own, known, state=tested.name, pressure=tested.pressure)
+    plain = RigCheck(name=tested.name, sensor=0, reads=1.0, force=None)
+    rig = next((own for own in diagnosis.rig if own.name == tested.name), plain)
+    return explained_model(stack, tested.measured, own.modelled.get(tested.name, ()), rig)
+
+
+def identified_model(diagnosis: Diagnosis | None, found: Found, tested: Tested) -> IdentifiedModel:
+    """Return the model of a configuration with what was identified, beside the base model that it has.
+
+    It has the numbers of the diagnosis; without one, effects are at their values, and G_f and d_f are fitted again.
 
     Raises
     ------
@@ -137,8 +171,11 @@ def identified_model(found: Found, tested: Tested) -> IdentifiedModel:
     """
     assert tested.fit is not None
     base = tested.fit
-    stack = base.stack.with_effects(*find_effects(found.effects, catalogue()), **found.value)
-    own = fit(stack, tested.measured, threshold=base.pairing.threshold)
+    if diagnosis is not None:
+        own = _modelled(diagnosis, tested, diagnosis.set[0], found.effects)
+    else:
+        stack = base.stack.with_effects(*find_effects(found.effects, catalogue()), **found.value)
+        own = fit(stack, tested.measured, threshold=base.pairing.threshold)
     return IdentifiedModel(
         effects=found.effects,
         value=dict(found.value),

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from updating.fitting.fit import Fit
 
 SHADES = 128  # of the scale of MAC
-_ADDED, _WITH_ADDED = "with what was found [%]", " With what was found:"
+_ADDED, _WITH_ADDED = "with what was identified [%]", " With what was identified:"
 
 
 def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
     """Show the table of modes, the fitted parameters, and what the checks found.
 
-    `added` holds of each mode, by its number from 1, the relative frequency error with what was found.
+    `added` holds of each mode, by its number from 1, the relative frequency error with what was identified.
     """
     if tested.fit is None:
         blocks: tuple[Table, ...] = (
@@ -48,7 +48,7 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
     else:
         blocks = (
             *pair_tables(tested, tested.fit, added),
-            *by_model(tested, lambda fit: (parameter_table(fit),)),
+            *(() if tested.opt is None else (parameter_table(tested.opt),)),
             complexity_table(tested),
             quality_table(tested),
             passed_table(tested),
@@ -77,7 +77,7 @@ def pair_tables(tested: Tested, fit: Fit, added: Mapping[int, float]) -> tuple[T
 
 
 def found_pair_table(tested: Tested, base: Fit, own: Fit) -> Table:
-    """List paired modes of the model with what was found, beside the errors of the base model."""
+    """List paired modes of the model with what was identified, beside the errors of the base model."""
     c = correlate(tested.measured, base.modes, base.pairing)
     before = dict(zip((int(m) + 1 for m in base.pairing.measured), c.frequency_error, strict=True))
     table = pair_table(tested, own, before)
@@ -86,10 +86,8 @@ def found_pair_table(tested: Tested, base: Fit, own: Fit) -> Table:
     return replace(
         table,
         header=header,
-        title="Modes, measured and modelled with what was found",
-        note=f"{note} The effects are held at the values that were found; G_f and d_f are fitted again to this "
-        "configuration, and sizes and density are those of the stack file: the answer, which lets them differ by what "
-        "is known of them, leaves less.",
+        title="Modes, measured and modelled with what was identified",
+        note=f"{note} Effects, contact, steel, sizes and places are those of the answer.",
     )
 
 
@@ -185,9 +183,9 @@ def pair_table(tested: Tested, fit: Fit, added: Mapping[int, float]) -> Table:
 
 
 def parameter_table(fit: Fit) -> Table:
-    """List the fitted contact parameters and their objectives."""
+    """List the contact parameters by the objectives of eq. (1), and these."""
     return Table(
-        title="Fitted contact parameters",
+        title="Contact parameters of this configuration alone, by opt_G and opt_d, eq. (1)",
         header=("parameter", "value", "searched between", "objective"),
         rows=(
             ("contact stiffness", parameter_text(fit.G_f), f"{fit.G_f.lower:g} and {fit.G_f.upper:g}",
@@ -243,9 +241,10 @@ def mac_section(tested: Tested) -> Section:
 
     def pictures(own: Fit) -> tuple[Picture, ...]:
         comac = (comac_picture(tested, own),) if own.pairing.measured.size else ()
-        return mac_picture(tested, own), *comac, objective_picture(own)
+        return mac_picture(tested, own), *comac
 
-    return Section(title=f"MAC and CoMAC of {tested.name}", blocks=by_model(tested, pictures))
+    tried = () if tested.opt is None else (objective_picture(tested.opt),)
+    return Section(title=f"MAC and CoMAC of {tested.name}", blocks=(*by_model(tested, pictures), *tried))
 
 
 def mac_picture(tested: Tested, fit: Fit) -> Picture:
@@ -361,7 +360,8 @@ def objective_picture(fit: Fit) -> Picture:
             ((e.name, *row) for e in (fit.G_f, fit.d_f) for row in _history(e)),
         ),
         alt="Objectives over their parameters",
-        caption="Every value tried for G_f (opt_G) and d_f (opt_d); the diamond is the estimate.",
+        caption="Every value tried for G_f (opt_G) and d_f (opt_d), eq. (1), of this configuration alone; the diamond "
+        "is the estimate.",
         chart=objective_chart(fit),
     )
 

@@ -14,7 +14,7 @@ from updating.report.answer import answer_section, overview_section
 from updating.report.change_part import errors_with_additions
 from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_section
-from updating.report.identified_model import with_identified_models
+from updating.report.identified_model import with_models
 from updating.report.ledger_part import ledger_section
 from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section
@@ -56,7 +56,7 @@ def write_report(
     StoreError
         The folder holds no result, one that cannot be read, or cannot be written to; or there is no such section.
     """
-    results = with_identified_models(read_results(folder, keep=keep), executor)
+    results = with_models(read_results(folder, keep=keep), executor)
     apart = len(results.tested) > MOST_TOGETHER
     kind, added = kind_of_answer(results.diagnosis), errors_with_additions(results)
     make = partial(_configuration, folder, results.name, apart, kind, added)
@@ -128,7 +128,7 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
     parts += own
     if results.diagnosis is not None:
         parts.append(signature_section(results.diagnosis))
-    if results.ledger or any(tested.fit is not None for tested in results.tested):
+    if results.ledger or any(tested.opt is not None for tested in results.tested):
         parts.append(parameter_section(results))
     return (*parts, provenance_section(results))
 
@@ -142,7 +142,7 @@ def titles(results: Results) -> tuple[str, ...]:
         ("All configurations", len(results.tested) > 1),
         *((f"Configuration {tested.name}", True) for tested in results.tested),
         ("Effect signatures", results.diagnosis is not None),
-        ("Parameters", bool(results.ledger) or any(tested.fit is not None for tested in results.tested)),
+        ("Parameters", bool(results.ledger) or any(tested.opt is not None for tested in results.tested)),
         ("Provenance", True),
     )
     return tuple(title for title, there in found if there)
@@ -158,7 +158,7 @@ def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:
 def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, float]) -> Section:
     """Show everything about one configuration, and where the model fails in one kind of stiffness.
 
-    `added` holds the frequency errors of its modes with what was found (`errors_with_additions`).
+    `added` holds the frequency errors of its modes with what was identified (`errors_with_additions`).
     """
     parts = [] if tested.change is None else [state_section(tested.change)]
     parts += [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]

@@ -24,7 +24,7 @@ _AXES = {"G_f": ("$G_f$ [Pa/Pa]", 1.0), "d_f": ("$d_f$ [10$^{-12}$ s/Pa]", 1e12)
 
 def parameter_section(results: Results) -> Section:
     """Show contact stiffness and damping of all configurations, and the effects' parameters."""
-    fitted = [t for t in results.tested if t.fit is not None]
+    fitted = [t for t in results.tested if t.opt is not None]
     pictures = (parameter_picture(fitted),) if len(fitted) > 1 else ()
     return Section(title="Parameters", text=_law(fitted), blocks=(*pictures, interval_table(results)))
 
@@ -32,7 +32,12 @@ def parameter_section(results: Results) -> Section:
 def interval_table(results: Results) -> Table:
     """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
     rows = [
-        _row(t.name, e, (e.value - Z95 * e.std, e.value + Z95 * e.std), "at its bound" if e.at_bound else "")
+        _row(
+            f"{t.name}, opt_{e.name[0]}",
+            e,
+            (e.value - Z95 * e.std, e.value + Z95 * e.std),
+            "at its bound" if e.at_bound else "",
+        )
         for t in results.tested
         for e in _estimates(t)
     ]
@@ -50,7 +55,9 @@ def interval_table(results: Results) -> Table:
         title="Parameters with 95 % intervals",
         header=("fitted to", "parameter", "unit", "value", "lower", "upper", "remark"),
         rows=tuple(rows),
-        note="Intervals contain the scatter that the model leaves unexplained; they mean nothing at a bound.",
+        note="opt_G and opt_d, eq. (1), fit G_f and d_f of the base model to one configuration; an answer has its own "
+        "numbers, for all configurations together. Intervals contain the scatter that the model leaves unexplained; "
+        "they mean nothing at a bound.",
     )
     return table.without_empty_columns()
 
@@ -79,7 +86,7 @@ def parameter_picture(fitted: Sequence[Tested]) -> Picture:
             ),
         ),
         alt="Contact parameters by configuration",
-        caption="Contact stiffness and damping, each fitted to its configuration alone, with 95 % intervals.",
+        caption="G_f by opt_G and d_f by opt_d, eq. (1), of each configuration alone, with 95 % intervals.",
     )
 
 
@@ -114,12 +121,12 @@ def abscissa(fitted: Sequence[Tested]) -> tuple[NDArray[np.float64], str]:
 
 
 def _estimates(tested: Tested) -> tuple[Estimate, ...]:
-    return () if tested.fit is None else (tested.fit.G_f, tested.fit.d_f)
+    return () if tested.opt is None else (tested.opt.G_f, tested.opt.d_f)
 
 
 def _law(fitted: Sequence[Tested]) -> tuple[str, ...]:
     """Say how contact stiffness G_f p grows with pressure, where there are two pressures at least."""
-    known = [(t.fit.G_f, t.pressure) for t in fitted if t.fit is not None and t.pressure is not None]
+    known = [(t.opt.G_f, t.pressure) for t in fitted if t.opt is not None and t.pressure is not None]
     pressure = np.array([p for _, p in known])
     if np.unique(pressure).size < 2:
         return ()

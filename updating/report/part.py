@@ -48,7 +48,7 @@ class Table:
     hint : tuple of str
         For each row a sentence that the page shows under the cursor; may be empty.
     model : {"", "base", "found"}
-        Whether it is of the base model or of the one with what was found.
+        Whether it is of the base model or of the one with what was identified.
     """
 
     title: str
@@ -102,7 +102,7 @@ class Picture:
     choices : tuple of str
         Names of what the chart shows one of at a time.
     model : {"", "base", "found", "both"}
-        Whether it is of the base model, of the one with what was found, or draws the one that the page shows.
+        Whether it is of the base model, of the one with what was identified, or draws the one that the page shows.
     """
 
     name: str
@@ -146,7 +146,7 @@ class Gallery:
     note : str
         What stands above them.
     model : {"", "base", "found"}
-        Whether its modelled shapes are of the base model or of the one with what was found.
+        Whether its modelled shapes are of the base model or of the one with what was identified.
     """
 
     shapes: str
@@ -237,7 +237,7 @@ class Section:
 
 
 def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list[ByModel]:
-    """Return blocks as those of one of two models; files of the model with what was found have names of their own."""
+    """Return blocks as those of one of two models; files of the identified model have names of their own."""
     suffix = "_found" if model == "found" else ""
     out: list[ByModel] = []
     for block in blocks:

@@ -30,7 +30,7 @@ _MADE = ("modal_model.json", "measurement.npz")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedModel:
-    """The model of one configuration with what was found.
+    """The model of one configuration with what was identified.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class IdentifiedModel:
     value : mapping of str to float
         Values of the effects' parameters.
     fit : Fit
-        G_f and d_f fitted again with them, and the modes.
+        The model with them, and its modes.
     base_frac, frac : float
         FRAC of measured functions with those of the base model and of this one, in the mean over all; NaN where no
         functions were measured, or where nothing says where the force acted.
@@ -71,11 +71,13 @@ class Tested:
     quality : Quality
         What the checks found.
     fit : Fit or None
-        The fitted model.
+        The base model: that of a diagnosis, where `identified_model.with_models` added it, else `opt`.
+    opt : Fit or None
+        G_f by opt_G and d_f by opt_d of this configuration alone, eq. (1).
     change : Change or None
         What differs from its reference, where it has one.
     identified : IdentifiedModel or None
-        The model with what was found, where `identified_model.with_identified_models` added it.
+        The model with what was identified, where `identified_model.with_models` added it.
     """
 
     name: str
@@ -85,12 +87,13 @@ class Tested:
     measured: ModalModel
     quality: Quality
     fit: Fit | None
+    opt: Fit | None = None
     change: Change | None = None
     identified: IdentifiedModel | None = None
 
     @property
     def shown(self) -> Fit | None:
-        """The fit with what was found, else that of the base model, else none."""
+        """The fit with what was identified, else that of the base model, else none."""
         return self.fit if self.identified is None else self.identified.fit
 
     @property
@@ -309,6 +312,7 @@ def _campaign_file(folder: Path) -> Path:
 
 
 def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) -> Tested:
+    fit = reader.optional(folder / "fit.json", Fit)
     return Tested(
         name=configuration.name,
         torque=configuration.torque,
@@ -316,7 +320,8 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
         folder=folder,
         measured=reader.needed(folder / "modal_model.json", ModalModel),
         quality=reader.needed(folder / "quality.json", Quality),
-        fit=reader.optional(folder / "fit.json", Fit),
+        fit=fit,
+        opt=fit,
         change=reader.optional(folder / CHANGE, Change) if configuration.compare_to else None,
     )
 

@@ -89,7 +89,7 @@ def _sized(figure: Figure) -> Figure:
 
 def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> None:
     tables = (identified_table(tested),) if tested.fit is None else pair_tables(tested, tested.fit, added)
-    table = tables[0]  # of the model with what was found, where there is one
+    table = tables[0]  # of the model with what was identified, where there is one
     for start in range(0, len(table.rows), _PER_SLIDE):
         _table(_slide(show, f"{tested.name}: {table.title}"), table, table.rows[start : start + _PER_SLIDE])
     _likeness(show, tested)
@@ -107,14 +107,14 @@ def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> Non
 
 
 def _likeness(show: Any, tested: Tested) -> None:
-    """Put the MAC on a slide, of the base model and of the model with what was found beside each other."""
+    """Put the MAC on a slide, of the base model and of the model with what was identified beside each other."""
     slide = _slide(show, f"MAC of {tested.name}")
     if tested.fit is None:
         _picture(slide, auto_mac_picture(tested).content, _TOP, _HIGH - 2.0)
         return
     fits = {"base model": tested.fit}
     if tested.identified is not None:
-        fits["with what was found"] = tested.identified.fit
+        fits["with what was identified"] = tested.identified.fit
     width = (_WIDE - 2 * _EDGE) / len(fits)
     for k, (name, own) in enumerate(fits.items()):
         left = _EDGE + k * width

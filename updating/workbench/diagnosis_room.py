@@ -114,7 +114,7 @@ def show(server: Any) -> None:
             "Diagnose", click=controller.diagnose, disabled=("!!running",), color="primary", id="diagnose"
         )
         vuetify3.VBtn(
-            "Add what was found",
+            "Add what was identified",
             click=controller.add_found,
             disabled=("!!running || found.length === 0",),
             id="add",

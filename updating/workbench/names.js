@@ -17,7 +17,6 @@
   const beside = (node) => node.closest(".slider").querySelector(".text-body-2")?.textContent.split("=") ?? [];
   const names = () => {
     name(".v-slider-thumb", ofSlider);
-    name(".slider input[type=checkbox]", (node) => `Fit ${beside(node)[0]}`);
     for (const thumb of document.querySelectorAll(".slider .v-slider-thumb")) { // its own numbers are steps
       const value = (beside(thumb)[1] ?? "").trim();
       if (thumb.getAttribute("aria-valuetext") !== value) thumb.setAttribute("aria-valuetext", value);

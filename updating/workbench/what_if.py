@@ -1,10 +1,9 @@
-"""What the model would do: its modes for any values of its parameters, and an updating file that begins with them."""
+"""What the model would do: its modes for any values of its parameters."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +14,17 @@ from ema.modal.mac import mac
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import DERIVATIVE, FRF
-from model import Modes, Observed, catalogue, find_effects, observe, read_stack
+from model import Modes, Observed, Stack, catalogue, find_effects, observe, read_stack
 from updating.correlation.registration import register
+from updating.diagnosis.answer import Ranked
+from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.errors import PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS
 from updating.fitting.objective import frequency_error
 from updating.fitting.prepared import Prepared, partners, prepare, solve_every
 from updating.fitting.target import stack_in_state, target_of_modes
 from updating.report.chart_part import axis, chart, legend_above, single
-from updating.report.results import Tested
-from updating.results.store import write_bytes
+from updating.report.results import Results, Tested
 from updating.results.text import quantity
 
 STEPS = 1000  # of a slider
@@ -43,7 +43,7 @@ class Knob:
     lower, upper : float
         Its range.
     start : float
-        Where it stands first: what was fitted, or where an effect vanishes.
+        Where it stands first: that of the base model, or where an effect vanishes.
     logarithmic : bool
         Whether equal steps are equal ratios.
     """
@@ -101,28 +101,69 @@ class Outcome:
     modes: Modes
 
 
-def prepared_model(
-    tested: Tested, configuration: Configuration, stack_file: Path, effects: Sequence[str]
-) -> Prepared:
-    """Reduce the model of a configuration with some effects, as `lamella update` does.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tried:
+    """A model whose parameters can be moved.
+
+    Attributes
+    ----------
+    prepared : Prepared
+        It, reduced.
+    natural, ratio : (n,) float
+        Frequencies of some modes, Hz, and what those of an ever finer mesh are over them.
+    """
+
+    prepared: Prepared
+    natural: NDArray[np.float64]
+    ratio: NDArray[np.float64]
+
+
+def explanation(results: Results, effects: Collection[str]) -> Ranked | None:
+    """Return what a diagnosis fitted with some effects; of its answer, with what else is in it."""
+    found = results.diagnosis
+    if found is None:
+        return None
+    for names in found.set:
+        if set(names) - set(found.measurement) == set(effects):
+            return found.ranked(names)
+    return found.ranked(list(effects)) if found.has(list(effects)) else None
+
+
+def tried_model(
+    results: Results, tested: Tested, configuration: Configuration, stack_file: Path, effects: Sequence[str]
+) -> Tried:
+    """Reduce the model of a configuration with some effects.
+
+    Where a diagnosis fitted these, steel, sizes and places are as it has them, and frequencies those of an ever finer
+    mesh; else all is as the stack file states it.
 
     Raises
     ------
     EffectError, FitError, PairingError, SolveError
         The stack cannot have an effect, or the measured points do not lie on it.
     """
-    stack = stack_in_state(read_stack(stack_file), configuration)
-    (made,) = prepare(
-        [target_of_modes(stack.with_effects(*find_effects(effects, catalogue())), tested.measured)]
-    )
-    return made
+    known, own = find_effects(effects, catalogue()), explanation(results, effects)
+    if own is None or results.diagnosis is None:
+        stack = stack_in_state(read_stack(stack_file), configuration)
+        (made,) = prepare([target_of_modes(stack.with_effects(*known), tested.measured)])
+        return Tried(prepared=made, natural=np.ones(1), ratio=np.ones(1))
+    stated = results.diagnosis.stack
+    stack = explained_stack(stated, own, known, state=tested.name, pressure=tested.pressure)
+    plain = replace(stack, effects=(), effect_values={})
+    (made,) = prepare([target_of_modes(plain.with_effects(*known), tested.measured)])
+    modes = solve_every(made, explained_values(stack), ()).elastic()
+    ratio = finer_ratio(modes.frequency, own.modelled.get(tested.name, ()))
+    return Tried(prepared=made, natural=modes.frequency, ratio=ratio)
 
 
-def knobs(tested: Tested, prepared: Prepared) -> tuple[Knob, ...]:
+def explained_values(stack: Stack) -> dict[str, float]:
+    """Return the values of everything that can be moved, as a stack has them."""
+    return {"G_f": stack.contact.G_f, "d_f": stack.contact.d_f, **stack.effect_values}
+
+
+def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
     """Return what can be moved: contact stiffness and damping, pressure, and the parameters of the effects."""
     contact = prepared.target.stack.contact
-    fit = tested.fit
-    G_f, d_f = (contact.G_f, contact.d_f) if fit is None else (fit.G_f.value, fit.d_f.value)
     low, high = (k * contact.pressure for k in _PRESSURES)
     first = [
         Knob(name="G_f", unit="Pa/Pa", lower=G_F_BOUNDS[0], upper=G_F_BOUNDS[1], start=G_f, logarithmic=True),
@@ -145,9 +186,11 @@ def knobs(tested: Tested, prepared: Prepared) -> tuple[Knob, ...]:
     )  # fmt: skip
 
 
-def outcome(prepared: Prepared, values: Mapping[str, float]) -> Outcome:
+def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     """Solve the reduced model for some values of its parameters."""
+    prepared = tried.prepared
     every = solve_every(prepared, values, ())
+    every = replace(every, frequency=every.frequency * np.interp(every.frequency, tried.natural, tried.ratio))
     modes = every.elastic()
     column = partners(prepared, modes)
     mode = np.flatnonzero(prepared.used & (column >= 0))
@@ -249,30 +292,3 @@ def response_chart(
             "uirevision": "kept",
         },
     )  # fmt: skip
-
-
-def write_specification(
-    path: Path,
-    campaign: Path,
-    effects: Sequence[str],
-    own: Sequence[Knob],
-    values: Mapping[str, float],
-    freed: Collection[str],
-) -> None:
-    """Write an updating file that frees some parameters and keeps the others at their values.
-
-    Those of effects begin with their values, too. The pressure is that of each configuration.
-    """
-    lines = [
-        'name = "What was tried in the workbench"',
-        f"effects = [{', '.join(json.dumps(e) for e in effects)}]",
-        "",
-        "[[campaign]]",
-        f"file = {json.dumps(str(campaign.absolute()), ensure_ascii=False)}",
-    ]
-    for knob in own:
-        if knob.name == "pressure" or (knob.name in CONTACT and knob.name in freed):
-            continue
-        what = "start" if knob.name in freed else "fixed"
-        lines += ["", f"[parameter.{knob.name}]", f"{what} = {values[knob.name]!r}"]
-    write_bytes(path, ("\n".join(lines) + "\n").encode())

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-from model import catalogue
-from updating.fitting.joint_fit import FittedParameter
-from updating.report.identified_model import what_was_found, with_identified_models
+from model import catalogue, find_effects
+from updating.diagnosis.explained_model import explained_stack
+from updating.report.identified_model import what_was_found
 from updating.report.results import Results
-from updating.workbench.what_if import CONTACT, Knob
+from updating.workbench.what_if import CONTACT, Knob, explained_values, explanation
 
-FIRST = "found by the diagnosis"
+FIRST = "identified by the diagnosis"
 NEXT = "tried by the diagnosis"
 
 
 def effect_choices(results: Results) -> list[dict[str, str]]:
-    """List every effect with its label and its family: what was found first, then the likeliest, then by family.
+    """List every effect with its label and its family: what was identified first, then the likeliest, then by family.
 
     The page searches titles and subtitles, so that a family's name finds all of its effects.
     """
@@ -70,8 +70,6 @@ def slider_rows(knobs: Sequence[Knob], effects: Sequence[str]) -> list[dict[str,
                 "name": own.name,
                 "step": own.step(own.start),
                 "text": own.text(own.start),
-                "free": own.name != "pressure",
-                "can": own.name != "pressure",
                 "head": head if head != last else "",
             }
         )
@@ -79,24 +77,14 @@ def slider_rows(knobs: Sequence[Knob], effects: Sequence[str]) -> list[dict[str,
     return rows
 
 
-def found_values(results: Results, configuration: str) -> tuple[tuple[str, ...], dict[str, float]]:
-    """Return the effects that were found and the values of all parameters of one configuration with them.
+def values_of(results: Results, configuration: str, effects: Sequence[str]) -> dict[str, float]:
+    """Return the values of everything that can be moved in a configuration, with effects as a diagnosis fitted them.
 
-    G_f and d_f are fitted again with the effects, which takes some seconds where no report did it before.
+    Without a diagnosis, they are those of the ledger.
     """
-    found = what_was_found(results)
-    if found is None:
-        return (), {}
-    values = dict(found.value)
-    for tested in with_identified_models(results).tested:
-        if tested.name == configuration and tested.identified is not None:
-            own = tested.identified.fit
-            values |= {"G_f": own.G_f.value, "d_f": own.d_f.value}
-    return found.effects, values
-
-
-def fitted_values(
-    parameters: Sequence[FittedParameter], configuration: str, configurations: Sequence[str]
-) -> Mapping[str, float]:
-    """Return the values of a fit that hold for one configuration: its own, and those that are shared."""
-    return {p.name: p.value for p in parameters if p.group == configuration or p.group not in configurations}
+    own = explanation(results, effects)
+    if own is None or results.diagnosis is None:
+        found = what_was_found(results)
+        return {} if found is None else dict(found.value)
+    known = find_effects(effects, catalogue())
+    return explained_values(explained_stack(results.diagnosis.stack, own, known, state=configuration))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,10 @@ from ema import read_campaign
 from ema.types.frf import FRF
 from model import Observed
 from updating.errors import LAMELLA_ERRORS
-from updating.fitting.prepared import Prepared
 from updating.fitting.target import model_file
-from updating.report.change_part import mode_changes, mode_chart
 from updating.report.identified_model import what_was_found
-from updating.report.results import Results, read_results
-from updating.results.text import Z95, percent, uncertain
+from updating.report.results import Results
+from updating.results.text import percent, quantity
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
 from updating.workbench.run import Command
@@ -27,31 +25,32 @@ from updating.workbench.what_if import (
     STEPS,
     Knob,
     Outcome,
+    Tried,
     driven,
+    explanation,
     knobs,
     outcome,
     outcome_chart,
-    prepared_model,
     response,
     response_chart,
-    write_specification,
+    tried_model,
 )
-from updating.workbench.what_if_effects import effect_choices, fitted_values, found_values, slider_rows
+from updating.workbench.what_if_effects import effect_choices, slider_rows, values_of
 
 TITLE, ICON = "What if", "mdi-tune-variant"
-_FILE, _FOLDER = "what_if.toml", "what_if"
 _STALE = "{ stale: preparing }"  # what is shown is of another model meanwhile
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Tried:
-    """What is being tried: the model, what can be moved, what it did first, and the functions that were measured."""
+class _Shown:
+    """What is being tried: the model, what can be moved, the functions that were measured, and the base model."""
 
-    prepared: Prepared
+    tried: Tried
     knobs: tuple[Knob, ...]
-    before: Outcome
     lines: FRF | None
     force: Observed | None
+    before: Outcome
+    before_force: Observed | None
 
 
 def room(server: Any, opened: Opened) -> None:
@@ -60,15 +59,14 @@ def room(server: Any, opened: Opened) -> None:
         {
             "effect_list": [], "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
             "preparing": False, "what_if_text": "", "response": empty(), "channel": 0, "channels": [],
-            "fitted_modes": empty(), "fitted_text": "", "fitting": False, "can_be_found": False,
+            "fitted_text": "", "fitting": False, "can_be_set": False,
         }
     )  # fmt: skip
     own = _WhatIf(server.state, opened)
     server.controller.move = own.move
-    server.controller.tick = own.tick
     server.controller.fit_what_if = own.fit
     server.controller.stop_what_if = own.command.stop
-    server.controller.set_to_found = own.set_to_found
+    server.controller.set_to_answer = own.set_to_answer
 
     @server.state.change("channel")
     def choose_channel(**_: Any) -> None:
@@ -85,7 +83,7 @@ class _WhatIf:
 
     def __init__(self, state: Any, opened: Opened) -> None:
         self.state, self.opened = state, opened
-        self._tried: _Tried | None = None
+        self._tried: _Shown | None = None
         self._values: dict[str, float] = {}
         self._now: Outcome | None = None
         self._awaited = False
@@ -99,10 +97,7 @@ class _WhatIf:
         with self.state as state:
             state.preparing, state.what_if_text = True, "Reducing the model, which takes some seconds."
             results = self.opened.results()
-            state.effect_list, state.can_be_found = (
-                effect_choices(results),
-                what_was_found(results) is not None,
-            )
+            state.effect_list, state.can_be_set = effect_choices(results), what_was_found(results) is not None
         try:
             tried = await asyncio.get_running_loop().run_in_executor(None, self._try, *wanted)
         except LAMELLA_ERRORS as error:
@@ -137,18 +132,24 @@ class _WhatIf:
             state.channel = int(at_point[0]) if at_point.size else 0
             self._draw(tried)
 
-    def _try(self, name: str, effects: list[str]) -> _Tried:
-        campaign = read_campaign(self.opened.campaign)
-        tested = self.opened.tested(name)
-        file = model_file(campaign, "what if")
-        made = prepared_model(tested, campaign.configuration(name), file, effects)
-        own = knobs(tested, made)
-        return _Tried(
-            prepared=made,
-            knobs=own,
-            before=outcome(made, {knob.name: knob.start for knob in own}),
+    def _try(self, name: str, effects: list[str]) -> _Shown:
+        campaign, results = read_campaign(self.opened.campaign), self.opened.results()
+        tested = next(own for own in results.tested if own.name == name)
+        state, file = campaign.configuration(name), model_file(campaign, "what if")
+        base = made = tried_model(results, tested, state, file, ())
+        if effects:
+            made = tried_model(results, tested, state, file, effects)
+        contact = base.prepared.target.stack.contact
+        start = {"G_f": contact.G_f, "d_f": contact.d_f}
+        if results.diagnosis is None and tested.fit is not None:
+            start = {"G_f": tested.fit.G_f.value, "d_f": tested.fit.d_f.value}
+        return _Shown(
+            tried=made,
+            knobs=knobs(made.prepared, **start),
             lines=tested.frf().band(*tested.measured.band) if tested.has_functions else None,
-            force=driven(tested, made),
+            force=driven(tested, made.prepared),
+            before=outcome(base, start),
+            before_force=driven(tested, base.prepared),
         )
 
     def _place(self, values: Mapping[str, float]) -> None:
@@ -162,20 +163,16 @@ class _WhatIf:
                 own |= {"step": knob.step(value), "text": knob.text(value)}
         self.state.sliders = sliders
 
-    async def set_to_found(self) -> None:
-        """Try the effects that were found, with every slider at the value that was found."""
-        with self.state as state:
-            state.preparing, state.what_if_text = True, "Fitting G_f and d_f with what was found."
-        try:
-            results, name = self.opened.results(), self.state.configuration
-            effects, values = await asyncio.get_running_loop().run_in_executor(
-                None, found_values, results, name
-            )
-        except LAMELLA_ERRORS as error:
-            with self.state as state:
-                state.preparing, state.what_if_text = False, str(error)
-            return
-        self._wanted = values
+    async def set_to_answer(self) -> None:
+        """Try the effects that were identified, with every slider at the value of the answer."""
+        results = self.opened.results()
+        found = what_was_found(results)
+        if found is not None:
+            await self._set(results, found.effects)
+
+    async def _set(self, results: Results, effects: Sequence[str]) -> None:
+        """Try effects, with every slider at the value that a diagnosis, or the ledger, has."""
+        self._wanted = values_of(results, self.state.configuration, effects)
         if list(effects) == list(self.state.tried_effects):
             await self.begin()
             return
@@ -205,8 +202,8 @@ class _WhatIf:
             except LAMELLA_ERRORS as error:
                 state.what_if_text = str(error)
 
-    def _draw(self, tried: _Tried) -> None:
-        now = self._now = outcome(tried.prepared, self._values)
+    def _draw(self, tried: _Shown) -> None:
+        now = self._now = outcome(tried.tried, self._values)
         self.state.outcome = figure(outcome_chart(tried.before, now))
         self.draw_response()
         self.state.outcome_text = (
@@ -221,31 +218,30 @@ class _WhatIf:
             tried is None
             or now is None
             or tried.force is None
+            or tried.before_force is None
             or tried.lines is None
             or not 0 <= output < tried.lines.output.node.size
         ):
             return
-        before, after = (response(own.modes, output, tried.force, tried.lines) for own in (tried.before, now))
+        before, after = (
+            response(own.modes, output, force, tried.lines)
+            for own, force in ((tried.before, tried.before_force), (now, tried.force))
+        )
         self.state.response = figure(response_chart(tried.lines, output, before, after))
 
-    def tick(self, index: int, free: bool) -> None:
-        """Free a parameter in the fit, or keep it where its slider is."""
-        sliders = [dict(own) for own in self.state.sliders]
-        if 0 <= index < len(sliders):
-            sliders[index]["free"] = free
-            self.state.sliders = sliders
-
     def fit(self) -> None:
-        """Write an updating file that frees what is ticked, and fit it."""
+        """Fit the effects that are tried to all configurations, as the command does it and with the same numbers."""
         state = self.state
-        freed = [own["name"] for own in state.sliders if own["free"]]
-        if self._tried is None or self.command.running or not freed:
+        if self._tried is None or self.command.running:
             return
-        path, folder = self.opened.folder / _FILE, self.opened.folder / _FOLDER
-        write_specification(
-            path, self.opened.campaign, state.tried_effects, self._tried.knobs, self._values, freed
-        )
-        words = ["update", str(path), "-o", str(folder)]
+        effects = [word for name in state.tried_effects for word in ("--effect", name)]
+        words = [
+            "fit" if effects else "diagnose",
+            str(self.opened.campaign),
+            "-o",
+            str(self.opened.folder),
+            *effects,
+        ]
         state.what_if_text, state.fitting = f"This is: {shlex.join(['lamella', *words])}", True
         self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._fitted))
 
@@ -259,26 +255,26 @@ class _WhatIf:
             if code != 0:
                 state.fitted_text = f"The fit ended with exit code {code}: {state.fitted_text}"
                 return
-            results = read_results(self.opened.folder / _FOLDER)
-            state.fitted_modes = figure(mode_chart(mode_changes(results)))
-            state.fitted_text = fitted_sentence(results)
-            if results.updated is not None and self._tried is not None:
-                own = fitted_values(results.updated.fit.parameter, state.configuration, state.configurations)
-                self._place(own)
-                self._draw(self._tried)
+            results, effects = self.opened.results(), list(state.tried_effects)
+            state.fitted_text = fitted_sentence(results, effects)
+        await self._set(results, effects)
 
 
-def fitted_sentence(results: Results) -> str:
-    """Say what a fit changed: the error before and after, and each parameter with half of its 95 % interval."""
-    if results.updated is None:
+def fitted_sentence(results: Results, effects: Sequence[str]) -> str:
+    """Say what effects change, as a diagnosis fitted them: errors before and after, and parameters with intervals."""
+    own = explanation(results, effects)
+    if own is None or results.diagnosis is None:
         return ""
-    fit = results.updated.fit
-    values = (
-        f"{p.name} {p.group}".strip() + f" = {uncertain(p.value, Z95 * p.std)} {p.unit}"
-        for p in fit.parameter
+    base = results.diagnosis.ranked(())
+    values = [
+        f"{p.name} = {quantity(p.value, p.unit)} ({quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)})"
+        for p in own.parameter
+    ]
+    fall = (
+        f"Mean frequency error {percent(base.frequency_error)} before and {percent(own.frequency_error)} after the "
+        f"fit, of modes left out {percent(base.left_out_error)} and {percent(own.left_out_error)}"
     )
-    fall = f"{percent(fit.error(before=True))} before and {percent(fit.error())} after"
-    return f"Mean frequency error {fall} the fit. {'; '.join(values)}"
+    return f"{'; '.join([fall, *values])}."
 
 
 def show(server: Any) -> None:
@@ -298,8 +294,8 @@ def show(server: Any) -> None:
                 classes="text-caption",
             )
             vuetify3.VBtn(
-                "Set to what was found", click=controller.set_to_found, id="set-to-found", classes="mt-1",
-                disabled=("preparing || fitting",), v_if="can_be_found", size="small", variant="tonal",
+                "Set to what was identified", click=controller.set_to_answer, id="set-to-answer", classes="mt-1",
+                disabled=("preparing || fitting",), v_if="can_be_set", size="small", variant="tonal",
             )  # fmt: skip
             vuetify3.VProgressLinear(indeterminate=True, v_if="preparing")
             with (
@@ -307,10 +303,6 @@ def show(server: Any) -> None:
                 html.Div(classes="mt-2 slider d-flex align-center flex-wrap"),
             ):
                 html.H2("{{ own.head }}", v_if="own.head", classes="text-subtitle-2 w-100 slider-head")
-                vuetify3.VCheckboxBtn(
-                    model_value=("own.free",), disabled=("!own.can",), density="compact", style="flex: 0 0 auto",
-                    update_modelValue=(controller.tick, "[i, $event]"),
-                )  # fmt: skip
                 with html.Div(style="flex: 1 1 auto; min-width: 0"):
                     html.Div("{{ own.name }} = <b>{{ own.text }}</b>", classes="text-body-2")
                     vuetify3.VSlider(
@@ -320,11 +312,12 @@ def show(server: Any) -> None:
             with html.Div(classes="d-flex ga-2 mt-2"):
                 vuetify3.VBtn(
                     "Fit these", click=controller.fit_what_if, color="primary", id="fit-these",
-                    disabled=("fitting || !sliders.some((own) => own.free)",),
+                    disabled=("fitting || preparing || !sliders.length",),
                 )  # fmt: skip
                 vuetify3.VBtn("Stop", click=controller.stop_what_if, color="error", v_if="fitting")
             html.P(
-                "What is ticked is fitted, for all configurations together; the rest stays where its slider is.",
+                "Fits the effects that are tried to all configurations together, as lamella fit --effect does, "
+                "and puts the sliders where the fit ends.",
                 classes="text-caption",
             )
             html.P("{{ what_if_text }}", classes="text-body-2 mt-2", id="what-if-text")
@@ -343,5 +336,3 @@ def show(server: Any) -> None:
             plot("response", 320)
     vuetify3.VProgressLinear(indeterminate=True, v_if="fitting")
     html.P("{{ fitted_text }}", classes="text-subtitle-1 mt-2", id="fitted-text")
-    with html.Div(v_show="fitted_modes.data.length"):
-        plot("fitted_modes", 320)
