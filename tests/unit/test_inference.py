@@ -49,6 +49,9 @@ class Chain:
     def about(self, coordinates, points):
         return Chain(self.states, tuple(coordinates))
 
+    def screen(self, x, state):
+        return None
+
     def modal(self, x, state):
         names = [c.name for c in self.coordinates]
         stiffness, mass, change = matrices(dict(zip(names, x, strict=True)))

@@ -13,7 +13,9 @@ from updating.diagnosis import evidence
 from updating.diagnosis.candidates import candidate_model
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.stack_model import StackModel
+from updating.inference.equation_error import equation_errors
 from updating.inference.explain import coordinates_of
+from updating.inference.screen import _changed
 
 STACK = dataclasses.replace(
     read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=40, mesh=Mesh(n_x=8, n_y=2)
@@ -96,3 +98,36 @@ def test_derivatives_by_what_moves_are_those_of_differences(whole):
         k = list(found.moves).index(i)
         expected = np.diag(found.stiffness[k]) - found.eigenvalue * np.diag(found.mass[k])
         np.testing.assert_allclose(slope, expected[6:12], rtol=1e-3, atol=1e-4 * found.eigenvalue[11])
+
+
+@pytest.mark.parametrize(("name", "far"), [("clamp_added_mass", 0.02), ("G_yz_ratio", 0.15)])
+def test_a_screen_turns_modes_of_a_changed_stack_into_errors_that_its_change_takes_back(whole, name, far):
+    """The errors that a change leaves in the plain model's equations vanish as the screen adds that change."""
+    coordinates = coordinates_of(whole, tuple(whole.terms.values()))
+    i = [c.name for c in coordinates].index(name)
+    near = whole.about(coordinates, [np.zeros(len(coordinates))])
+    x = far * np.eye(len(coordinates))[i] * np.sign(coordinates[i].upper)
+    changed, screen = near.modal(x, 0), near.screen(np.zeros(x.size), 0)
+    seen = slice(changed.n_rigid, changed.n_rigid + N_SEEN)
+    shape = screen.modal.rows @ np.linalg.lstsq(screen.modal.rows, changed.rows[:, seen])[0]
+    each = np.broadcast_to(changed.damping, (N_SEEN, *changed.damping.shape[1:]))
+    damping = np.einsum("rrr->r", each[:, seen, seen]) / (2.0 * np.sqrt(changed.eigenvalue[seen]))
+    state = dataclasses.replace(
+        whole.states[0],
+        frequency=np.sqrt(changed.eigenvalue[seen]) / (2.0 * np.pi),
+        damping=damping,
+        shape=shape / np.linalg.norm(shape, axis=0),
+    )
+    errors = equation_errors(state, screen.modal, np.full(N_SEEN, 1e-4), x.size)
+    value, loss = _changed(state, errors, screen.modal, screen.change(x))
+    after = errors.value + value[:, 0].reshape(errors.value.shape)
+    before, left = (
+        np.sum(own * errors.weight, axis=1) for own in (errors.value, after)
+    )  # what sensors see surely
+    np.testing.assert_allclose(left, 0.0, atol=0.05 * np.abs(before).max())
+    if name == "clamp_added_mass":  # what modes beyond lose is left out
+        np.testing.assert_allclose(errors.damping + loss[:, 0], 0.0, atol=0.2 * np.abs(errors.damping).max())
+    step = screen.change(x * 1.001)
+    assert step is not None
+    slope = (_changed(state, errors, screen.modal, step)[0][:, 0] - value[:, 0]) / (1e-3 * x[i])
+    np.testing.assert_allclose(value[:, 1], slope, rtol=0.02, atol=0.02 * np.abs(slope).max())

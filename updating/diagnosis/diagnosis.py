@@ -124,8 +124,10 @@ def conclude(
     every = [x for x in found.fitted.values() if set(x.terms) in [set(names) for names in asked]]
     ranking = rank(model, found, first, (*decision.steps, *left, *every))
     of = {own.effects: own for own in ranking}
-    seen = [visibility(model, found, x) for x in left or (base,)]
-    excluded = sorted(set.intersection(*(set(ruled_out(own)) for own in seen)))
+    seen = visibility(model, found, first)
+    excluded = list(ruled_out(seen))
+    for x in left[1:]:
+        excluded = list(ruled_out(visibility(model, found, x, excluded)))
     if decision.verdict == "unlike anything":
         excluded = []
     shown = {*excluded, *(name for x in left for name in x.terms)}  # perhaps only beside what was identified
@@ -158,7 +160,7 @@ def conclude(
             x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:_SHOWN]
         },
         ruled_out=tuple(excluded),
-        not_visible=tuple(name for name in not_visible(seen[0]) if name not in shown),
+        not_visible=tuple(name for name in not_visible(seen) if name not in shown),
         lacking=_lacking(model, first),
         impossible=evidence.impossible,
         sensor_gains=sensor_gains(first),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -23,6 +24,7 @@ from updating.diagnosis.evidence import (
     Tested,
     unit_shape,
 )
+from updating.diagnosis.finer_mesh import FinerMesh
 from updating.diagnosis.hypotheses import (
     FALL,
     GAIN,
@@ -38,7 +40,7 @@ from updating.diagnosis.hypotheses import (
 )
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect
-from updating.diagnosis.stack_near import RATIOS, RIGID, FinerMesh, StackNear, StackState, generic
+from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear, StackState, generic
 from updating.inference.protocol import Coordinate, State, Term
 
 Vector = NDArray[np.float64]
@@ -178,7 +180,7 @@ class StackModel:
         """Whether laminas touch: one alone has no contact."""
         return self.stack.n_lamina > 1
 
-    @property
+    @cached_property
     def nuisances(self) -> tuple[Coordinate, ...]:
         """Coordinates of the base model."""
         s, contact = self.scatter, self.stack.contact
@@ -217,7 +219,7 @@ class StackModel:
             ]
         return tuple(found)
 
-    @property
+    @cached_property
     def terms(self) -> dict[str, Term]:
         """Every effect of the catalogue that the stack can have, and what may be wrong with the measurement."""
         return {
@@ -228,7 +230,7 @@ class StackModel:
             **{name: Term(name=name, frees=frees) for name, frees in self.hypotheses.items()},
         }
 
-    @property
+    @cached_property
     def hypotheses(self) -> dict[str, dict[str, float]]:
         """What may have been stated or measured wrongly: of each, the nuisances whose prior it widens."""
         known = [c.name for c in self.nuisances]
@@ -245,7 +247,7 @@ class StackModel:
         }
         return {name: frees for name, frees in found.items() if frees and (name != WINDOW or self.touching)}
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """Parameters of all effects by name."""
         return shared_parameters(self.effects.values())

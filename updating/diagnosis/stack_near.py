@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,17 +12,19 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Effect, Observation, Parameter, ReducedEquations, observe
+from model import Effect, Parameter, ReducedEquations
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import ReducedTerm
-from model.reduction.shared_range import InRange, Matrix
-from updating.diagnosis.candidates import EXTRAPOLATED, CandidateModel
+from model.reduction.shared_range import InRange, Matrix, summed
+from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.diagnosis.stack_screen import StackScreen
 from updating.inference.protocol import Coordinate, Modal, State
 
 Vector = NDArray[np.float64]
 
+TARGETS: tuple[Target, ...] = ("K", "M")
 RATIOS = ("young", "density", "normal_modulus")
 """Nuisances that are logarithms of a ratio and parameters of the model."""
 N_FURTHER = 13
@@ -106,50 +109,6 @@ class _Part:
     matrix: Vector
 
 
-class FinerMesh:
-    """What an ever finer mesh adds to the stiffness between the base model's modes (Richardson 1911)."""
-
-    def __init__(self, candidates: CandidateModel) -> None:
-        self.finer = candidates.finer
-        if self.finer is None:
-            return
-        stack = candidates.stack
-        x, y = (np.linspace(-0.5, 0.5, n) * size for n, size in ((9, stack.length), (4, stack.width)))
-        z = np.linspace(-0.5, 0.5, 5) * stack.height
-        location = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-        n = len(location)
-        everywhere = Observation(
-            node=np.tile(np.arange(n), 3),
-            location=np.tile(location, (3, 1)),
-            direction=np.repeat(np.eye(3), n, axis=0),
-        )
-        self.rows = observe(candidates.system, everywhere).reduced_rows
-        self.finer_rows = observe(self.finer, everywhere).reduced_rows
-        self.finer_equations = self.finer.equations
-
-    def change(
-        self, theta: Mapping[str, float], eigenvalue: Vector, vectors: Vector, rigid: float
-    ) -> Vector | None:
-        """Return what an ever finer mesh adds to the modal stiffness, (m, m), of modes (n_basis, m).
-
-        Modes of eigenvalues below `rigid` are rigid-body motion.
-        """
-        if self.finer is None:
-            return None
-        finer = self.finer_equations
-        at = {name: theta[name] for name in finer.theta}
-        value, vector = la.eigh(finer.matrix("K", at), finer.matrix("M", at))
-        m = eigenvalue.size
-        turn = la.lstsq(self.rows @ vectors, self.finer_rows @ vector[:, :m])[0]
-        u, _, v = la.svd(turn)
-        turn = u @ v
-        found = turn @ np.diag(np.where(value[:m] < rigid, 0.0, value[:m])) @ turn.T
-        change = EXTRAPOLATED * (found - np.diag(np.where(eigenvalue < rigid, 0.0, eigenvalue)))
-        change[eigenvalue < rigid] = 0.0
-        change[:, eigenvalue < rigid] = 0.0
-        return np.asarray((change + change.T) / 2.0)
-
-
 def generic(theta: Mapping[str, float], moving: Iterable[str]) -> dict[str, float]:
     """Return parameters at which no factor vanishes by chance, for those that move."""
     return {**theta, **{name: 1.0123 * theta[name] + 1.01e-3 for name in moving}}
@@ -201,6 +160,8 @@ class StackNear:
         ]
         terms = whole.acting(thetas, moving)
         step = {c.name: c.step for c in coordinates}
+        self._by_place = self._placed(terms, thetas[:n_state])
+        terms = [(term, names) for term, names in terms if not names & frozenset(self.near)]
         self._basis(terms, thetas, step, self._elsewhere(coordinates))
         self._parts(terms, thetas[:n_state])
 
@@ -216,6 +177,25 @@ class StackNear:
         self.of_target = {t: [p for p in parts if p.target == t] for t in "KMC"}
         self.stacked = {t: np.array([p.matrix for p in own]) for t, own in self.of_target.items()}
 
+    def _placed(
+        self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
+    ) -> list[dict[tuple[str, Target], Vector]]:
+        """Return the derivatives of K and M, (n_basis, n_basis), by each place in each state, where there are any."""
+        n, found = self.whole.equations.size, list[dict[tuple[str, Target], Vector]]()
+        made: dict[tuple[str, Target, tuple[float, ...]], Vector] = {}
+        for theta in thetas:
+            found.append({})
+            for name, target in itertools.product(self.near, TARGETS):
+                acting = [t for t, names in terms if name in names and t.target == target]
+                derivative = tuple(t.factor.derivative(theta, name) for t in acting)
+                if any(derivative):
+                    if (name, target, derivative) not in made:
+                        made[name, target, derivative] = summed(
+                            n, ((d, t.matrix) for d, t in zip(derivative, acting, strict=True) if d)
+                        )
+                    found[-1][name, target] = made[name, target, derivative]
+        return found
+
     def _basis(
         self,
         terms: Sequence[tuple[ReducedTerm, frozenset[str]]],
@@ -225,13 +205,18 @@ class StackNear:
     ) -> None:
         """Choose the basis: modes at every point, and how the lowest answer to each coordinate that moves."""
         whole, blocks, n_basis = self.whole, list[Vector](), self.n_equation + N_FURTHER
-        reference = None
+        reference, n_state = None, len(whole.measured)
+        self._whole_matrices: list[dict[str, Vector]] = []
         self.mesh: list[Vector | None] = []
-        self._forces: list[Vector] = []
+        self._inertia: list[Vector] = []
         for c, theta in enumerate(thetas):
             stiffness, mass = (whole.equations.matrix(t, theta) for t in ("K", "M"))
             value, vector = la.eigh(stiffness, mass)
             floor = value[value > whole.rigid][0]
+            if c < n_state:
+                self._whole_matrices.append(
+                    {"K": stiffness, "M": mass, "C": whole.equations.matrix("C", theta)}
+                )
             if reference is None:
                 first_mass = mass
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
@@ -241,7 +226,7 @@ class StackNear:
             lam = np.maximum(value[: self.n_equation], floor)
             below = value[n_basis:, None] - lam
             slope = whole.theta(self.first, 0)[1]
-            state = c % len(whole.measured)
+            state = c % n_state
             variants = [dict(theta), *(whole.theta(at, state)[0] for at in elsewhere)]
             force: dict[tuple[str, int], Vector] = {}
             for term, names in terms:
@@ -256,21 +241,27 @@ class StackNear:
                                 image = _times(term.matrix, low)
                                 image = -image * value[: self.n_equation] if term.target == "M" else image
                             force[name, i] = force.get((name, i), 0.0) + derivative * image
-            for (name, i), own in force.items():
-                if i and (name, 0) in force and _parallel(own, force[name, 0]):
-                    continue
-                answer = (
-                    beyond @ ((beyond.T @ own) / below) * (step[name] * slope.get(name, 1.0)) / np.sqrt(lam)
-                )
-                blocks.append(answer * size[0])
-            if c < len(whole.measured):
-                for name in self.sized:
-                    own = self._sized(name, theta, low, value[: self.n_equation])
-                    answer = beyond @ ((beyond.T @ own) / below) * step[name] / np.sqrt(lam)
-                    blocks.append(answer * size[0])
-                finer, forces = whole.finer_mesh(theta)
+            for (name, target), matrix in self._by_place[state].items():
+                image = matrix @ low
+                image = -image * value[: self.n_equation] if target == "M" else image
+                force[name, 0] = force.get((name, 0), 0.0) + image
+            answering = [
+                (own, step[name] * slope.get(name, 1.0))
+                for (name, i), own in force.items()
+                if not (i and (name, 0) in force and _parallel(own, force[name, 0]))
+            ]
+            if c < n_state:
+                answering += [
+                    (self._sized(name, theta, low, value[: self.n_equation]), step[name])
+                    for name in self.sized
+                ]
+            if answering:
+                forces = np.hstack([own * (size[0] * small / np.sqrt(lam)) for own, small in answering])
+                blocks.append(beyond @ ((beyond.T @ forces) / np.tile(below, len(answering))))
+            if c < n_state:
+                finer, inertia = whole.finer_mesh(theta)
                 self.mesh.append(finer)
-                self._forces.append(forces)
+                self._inertia.append(inertia)
         assert reference is not None
         energy = reference.T @ np.hstack(blocks) / size[0]
         if energy.shape[1] > 2 * energy.shape[0]:
@@ -303,36 +294,28 @@ class StackNear:
                 projected[id(matrix)] = self.basis.T @ _times(matrix, self.basis)
             return projected[id(matrix)]
 
-        n, near = self.size, frozenset(self.near)
-        parts: list[_Part] = []
+        n = self.size
+        parts = [_Part(t.target, t.factor, names, project(t.matrix)) for t, names in terms if names]
         self.linear = {t: np.zeros((len(thetas), len(self.near) + len(self.sized), n, n)) for t in "KM"}
         fixed = {t: np.zeros((len(thetas), n, n)) for t in "KMC"}
-        for term, names in terms:
-            if names & near:
-                for c, theta in enumerate(thetas):
-                    share = term.factor(theta)
-                    if share:
-                        fixed[term.target][c] += share * project(term.matrix)
-                    for name in names & near:
-                        derivative = term.factor.derivative(theta, name)
-                        if derivative and term.target != "C":
-                            self.linear[term.target][c, self.near.index(name)] += derivative * project(
-                                term.matrix
-                            )
-            elif names:
-                parts.append(_Part(term.target, term.factor, names, project(term.matrix)))
-            else:
-                for c, theta in enumerate(thetas):
-                    fixed[term.target][c] += term.factor(theta) * project(term.matrix)
+        for c, theta in enumerate(thetas):
+            for target in "KMC":
+                moving = sum(
+                    (p.factor(theta) * p.matrix for p in parts if p.target == target), np.zeros((n, n))
+                )
+                fixed[target][c] = project(self._whole_matrices[c][target]) - moving
+            for (name, target), matrix in self._by_place[c].items():
+                self.linear[target][c, self.near.index(name)] = project(matrix)
         for i, name in enumerate(self.sized, len(self.near)):
             for c, theta in enumerate(thetas):
                 for target, change in self.whole.dimension(name, theta).items():
                     self.linear[target][c, i] = self.basis.T @ change @ self.basis
         for c, finer in enumerate(self.mesh):
             if finer is not None:
-                forces = self.basis.T @ self._forces[c]
+                forces = self.basis.T @ self._inertia[c]
                 fixed["K"][c] += forces @ finer @ forces.T
         self.fixed = fixed
+        del self._whole_matrices, self._by_place, self._inertia
         self._stack(parts)
         self.rows = [own.rows @ self.basis for own in self.whole.measured]
         self.slopes = [own.slope @ self.basis for own in self.whole.measured]
@@ -369,8 +352,7 @@ class StackNear:
         """Return the model of a state at coordinates."""
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
-        matrix = self._matrices(at, theta, state)
-        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
+        value, every, matrix = self.solved(x, state)
         vector, beyond = every[:, : self.n_equation], value[self.n_equation :]
         value = value[: self.n_equation]
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))
@@ -432,6 +414,17 @@ class StackNear:
             of_mode_moves=np.array(sorted(of_mode_change), dtype=np.intp),
             of_mode_change=np.array([of_mode_change[i] for i in sorted(of_mode_change)]),
         )
+
+    def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
+        """Return all eigenvalues and modes of the local equations at coordinates, and K, M and C."""
+        at = dict(zip(self.names, x.tolist(), strict=True))
+        matrix = self._matrices(at, self.whole.theta(at, state)[0], state)
+        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
+        return value, every, matrix
+
+    def screen(self, x: Vector, state: int) -> StackScreen:
+        """Return a state at a point with every term between the modes there."""
+        return StackScreen(self, x, state)
 
     def _matrices(self, at: Mapping[str, float], theta: Mapping[str, float], state: int) -> dict[str, Vector]:
         """Return K, M and C of a state; dimensions act from the nominal ones, places from those of the first point."""

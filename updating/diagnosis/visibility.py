@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,14 +37,25 @@ class Visible:
     excluded: bool = False
 
 
-def visibility(model: StackModel, found: Search, own: Explanation) -> dict[str, dict[str, Visible]]:
+def visibility(
+    model: StackModel, found: Search, own: Explanation, among: Collection[str] | None = None
+) -> dict[str, dict[str, Visible]]:
     """Return what the data say of the parameters of all effects that an explanation lacks, each beside it alone.
 
     To first order, but what a linear step calls excluded or visible of an effect of one parameter is asked of the
     model at that strength, for many effects saturate.
+
+    Parameters
+    ----------
+    model, found, own
+        The model, the search, and the explanation.
+    among : collection of str, optional
+        Effects of which this is asked; by default all.
     """
     terms = [model.terms[n] for n in own.terms]
-    further = [model.terms[n] for n in model.effects if n not in own.terms]
+    further = [model.terms[n] for n in model.effects if n not in own.terms and (among is None or n in among)]
+    if not further:
+        return {}
     coordinates = coordinates_of(model, [*terms, *further])
     have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
     point = np.array([have.get(c.name, 0.0) for c in coordinates])
@@ -67,36 +78,54 @@ def visibility(model: StackModel, found: Search, own: Explanation) -> dict[str, 
                 old = seen.setdefault(term.name, {}).get(c.name)
                 if old is None or new.std < old.std:
                     seen[term.name][c.name] = new
+    here = _left(model, found, own, local)
     for term in further:
         if len(term.coordinates) == 1:
             (name,) = seen[term.name]
-            seen[term.name][name] = _asked(model, found, own, local, term, seen[term.name][name])
+            seen[term.name][name] = _asked(model, found, own, local, term, seen[term.name][name], here)
     return seen
 
 
+def _left(
+    model: StackModel,
+    found: Search,
+    own: Explanation,
+    local: LocalModel,
+    further: tuple[Term, float] | None = None,
+) -> float:
+    """Return the misfit with a further term at a value of its coordinate, all else fitted."""
+    more = [] if further is None else [further[0]]
+    coordinates = coordinates_of(model, [*(model.terms[n] for n in own.terms), *more])
+    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    at = {**have, **({} if further is None else {further[0].coordinates[0].name: further[1]})}
+    x = np.array([at[c.name] for c in coordinates])
+    try:
+        problem = joined(errors_at(model, local.of(coordinates), found.setting, x), found.setting.common)
+    except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
+        return np.inf
+    return rise(problem, x, coordinates, own.evidence.sizes, [c.name in have for c in coordinates])
+
+
 def _asked(
-    model: StackModel, found: Search, own: Explanation, local: LocalModel, term: Term, first: Visible
+    model: StackModel,
+    found: Search,
+    own: Explanation,
+    local: LocalModel,
+    term: Term,
+    first: Visible,
+    here: float,
 ) -> Visible:
-    """Return the same by the model at the usual strength and at the ends of the range, where first order shows any."""
+    """Return the same by the model at the usual strength and at the ends of the range, where first order shows any.
+
+    `here` is the misfit without the term.
+    """
     (p,), (c,) = model.effects[term.name].parameters, term.coordinates
-    coordinates = coordinates_of(model, [*(model.terms[n] for n in own.terms), term])
-    near = local.of(coordinates)
-    have = {k.name: x for k, x in zip(own.coordinates, own.x, strict=True)}
-    fitted = [k.name in have for k in coordinates]
 
     def left(value: float) -> float:
-        """Return the misfit with the effect at a value, all else fitted."""
-        at = {**have, c.name: value}
-        x = np.array([at[k.name] for k in coordinates])
-        try:
-            problem = joined(errors_at(model, near, found.setting, x), found.setting.common)
-        except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
-            return np.inf
-        return rise(problem, x, coordinates, own.evidence.sizes, fitted)
+        return _left(model, found, own, local, (term, value))
 
     nominal = coordinate_of(p, p.nominal)
     sides = (nominal, -nominal) if p.lower < p.neutral < p.upper else (nominal,)
-    here = left(0.0)
     if all(abs(side - first.estimate) > EXCLUDED * first.std for side in sides) and all(
         left(side) - here > EXCLUDED**2 for side in sides
     ):

@@ -226,6 +226,11 @@ def _gaps(modal: Modal, omega: Vector) -> tuple[Vector, Vector]:
     return np.where(np.abs(gap) < 1e-9, 1e-9, gap), scale
 
 
+def scales(state: State, modal: Modal) -> Vector:
+    """Return what each equation error of each measured mode is relative to, (n, m), (rad/s)**2."""
+    return _gaps(modal, 2.0 * np.pi * state.frequency)[1]
+
+
 def _loss(state: State, modal: Modal, weight: Vector, n_coordinate: int) -> tuple[Vector, Vector]:
     """Return a' C a of each measured mode, (n,), and minus the derivatives of its logarithm, (n, n_coordinate)."""
     n, m = weight.shape

@@ -199,7 +199,6 @@ def explain(
     coordinates = coordinates_of(model, terms)
     lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
     precision = np.array([c.std**-2.0 for c in coordinates])
-    longest = np.array([c.longest for c in coordinates])
     log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
@@ -217,7 +216,7 @@ def explain(
         for _ in range(steps):
             after = np.inf
             while after >= at and damp < _STUCK:
-                trial = _step(white, problem, x, precision, lower, upper, longest, damp)
+                trial = step_within(*_newton(white, problem, x, precision), x, coordinates, damp=damp)
                 try:
                     trial_errors = errors_at(model, here, setting, trial)
                     trial_problem = joined(trial_errors, setting.common)
@@ -275,14 +274,12 @@ def outlook(
         The model has no modes there.
     """
     coordinates = coordinates_of(model, terms)
-    lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
     precision = np.array([c.std**-2.0 for c in coordinates])
-    longest = np.array([c.longest for c in coordinates])
     problem = joined(errors_at(model, local, setting, x), setting.common)
     cost = _Cost(precision, sizes)
     white = cost.whitened(problem)
-    to = _step(white, problem, x, precision, lower, upper, longest, 1e-3)
     slope, hessian = _newton(white, problem, x, precision)
+    to = step_within(slope, hessian, x, coordinates, damp=1e-3)
     step = to - x
     return -cost.total(white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
 
@@ -301,18 +298,25 @@ def _evidence(
     return evidence(stiffness, damping, problem, x, precision, log_prior, priors), (stiffness, damping)
 
 
-def _step(
-    white: tuple[Vector, Vector, float],
-    problem: Problem,
-    x: Vector,
-    precision: Vector,
-    lower: Vector,
-    upper: Vector,
-    longest: Vector,
-    damp: float,
+def step_within(
+    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float
 ) -> Vector:
-    """Return where a damped step leads that leaves no bound and is nowhere longer than it may be."""
-    slope, hessian = _newton(white, problem, x, precision)
+    """Return where a damped step leads that leaves no bound and is nowhere longer than it may be.
+
+    Parameters
+    ----------
+    slope, hessian : (n_coordinate,) and (n_coordinate, n_coordinate)
+        Gradient of the cost at `x` and approximation of its Hessian.
+    x : (n_coordinate,)
+        From where.
+    coordinates : sequence of Coordinate
+        Bounds and longest steps.
+    damp : float
+        Added to the scaled diagonal of the Hessian (Levenberg and Marquardt).
+    """
+    lower, upper, longest = (
+        np.array([getattr(c, what) for c in coordinates]) for what in ("lower", "upper", "longest")
+    )
     free = ~(((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0)))
     step = np.zeros(x.size)
     step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free], damp=damp + 1e-9)

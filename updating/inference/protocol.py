@@ -153,6 +153,42 @@ class Modal:
     of_mode_change: Vector = field(default_factory=lambda: np.zeros(0))
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Change:
+    """What a model changes between the modes at one point on the way to another, and its derivatives there.
+
+    Attributes
+    ----------
+    moved : (k,) int
+        Coordinates that differ between the two points.
+    stiffness, mass : (1 or n_measured, M, m) and (k, 1 or n_measured, M, m) float
+        Changes of the matrices between all modes, those beyond the equations last, and those in equations, for each
+        measured mode where they depend on frequency; and their derivatives by `moved` at the second point.
+    damping : (1 or n_measured, m, m) and (k, 1 or n_measured, m, m) float
+        The same of damping, between the modes in equations.
+    stiffness_beyond, mass_beyond : (1 or n_measured, M - m) and (k, 1 or n_measured, M - m) float
+        Changes of the diagonal of the modes beyond, and their derivatives.
+    """
+
+    moved: NDArray[np.intp]
+    stiffness: tuple[Vector, Vector]
+    mass: tuple[Vector, Vector]
+    damping: tuple[Vector, Vector]
+    stiffness_beyond: tuple[Vector, Vector]
+    mass_beyond: tuple[Vector, Vector]
+
+
+class Screen(Protocol):
+    """A state of a local model at one point, with what its terms change between the modes there."""
+
+    @property
+    def modal(self) -> Modal:
+        """The model at the point."""
+
+    def change(self, x: Vector) -> Change | None:
+        """Return the change on the way to coordinates `x`; None where modal matrices do not say it."""
+
+
 class LocalModel(Protocol):
     """A model that holds near the point about which it was made."""
 
@@ -161,6 +197,12 @@ class LocalModel(Protocol):
 
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates `x`; raises numpy.linalg.LinAlgError where it has no modes."""
+
+    def screen(self, x: Vector, state: int) -> Screen | None:
+        """Return a state at coordinates `x` with what terms change there; None where the model itself is to be asked.
+
+        Raises as `modal` does.
+        """
 
 
 class Model(Protocol):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,6 +25,7 @@ from updating.inference.levels import (
     RISES,
 )
 from updating.inference.protocol import Coordinate, Model, Term
+from updating.inference.screen import screened
 
 Vector = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
@@ -284,21 +284,7 @@ def extended(
     local = model.about(
         coordinates, [np.array([own.get(c.name, 0.0) for c in coordinates]) for own in origins]
     )
-    ahead: dict[str, tuple[float, Vector]] = {}
-    for term in further:
-        terms = [*present, term]
-        together = coordinates_of(model, terms)
-        near = local.of(together)
-        new = [c for c in together if c.name not in have]
-        for values, origin in itertools.product(itertools.product(*(c.starts for c in new)), origins):
-            own = {**origin, **dict(zip((c.name for c in new), values, strict=True))}
-            start = np.array([own[c.name] for c in together])
-            try:
-                one = outlook(model, terms, common, start, near, at.evidence.sizes)
-            except (np.linalg.LinAlgError, ValueError):  # no modes at this start
-                continue
-            if term.name not in ahead or one[0] > ahead[term.name][0]:
-                ahead[term.name] = one
+    ahead = screened(model, common, present, further, origins, local, at.evidence.sizes)
     now = outlook(model, present, common, at.x, local.of(at.coordinates), at.evidence.sizes)[0]
     found = []
     for i, name in enumerate(sorted(ahead, key=lambda n: -ahead[n][0])[:last]):

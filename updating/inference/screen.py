@@ -1,0 +1,203 @@
+"""A screening of all terms: what one step from each of their starts is expected to reach.
+
+A change of the model acts linearly on equation errors, whatever its size, for given modal coordinates of the measured
+modes. So the errors at a start of a term are those at the origin, where the term is neutral, and
+-phi_s' (dK - lambda_r dM) Phi a_r / (omega_s omega_r): no modes are solved for, and all covariances are those of the
+origin. What comes out best is then asked of the model itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.discrepancy import Problem, Sizes, joined
+from updating.inference.equation_error import Errors, equation_errors, scales
+from updating.inference.explain import Setting, coordinates_of, outlook, step_within
+from updating.inference.protocol import Change, Coordinate, LocalModel, Modal, Model, Screen, State, Term
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Origin:
+    """Errors at a point with the derivatives by the coordinates of all terms, whitened, and what whitens them."""
+
+    x: Vector
+    screens: tuple[Screen, ...]
+    errors: tuple[Errors, ...]
+    problem: Problem
+    roots: tuple[Vector, Vector]
+    value: Vector
+    jacobian: Vector
+    log: float
+
+
+def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes: Sizes) -> _Origin | None:
+    """Put the measured modes into the model at a point; None where the model says nothing of changes there."""
+    screens = [local.screen(x, c) for c in range(len(model.states))]
+    if any(own is None for own in screens):
+        return None
+    known = tuple(own for own in screens if own is not None)
+    errors = tuple(
+        equation_errors(state, own.modal, noise, x.size)
+        for state, own, noise in zip(model.states, known, setting.noise, strict=True)
+    )
+    problem = joined(errors, setting.common)
+    roots = tuple(
+        la.cholesky(noise + size**2 * common, lower=True, check_finite=False)
+        for noise, common, size in (
+            (problem.noise, problem.discrepancy, sizes.stiffness),
+            (problem.damping_noise, problem.damping_discrepancy, sizes.damping),
+        )
+    )
+    stiffness, damping = (
+        la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True, check_finite=False)
+        for root, value, jacobian in (
+            (roots[0], problem.value, problem.jacobian),
+            (roots[1], problem.damping, problem.damping_jacobian),
+        )
+    )
+    white = np.vstack([stiffness, damping])
+    log = sum(float(np.sum(np.log(np.diag(root)))) for root in roots) - problem.log_map
+    return _Origin(x, known, errors, problem, (roots[0], roots[1]), white[:, 0], white[:, 1:], log)
+
+
+def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tuple[Vector, Vector]:
+    """Return equation errors and logarithms of damping after a change less those before, and their derivatives.
+
+    Modes beyond the equations take part as they answer to the change (static condensation, their stiffness taken as
+    diagonal). Column 0 has the differences, the others the derivatives by the coordinates that moved: (n * m, 1 + k),
+    (n, 1 + k).
+    """
+    weight, lam, m = errors.weight, errors.eigenvalue[:, None], errors.weight.shape[1]
+    n, k = len(weight), change.moved.size
+
+    def each(pair: tuple[Vector, Vector]) -> Vector:
+        first, by = pair
+        return np.concatenate(
+            [np.broadcast_to(first, (n, *first.shape[1:]))[None], np.broadcast_to(by, (k, n, *by.shape[2:]))]
+        )
+
+    dynamic = each(change.stiffness) - lam[..., None] * each(change.mass)  # (1 + k, n, M, m)
+    force = np.einsum("krij,rj->kri", dynamic, weight)
+    beyond = each(change.stiffness_beyond) - lam * each(change.mass_beyond)
+    held = modal.beyond - lam
+    held = np.maximum(held + beyond[0], 0.1 * held)
+    answer = -force[0, :, m:] / held  # of the modes beyond
+    turned = -(force[1:, :, m:] + beyond[1:] * answer) / held
+    low = force[:, :, :m] + np.einsum("krbi,rb->kri", dynamic[:, :, m:], answer)
+    low[1:] += np.einsum("rbi,krb->kri", dynamic[0, :, m:], turned)
+    value = -(low / scales(state, modal)).reshape(k + 1, -1).T
+    lost, carried = (
+        np.einsum("ri,krij,rj->kr", weight, own, weight)
+        for own in (each(change.damping), each(change.mass)[:, :, :m])
+    )
+    carried[0] += 1.0  # the modal mass of what was measured
+    omega = 2.0 * np.pi * state.frequency
+    before = 2.0 * omega * state.damping * np.exp(-errors.damping)
+    after = np.maximum(before + lost[0], 2e-3 * omega * state.damping)
+    return value, np.vstack(
+        [np.log(before * carried[0] / after), carried[1:] / carried[0] - lost[1:] / after]
+    ).T
+
+
+def screened(
+    model: Model,
+    setting: Setting,
+    present: Sequence[Term],
+    further: Sequence[Term],
+    origins: Sequence[Mapping[str, float]],
+    local: LocalModel,
+    sizes: Sizes,
+    *,
+    asked: int = 16,
+    weak: float = 0.1,
+) -> dict[str, tuple[float, Vector]]:
+    """Return what one step is expected to reach with each further term, minus the cost, and where it leads.
+
+    Parameters
+    ----------
+    model, setting, local, sizes
+        As `explain` takes them; `local` has the coordinates of all terms.
+    present, further : sequence of Term
+        Terms of the explanation, and those of which each is added alone.
+    origins : sequence of mapping of str to float
+        Coordinates of the explanation from which steps are taken; further ones are at their starts.
+    asked : int
+        Terms, the best of the screening, of which the model itself is asked.
+    weak : float
+        Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
+    """
+    every = coordinates_of(model, [*present, *further])
+    index = {c.name: i for i, c in enumerate(every)}
+    points = [np.array([have.get(c.name, 0.0) for c in every]) for have in origins]
+    at = [_origin(model, setting, local, x, sizes) for x in points]
+    best: dict[str, list[tuple[float, Vector]]] = {}
+    for term in further:
+        together = coordinates_of(model, [*present, term])
+        columns = np.array([index[c.name] for c in together])
+        new = [c for c in together if c.name not in origins[0]]
+        trials = list(itertools.product(*(c.starts for c in new)))
+        trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in own) for own in trials if new]
+        for values, (x, origin) in itertools.product(trials, zip(points, at, strict=True)):
+            start = x.copy()
+            start[[index[c.name] for c in new]] = values
+            ahead = _ahead(model, origin, start, columns, together) if origin is not None else None
+            best.setdefault(term.name, []).append((np.inf if ahead is None else ahead, start[columns]))
+    ranked = sorted(best, key=lambda name: -max(own[0] for own in best[name]))
+    found: dict[str, tuple[float, Vector]] = {}
+    by_name = {term.name: term for term in further}
+    for i, name in enumerate(ranked):
+        tried = sorted(best[name], key=lambda own: -own[0])
+        if i >= asked and np.isfinite(tried[0][0]):
+            break
+        near = local.of(coordinates_of(model, [*present, by_name[name]]))
+        for guess, start in tried:
+            if name in found and np.isfinite(guess):
+                break
+            try:
+                one = outlook(model, [*present, by_name[name]], setting, start, near, sizes)
+            except (np.linalg.LinAlgError, ValueError):  # no modes at this start
+                continue
+            if name not in found or one[0] > found[name][0]:
+                found[name] = one
+    return found
+
+
+def _ahead(
+    model: Model, origin: _Origin, start: Vector, columns: NDArray[np.intp], coordinates: Sequence[Coordinate]
+) -> float | None:
+    """Return what one step from a start is expected to reach, minus the cost; None where no change is known."""
+    value, jacobian = origin.value, origin.jacobian[:, columns]
+    if np.any(start != origin.x):
+        parts = []
+        for state, errors, screen in zip(model.states, origin.errors, origin.screens, strict=True):
+            change = screen.change(start)
+            if change is None:
+                return None
+            parts.append((change.moved, *_changed(state, errors, screen.modal, change)))
+        moved = parts[0][0]
+        stiffness = np.vstack([own[1] for own in parts])
+        damped = np.isfinite(np.concatenate([own.damping for own in origin.errors]))
+        damping = np.vstack([own[2] for own in parts])[damped]
+        change_white = np.vstack(
+            [
+                la.solve_triangular(root, own, lower=True, check_finite=False)
+                for root, own in zip(origin.roots, (stiffness, damping), strict=True)
+            ]
+        )
+        value = value + change_white[:, 0]
+        jacobian[:, [columns.tolist().index(i) for i in moved.tolist()]] = change_white[:, 1:]
+    x = start[columns]
+    precision = np.array([c.std**-2.0 for c in coordinates])
+    slope = jacobian.T @ value + precision * x + origin.problem.slope[columns]
+    hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
+    step = step_within(slope, hessian, x, coordinates, damp=1e-3) - x
+    total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log
+    return -total - float(slope @ step + 0.5 * step @ hessian @ step)
