@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, Target
-from updating.inference.protocol import Change
-
-if TYPE_CHECKING:
-    from updating.diagnosis.stack_near import StackNear
+from updating.inference.protocol import Change, Modal
 
 Vector = NDArray[np.float64]
 TARGETS: tuple[Target, ...] = ("K", "M", "C")
+
+
+class Near(Protocol):
+    """What a screen needs of the equations near a point, `StackNear`."""
+
+    names: list[str]
+    at: dict[str, int]
+    moving: frozenset[str]
+    of_target: dict[str, Any]
+    stacked: dict[str, Any]
+    size: int
+    n_equation: int
+    whole: Any
+
+    def modal(self, x: Vector, state: int) -> Modal:
+        """Return the model of a state at coordinates."""
+
+    def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
+        """Return all eigenvalues and modes of the local equations at coordinates, and K, M and C."""
 
 
 class StackScreen:
@@ -22,7 +38,7 @@ class StackScreen:
 
     Parameters
     ----------
-    near : StackNear
+    near : Near
         The local model, with the coordinates of all terms.
     x : (n_coordinate,) float
         The point.
@@ -35,7 +51,7 @@ class StackScreen:
         The model has no modes there.
     """
 
-    def __init__(self, near: StackNear, x: Vector, state: int) -> None:
+    def __init__(self, near: Near, x: Vector, state: int) -> None:
         self.near, self.x, self.state = near, x, state
         self.modal = near.modal(x, state)
         every = near.solved(x, state)[1]
