@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,43 +59,41 @@ class ReducedMatrices:
 
     Attributes
     ----------
-    name : str
-        The structure's name.
+    structure : MatrixStructure
+        What was reduced.
     terms : tuple of ReducedTerm
         Factor, a monomial of one parameter or 1, times matrix, (size, size).
     theta : mapping of str to float
         Parameters at which it was reduced.
-    factors : tuple of Factor
-        The parameters and their priors.
-    node : (n_node,) int
-        Nodes that can be looked at.
-    location : (n_node, 3) float
-        Where they are, m.
-    rows : (n_node, 3, size) float
-        From coordinates to their displacements along x, y and z; zero where a support holds them.
-    groups : mapping of str to (m,) int
-        Nodes by the name of their group.
+    basis : (n, size) float
+        From coordinates to the rows of the structure.
+    static : callable
+        Returns static responses to forces, (n, k), of the structure at `theta` with the shift added.
     left : Left
         What the reduction leaves out.
-    notes : tuple of str
-        What a user should know of the structure.
     """
 
-    name: str
+    structure: MatrixStructure
     terms: tuple[ReducedTerm, ...]
     theta: Mapping[str, float]
-    factors: tuple[Factor, ...]
-    node: Index
-    location: Vectors
-    rows: Vectors
-    groups: Mapping[str, Index]
+    basis: Vectors
+    static: Callable[[Vectors], Vectors]
     left: Left
-    notes: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The structure's name."""
+        return self.structure.name
+
+    @property
+    def factors(self) -> tuple[Factor, ...]:
+        """The parameters and their priors."""
+        return self.structure.factors
 
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        return self.rows.shape[2]
+        return self.basis.shape[1]
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> Vectors:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
@@ -105,28 +104,42 @@ class ReducedMatrices:
         own = (t for t in self.terms if t.target == target)
         return summed(self.size, ((t.factor.derivative(theta, name), t.matrix) for t in own))
 
-    def at(self, node: Sequence[int] | Index, direction: Vectors) -> Vectors:
-        """Return the rows, (n, size), of the displacements of nodes along directions, (n, 3) of unit length.
+    def moves(self, node: Sequence[int] | Index) -> Vectors:
+        """Return the rows of the displacements of nodes along x, y and z, (n, 3, size); zero where a support holds them.
 
         Raises
         ------
         MatricesError
-            A node is not among those that can be looked at.
+            The structure has no such node.
         """
-        order = np.argsort(self.node)
-        wanted = np.asarray(node, dtype=np.int64)
-        where = order[np.minimum(np.searchsorted(self.node, wanted, sorter=order), self.node.size - 1)]
-        if (self.node[where] != wanted).any():
-            missing = int(wanted[np.argmax(self.node[where] != wanted)])
-            message = f"{self.name}: node {missing} is not looked at; add its group to reduction.observed"
+        wanted, own = np.asarray(node, dtype=np.int64), self.structure
+        missing = wanted[~np.isin(wanted, own.node)]
+        if missing.size:
+            message = f"{self.name}: there is no node {missing[0]} in the matrices"
             raise MatricesError(message)
-        return np.einsum("nij,ni->nj", self.rows[where], np.asarray(direction, dtype=float))
+        found = np.zeros((wanted.size, 3, self.size))
+        for axis in range(3):
+            rows = np.flatnonzero(own.dof == axis + 1)
+            rows = rows[np.argsort(own.node[rows])]
+            at = np.minimum(np.searchsorted(own.node[rows], wanted), max(rows.size - 1, 0))
+            there = own.node[rows][at] == wanted if rows.size else np.zeros(wanted.size, dtype=bool)
+            found[there, axis] = self.basis[rows[at[there]]]
+        return found
 
-    def nearest(self, location: Vectors) -> tuple[Index, Vectors]:
-        """Return the node that is nearest to each place, (n, 3) m, and its distance, (n,) m."""
-        apart = np.linalg.norm(self.location[None] - np.asarray(location, dtype=float)[:, None], axis=2)
-        found = apart.argmin(axis=1)
-        return self.node[found], apart[np.arange(len(found)), found]
+    def error(self, theta: Mapping[str, float]) -> float:
+        """Return the largest relative error of a frequency of the band, from the forces that modes leave unbalanced.
+
+        A mode x leaves r = (K - lambda M) x, whose static response has the energy r' (K + shift M)^-1 r; to first order
+        the eigenvalue is too high by that times (lambda + shift) / what the modes left out lie above it, here at least
+        once.
+        """
+        own, moved = self.structure, {**self.theta, **theta}
+        frequency, vector = self.solve(moved)
+        kept = (frequency < own.band_Hz) & (frequency > 0.0)
+        x, value = self.basis @ vector[:, kept], (2.0 * np.pi * frequency[kept]) ** 2
+        force = own.matrix("K", moved) @ x - own.matrix("M", moved) @ x * value
+        energy = np.einsum("ij,ij->j", force, self.static(force))
+        return float(np.max(energy / (2.0 * (value + _shift(own))), initial=0.0))
 
     def solve(
         self, theta: Mapping[str, float] | None = None, n_mode: int | None = None
@@ -150,7 +163,12 @@ class ReducedMatrices:
         return np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), vector
 
 
-def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | None = None) -> ReducedMatrices:
+def reduce_matrices(
+    structure: MatrixStructure,
+    theta: Mapping[str, float] | None = None,
+    *,
+    beside: ReducedMatrices | None = None,
+) -> ReducedMatrices:
     """Reduce a structure to its modes up to 1.5 times its band and to static responses.
 
     The responses are those to forces at each of the structure's points and patches, and to what each term changes in
@@ -163,6 +181,8 @@ def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | Non
         The structure.
     theta : mapping of str to float, optional
         Factors at which modes are taken, where they are not the nominal ones: where a fit stands, say.
+    beside : ReducedMatrices, optional
+        The same structure reduced at other factors, whose basis is joined to what is found here.
 
     Raises
     ------
@@ -171,7 +191,7 @@ def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | Non
     """
     theta = {**structure.theta, **(theta or {})}
     stiffness, mass = (structure.matrix(target, theta) for target in ("K", "M"))
-    shift = (_SHIFT * 2.0 * np.pi * structure.band_Hz) ** 2
+    shift = _shift(structure)
     factor = _factored(structure, stiffness + shift * mass)
     modes, value = _modes(mass, factor, shift, structure.band_Hz)
     if value[0] < -_NEGATIVE * shift:
@@ -180,6 +200,8 @@ def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | Non
     _check_rigid(structure, stiffness, mass, value)
     loads, answers = _responses(structure, factor, modes, value)
     basis = np.hstack([modes, _beside(modes, answers, loads, mass, shift)])
+    if beside is not None:
+        basis = _joined(np.hstack([basis, beside.basis]), stiffness + shift * mass)
     terms = tuple(
         ReducedTerm(
             name=t.name,
@@ -189,15 +211,26 @@ def reduce_matrices(structure: MatrixStructure, theta: Mapping[str, float] | Non
         )
         for t in structure.terms
     )
-    node, location, rows = _looked_at(structure, basis)
-    unknown = Left(frequency={}, compliance=0.0)
     found = ReducedMatrices(
-        name=structure.name, terms=terms, theta=theta, factors=structure.factors, node=node, location=location,
-        rows=rows, groups=structure.groups, left=unknown, notes=structure.notes,
+        structure=structure, terms=terms, theta=theta, basis=basis, static=partial(_solved, factor),
+        left=Left(frequency={}, compliance=0.0),
     )  # fmt: skip
-    left = _left(structure, found, factor, basis, shift)
+    away = {one.name: found.error({one.name: one.away(1.0)}) for one in structure.factors}
     compliance = _missing_compliance(found, loads[0], answers[0], basis, shift)
-    return replace(found, left=Left(frequency=left, compliance=compliance))
+    return replace(found, left=Left(frequency={"nominal": found.error({}), **away}, compliance=compliance))
+
+
+def _shift(structure: MatrixStructure) -> float:
+    """Return what times the mass is added to the stiffness before it is factored, (rad/s)**2."""
+    return (_SHIFT * 2.0 * np.pi * structure.band_Hz) ** 2
+
+
+def _joined(vectors: Vectors, matrix: Any) -> Vectors:
+    """Return a basis of some vectors, (n, k), that are independent in the energy of a matrix."""
+    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, matrix @ vectors))
+    size, turn = la.eigh(_even(vectors.T @ (matrix @ vectors)))
+    kept = size > _ENERGY
+    return np.asarray(vectors @ (turn[:, kept] / np.sqrt(size[kept])))
 
 
 def _factored(structure: MatrixStructure, matrix: Any) -> CholeskyFactor:
@@ -335,44 +368,6 @@ def _beside(
     size, turn = la.eigh(energy) if energy.size else (np.zeros(0), np.zeros((0, 0)))
     kept = size > _ENERGY
     return np.asarray(beside @ (turn[:, kept] / np.sqrt(size[kept])))
-
-
-def _looked_at(structure: MatrixStructure, basis: Vectors) -> tuple[Index, Vectors, Vectors]:
-    """Return nodes, their places and their rows: those of the named groups, or all of them."""
-    names = (*structure.points, *structure.patches, *structure.observed)
-    wanted = np.unique(np.concatenate([structure.groups[n] for n in names]) if names else structure.node)
-    node = np.intersect1d(wanted, structure.node)
-    rows, location = np.zeros((node.size, 3, basis.shape[1])), np.zeros((node.size, 3))
-    inside = np.flatnonzero(np.isin(structure.node, node) & (structure.dof <= 3))
-    at = np.searchsorted(node, structure.node[inside])
-    rows[at, structure.dof[inside] - 1] = basis[inside]
-    every = np.flatnonzero(np.isin(structure.node, node))
-    location[np.searchsorted(node, structure.node[every])] = structure.location[every]
-    return node, location, rows
-
-
-def _left(
-    structure: MatrixStructure, found: ReducedMatrices, factor: CholeskyFactor, basis: Vectors, shift: float
-) -> dict[str, float]:
-    """Return the errors of frequencies of the band, from the forces that reduced modes leave unbalanced.
-
-    A mode x leaves r = (K - lambda M) x, whose static response has the energy r' (K + shift M)^-1 r; to first order the
-    eigenvalue is too high by that times (lambda + shift) / what the modes left out lie above it, here at least once.
-    """
-    nominal = found.theta
-    states: dict[str, dict[str, float]] = {"nominal": {}} | {
-        one.name: {one.name: one.away(1.0)} for one in structure.factors
-    }
-    errors: dict[str, float] = {}
-    for name, moved in states.items():
-        theta = {**nominal, **moved}
-        frequency, vector = found.solve(theta)
-        kept = (frequency < structure.band_Hz) & (frequency > 0.0)
-        x, value = basis @ vector[:, kept], (2.0 * np.pi * frequency[kept]) ** 2
-        force = structure.matrix("K", theta) @ x - structure.matrix("M", theta) @ x * value
-        energy = np.einsum("ij,ij->j", force, _solved(factor, force))
-        errors[name] = float(np.max(energy / (2.0 * (value + shift)), initial=0.0))
-    return errors
 
 
 def _missing_compliance(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -79,7 +79,7 @@ class Rows:
         kept = without(entries, fixed) if fixed.any() else entries
         return self.si(placed(kept, self.node, self.dof, self.source), target)
 
-    def known(self, names: Sequence[str]) -> tuple[str, ...]:
+    def known(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return names of groups.
 
         Raises
@@ -87,11 +87,12 @@ class Rows:
         MatricesError
             There is none of a name.
         """
-        for name in names:
+        found = tuple(names)
+        for name in found:
             if name not in self.groups:
                 message = f"no group {name!r}; there are {', '.join(self.groups) or 'none'}"
                 raise MatricesError(message)
-        return tuple(names)
+        return found
 
     def of(self, group: str, directions: Sequence[str]) -> Index:
         """Return the rows of a group's nodes in some directions."""

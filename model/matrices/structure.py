@@ -75,6 +75,8 @@ class MatrixStructure:
         Label of each row.
     location : (n, 3) float
         Where it is, m; the number of the node where the file says no place.
+    placed : bool
+        Whether files say where nodes are.
     terms : tuple of SparseTerm
         K(theta) = K0 + sum of theta_j K_j, and so for M and C.
     factors : tuple of Factor
@@ -83,8 +85,8 @@ class MatrixStructure:
         Nodes by the name of their group.
     band_Hz : float
         Frequency up to which modes are wanted.
-    points, patches, observed : tuple of str
-        Groups: of single nodes where forces may act, of nodes that forces move together, of nodes that are looked at.
+    points, patches : tuple of str
+        Groups: of single nodes where forces may act, and of nodes that forces move together.
     rigid_modes : int or None
         How many motions of a rigid body should cost no energy, if it is stated.
     notes : tuple of str
@@ -95,13 +97,13 @@ class MatrixStructure:
     node: Index
     dof: Index
     location: NDArray[np.float64]
+    placed: bool
     terms: tuple[SparseTerm, ...]
     factors: tuple[Factor, ...]
     groups: Mapping[str, Index]
     band_Hz: float
     points: tuple[str, ...]
     patches: tuple[str, ...]
-    observed: tuple[str, ...]
     rigid_modes: int | None
     notes: tuple[str, ...]
 
@@ -161,19 +163,22 @@ def _structure(given: StructureForm, folder: Path) -> MatrixStructure:
             if one.contained and one.group is None and (target != "K" or given.matrices.stiffness):
                 always[target] = always.get(target, 0.0 * matrix) - one.nominal * matrix
     fixed = [SparseTerm(name=f"{t}0", target=t, factor=None, matrix=matrix) for t, matrix in always.items()]
-    reduction = given.reduction
+    reduction, sprung = given.reduction, {one.group for one in given.term}
+    soft = [
+        one.group for one in given.support if one.state == "released" and one.group not in sprung
+    ]
     found = MatrixStructure(
         name=given.name,
         node=rows.node,
         dof=rows.dof,
         location=rows.location,
+        placed=rows.nodes is not None,
         terms=(*fixed, *varying),
         factors=tuple(_factor(one) for one in given.term),
         groups=rows.groups,
         band_Hz=reduction.band_Hz,
         points=rows.known(reduction.points),
-        patches=rows.known(reduction.patches),
-        observed=rows.known(reduction.observed),
+        patches=rows.known(dict.fromkeys((*reduction.patches, *soft))),
         rigid_modes=given.matrices.rigid_modes,
         notes=rows.notes,
     )

@@ -71,12 +71,11 @@ class TermForm(_Table):
 
 
 class ReductionForm(_Table):
-    """The table `[reduction]`: the band, and groups where forces may act or that are looked at."""
+    """The table `[reduction]`: the band, and groups where forces may act."""
 
     band_Hz: _Positive
     points: list[str] = []
     patches: list[str] = []
-    observed: list[str] = []
 
 
 class StructureForm(_Table):

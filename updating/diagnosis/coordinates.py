@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Parameter
+from updating.inference.protocol import Coordinate
 
 Vector = NDArray[np.float64]
 
@@ -34,4 +35,17 @@ def bounds_of(parameters: Sequence[Parameter]) -> tuple[Vector, Vector]:
     return (
         np.array([coordinate_of(p, p.lower) for p in parameters]),
         np.array([coordinate_of(p, p.upper) for p in parameters]),
+    )
+
+
+def free_coordinate(p: Parameter) -> Coordinate:
+    """Return the coordinate of an effect's parameter: in units of its range, 0 at neutral, with a wide prior."""
+    (low,), (high,) = bounds_of([p])
+    if p.sampled:
+        starts = tuple(float(low + share * (high - low)) for share in (0.15, 0.5, 0.85))
+    else:
+        nominal = coordinate_of(p, p.nominal)
+        starts = tuple(float(np.clip(share * nominal, low, high)) for share in (0.2, 1.0))
+    return Coordinate(
+        name=p.name, std=1.0, lower=float(low), upper=float(high), starts=starts, step=0.1, longest=0.4
     )

@@ -15,7 +15,7 @@ from model import Effect, Observation, Parameter, ReducedEquations, observe, sha
 from model.elements.equations import OMEGA
 from model.reduction.reduced_equations import ReducedTerm
 from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
-from updating.diagnosis.coordinates import bounds_of, coordinate_of, scaled
+from updating.diagnosis.coordinates import free_coordinate, scaled
 from updating.diagnosis.evidence import (
     D_F_START,
     DECAY,
@@ -101,7 +101,7 @@ class StackModel:
         self._seen: dict[int, tuple[Vector, Vector]] = {} if like is None else like._seen
         self.measured = tuple(
             StackState(
-                state=_state(own, touching=self.stack.n_lamina > 1),
+                state=state_of(own, touching=self.stack.n_lamina > 1),
                 parameter={"pressure": own.pressure, **own.known},
                 assembled=own.assembled,
                 rows=self._rows(points)[0],
@@ -114,7 +114,7 @@ class StackModel:
         self.states = tuple(own.state for own in self.measured)
         lowest = min(float(own.frequency.min()) for own in self.states)
         self.rigid = min(RIGID, (2.0 * np.pi * _BELOW * lowest) ** 2)
-        self.n_gain = _n_gain([own.sensor for own in self.measured])
+        self.n_gain = n_gain([own.sensor for own in self.measured])
         self.dimensions = tuple(candidates.resized)
         self.places = candidates.places
         everywhere = {**self.equations.theta, OMEGA: 2.0 * np.pi * _MIDDLE}
@@ -224,7 +224,7 @@ class StackModel:
         """Every effect of the catalogue that the stack can have, and what may be wrong with the measurement."""
         return {
             **{
-                name: Term(name=name, coordinates=tuple(_coordinate(p) for p in effect.parameters))
+                name: Term(name=name, coordinates=tuple(free_coordinate(p) for p in effect.parameters))
                 for name, effect in self.effects.items()
             },
             **{name: Term(name=name, frees=frees) for name, frees in self.hypotheses.items()},
@@ -338,20 +338,8 @@ class StackModel:
 _MIDDLE = 600.0  # Hz, at which the eigenproblem is solved where stiffness depends on frequency
 
 
-def _coordinate(p: Parameter) -> Coordinate:
-    """Return the coordinate of an effect's parameter: in units of its range, 0 at neutral, with a wide prior."""
-    (low,), (high,) = bounds_of([p])
-    if p.sampled:
-        starts = tuple(float(low + share * (high - low)) for share in (0.15, 0.5, 0.85))
-    else:
-        nominal = coordinate_of(p, p.nominal)
-        starts = tuple(float(np.clip(share * nominal, low, high)) for share in (0.2, 1.0))
-    return Coordinate(
-        name=p.name, std=1.0, lower=float(low), upper=float(high), starts=starts, step=0.1, longest=0.4
-    )
-
-
-def _state(tested: Tested, *, touching: bool) -> State:
+def state_of(tested: Tested, *, touching: bool) -> State:
+    """Return the measured modes of a configuration; without contact, or loss of its own, damping is not compared."""
     modes = tested.modes
     length = np.linalg.norm(modes.shape, axis=0)
     n = modes.frequency.size
@@ -367,7 +355,7 @@ def _state(tested: Tested, *, touching: bool) -> State:
     )
 
 
-def _n_gain(sensors: Sequence[NDArray[np.int64]], *, places: int = 4) -> int:
+def n_gain(sensors: Sequence[NDArray[np.int64]], *, places: int = 4) -> int:
     """Return how many roving accelerometers have a gain beside the first's; with few places each it is scatter."""
     number = max(int(own.max()) + 1 for own in sensors)
     return number - 1 if min(own.size for own in sensors) >= places * number else 0

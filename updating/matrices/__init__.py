@@ -1,0 +1,1 @@
+"""Structures whose model is matrices of another program: the same inference, the same answers."""

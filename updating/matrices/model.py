@@ -1,0 +1,395 @@
+"""A structure of matrices as the inference asks for it: coordinates, terms, and modal matrices near a point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from ema.types.geometry import Geometry
+from ema.types.modal_model import ModalModel
+from model import Effect, MatricesError, MatrixStructure, Parameter, ReducedMatrices, reduce_matrices
+from model.matrices.places import Places, places_on
+from model.matrices.readers import Target
+from updating.diagnosis.answer_parts import Moved
+from updating.diagnosis.coordinates import free_coordinate, scaled
+from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, DiagnosisScatter, Tested
+from updating.diagnosis.hypotheses import FALL, GAIN, LABELS, PLACE, SENSOR_GAIN, STATED_POINTS, WINDOW
+from updating.diagnosis.stack_model import n_gain, state_of
+from updating.errors import PairingError
+from updating.inference.explain import Explanation
+from updating.inference.protocol import Coordinate, Modal, Term
+from updating.matrices.candidates import DRIVE, candidates_of
+
+Vector = NDArray[np.float64]
+
+WHOLE: dict[Target, str] = {"K": "stiffness", "M": "mass", "C": "damping"}
+"""Nuisances: factors of what no term of the structure file has."""
+_LOSS = 1.0  # standard deviation of the logarithm of that of damping, which models rarely know
+_FARTHEST = 8.0  # prior standard deviations that a nuisance may move
+_STATED = 5.0  # times its standard deviation is that of what may be stated wrongly
+_BELOW = 0.3  # of the lowest measured frequency, below which a mode is motion of a rigid body
+_SPARE = 4  # modes whose equations are looked at beside as many as were measured
+_EXACT = 1e-4  # relative error of a frequency from which the structure is reduced anew
+_MOST_BASES = 6
+
+
+class MatricesModel:
+    """The model of one structure in all its states, from its reduced matrices.
+
+    Parameters
+    ----------
+    structure : MatrixStructure
+        The structure.
+    tested : sequence of (str, ModalModel)
+        Name and identified modes of each configuration.
+    scatter : DiagnosisScatter
+        Priors of nuisances.
+    above : float
+        Modes are looked at up to this times the end of the measured band.
+
+    Raises
+    ------
+    PairingError
+        A measured point has no coordinates.
+    MatricesError
+        A point is not on the structure, or the structure cannot be reduced.
+    """
+
+    def __init__(
+        self,
+        structure: MatrixStructure,
+        tested: Sequence[tuple[str, ModalModel]],
+        scatter: DiagnosisScatter,
+        *,
+        above: float = 1.2,
+    ) -> None:
+        self.scatter = scatter
+        top = max(float(modes.frequency.max()) for _, modes in tested)
+        self.structure = _with_drive(replace(structure, band_Hz=max(structure.band_Hz, above * top)), tested)
+        self.places = tuple(
+            _placed(self.structure, modes.geometry, modes.node, modes.direction) for _, modes in tested
+        )
+        self.tested = tuple(Tested(name=name, pressure=np.nan, modes=modes) for name, modes in tested)
+        self.damped = any(term.target == "C" for term in self.structure.terms)
+        self.states = tuple(state_of(own, touching=self.damped) for own in self.tested)
+        lowest = min(float(own.frequency.min()) for own in self.states)
+        self.rigid = (2.0 * np.pi * _BELOW * lowest) ** 2
+        self.n_gain = n_gain([modes.sensor for _, modes in tested])
+        point = _every_way(self.structure, tested[0][1])
+        self.candidates = candidates_of(
+            self.structure, lambda reduced: point.rows(reduced)[0], len(point.node) // 3
+        )
+        self.effects: dict[str, Effect] = {name: own.effect for name, own in self.candidates.items()}
+        self.parameters: dict[str, Parameter] = {name: own.parameters[0] for name, own in self.effects.items()}
+        self._reduced = [reduce_matrices(self.structure)]
+        frequency = self.reduced.solve()[0]
+        most = max(own.frequency.size for own in self.states)
+        rigid = int(np.count_nonzero(frequency < np.sqrt(self.rigid) / (2.0 * np.pi)))
+        self.n_equation = min(
+            max(int(np.count_nonzero(frequency < above * top)), rigid + most + _SPARE), self.reduced.size
+        )
+        self._parts: tuple[int, list[tuple[Target, str, Vector]]] = (0, [])
+
+    @property
+    def reduced(self) -> ReducedMatrices:
+        """The structure on the widest basis so far."""
+        return self._reduced[-1]
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Nominal factors of the terms that the base model has, and 1 of what no term has."""
+        stated = {one.name: one.nominal for one in self.structure.factors if one.nominal != 0.0}
+        fixed = {
+            WHOLE[term.target]: 1.0
+            for term in self.structure.terms
+            if term.factor is None and term.matrix.count_nonzero()
+        }
+        return {**fixed, **stated}
+
+    @property
+    def nuisances(self) -> tuple[Coordinate, ...]:
+        """Coordinates of the base model."""
+        s = self.scatter
+        known = {"stiffness": s.young, "mass": s.density, "damping": _LOSS}
+        stated = {one.name: one for one in self.structure.factors}
+        found = []
+        for name in self.factors:
+            if name in stated:
+                one = stated[name]
+                low, high = (self._coordinate(name, end) for end in (one.lower, one.upper))
+                far = _FARTHEST * one.std
+                found.append(
+                    Coordinate(
+                        name=name, std=one.std, lower=max(low, -far), upper=min(high, far), step=min(one.std, 0.3),
+                        longest=1.0,
+                    )
+                )  # fmt: skip
+            else:
+                found.append(_known(name, known[name], known[name]))
+        found += [_known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
+        if self.structure.placed:
+            found.append(_known(POINTS_SHIFT, s.points_shift, 1e-3))
+        if self.damped:
+            found.append(_known(DECAY, 1e-3, 1e-3))
+        return tuple(found)
+
+    @property
+    def terms(self) -> dict[str, Term]:
+        """What the structure may lack, and what may be wrong with its file or the measurement."""
+        return {
+            **{n: Term(name=n, coordinates=(free_coordinate(p),)) for n, p in self.parameters.items()},
+            **{n: Term(name=n, frees=frees) for n, frees in self.hypotheses.items()},
+        }
+
+    @property
+    def hypotheses(self) -> dict[str, dict[str, float]]:
+        """What may have been stated or measured wrongly: of each, the nuisances whose prior it widens."""
+        found = {
+            f"stated_{c.name}": {c.name: _STATED * c.std}
+            for c in self.nuisances
+            if c.name in self.factors and c.name != WHOLE["C"] and not self._bounded(c.name)
+        }
+        names = [c.name for c in self.nuisances]
+        for name, which, std in (
+            (SENSOR_GAIN, "gain[", GAIN), (STATED_POINTS, POINTS_SHIFT, PLACE), (WINDOW, DECAY, FALL),
+        ):  # fmt: skip
+            if own := {c: std for c in names if c.startswith(which)}:
+                found[name] = own
+        return found
+
+    def _bounded(self, name: str) -> bool:
+        """Tell whether the file says the ends of a factor: then nothing is beyond them."""
+        return any(one.name == name and np.isfinite(one.upper) for one in self.structure.factors)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What a person calls each effect and hypothesis."""
+        stated = {f"stated_{name}": f"{name.replace('_', ' ')} stated wrongly" for name in self.factors}
+        own = {**LABELS, **stated}
+        return {n: e.label for n, e in self.effects.items()} | {n: own[n] for n in self.hypotheses}
+
+    def unit(self, nuisance: str) -> str:
+        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 of a factor."""
+        return "m" if nuisance == POINTS_SHIFT else "1/s" if nuisance == DECAY else "1"
+
+    def _linear(self, name: str) -> bool:
+        return any(one.name == name and one.scale == "lin" for one in self.structure.factors)
+
+    def _coordinate(self, name: str, value: float) -> float:
+        nominal = self.factors[name]
+        if self._linear(name):
+            return value - nominal
+        return float(np.log(value / nominal)) if value > 0.0 else -np.inf
+
+    def value(self, name: str, x: float) -> tuple[float, float]:
+        """Return a factor, or the strength of an effect, at a coordinate, and its derivative by that."""
+        if name in self.parameters:
+            return scaled(self.parameters[name], x)
+        nominal = self.factors[name]
+        if self._linear(name):
+            return nominal + x, 1.0
+        return float(nominal * np.exp(x)), float(nominal * np.exp(x))
+
+    def moved(self, own: Explanation) -> tuple[Moved, ...]:
+        """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
+        found = []
+        for c, x, std in list(zip(own.coordinates, own.x, own.std, strict=True))[: own.n_nuisance]:
+            gain = c.name.startswith("gain[")
+            if c.name in self.factors:
+                stated, (value, slope) = self.factors[c.name], self.value(c.name, float(x))
+            else:
+                stated = 1.0 if gain else 0.0
+                value, slope = (float(np.exp(x)), float(np.exp(x))) if gain else (float(x), 1.0)
+            label = f"gain of {c.name[5:-1]} over that of sensor 1" if gain else _LABELS.get(c.name, c.name)
+            prior = self.value(c.name, 0.0)[1] * c.std if c.name in self.factors else c.std
+            found.append(
+                Moved(
+                    name=c.name, label=label, unit=self.unit(c.name), stated=stated, value=value,
+                    std=float(slope * std), prior=float(prior), deviations=float(x / c.std),
+                )
+            )  # fmt: skip
+        return tuple(found)
+
+    def about(self, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> MatricesNear:
+        """Return the model near some points; where the basis errs there, the structure is reduced there, too."""
+        stated = [one.name for one in self.structure.factors]
+        for x in points:
+            at = {
+                c.name: self.value(c.name, float(v))[0]
+                for c, v in zip(coordinates, x, strict=True)
+                if c.name in stated
+            }
+            if len(self._reduced) < _MOST_BASES and self.reduced.error(at) > _EXACT:
+                self._reduced.append(reduce_matrices(self.structure, at, beside=self.reduced))
+        return MatricesNear(self, coordinates)
+
+    def parts(self) -> list[tuple[Target, str, Vector]]:
+        """Return what the matrices are the sum of: target, what it is multiplied by, and matrix."""
+        if self._parts[0] != len(self._reduced):
+            own: list[tuple[Target, str, Vector]] = []
+            for term in self.reduced.terms:
+                name = next(iter(term.factor.names({})), WHOLE[term.target])
+                if name in self.factors:
+                    own.append((term.target, name, np.asarray(term.matrix)))
+            for name, one in self.candidates.items():
+                own += [(target, name, matrix) for target, matrix in one.parts(self.reduced).items()]
+            self._parts = len(self._reduced), own
+        return self._parts[1]
+
+
+_LABELS = {
+    "stiffness": "stiffness of what no term has",
+    "mass": "mass of what no term has",
+    "damping": "damping of what no term has",
+    POINTS_SHIFT: "shift of all points along x",
+    DECAY: "added decay of all modes",
+}
+
+
+def _known(name: str, std: float, step: float) -> Coordinate:
+    return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=step)
+
+
+def _placed(
+    structure: MatrixStructure, geometry: Geometry, node: NDArray[np.int64], direction: Vector
+) -> Places:
+    """Place measured components on a structure.
+
+    Raises
+    ------
+    PairingError
+        A point has no coordinates, or is on no place of the structure.
+    """
+    row = {int(n): i for i, n in enumerate(geometry.node)}
+    unknown = sorted({int(n) for n in node} - set(row))
+    if unknown:
+        message = f"points {unknown} were measured but have no coordinates; add them to the points file"
+        raise PairingError(message)
+    location = geometry.coordinate[[row[int(n)] for n in node]]
+    try:
+        return places_on(structure, node, location, direction)
+    except MatricesError as error:
+        raise PairingError(str(error)) from error
+
+
+def _every_way(structure: MatrixStructure, modes: ModalModel) -> Places:
+    """Return the measured points, each along x, y and z."""
+    node = np.unique(modes.node)
+    return _placed(structure, modes.geometry, np.repeat(node, 3), np.tile(np.eye(3), (node.size, 1)))
+
+
+def _with_drive(
+    structure: MatrixStructure, tested: Sequence[tuple[str, ModalModel]]
+) -> MatrixStructure:
+    """Return a structure with the node nearest to the force as a patch, where the points say where that is."""
+    modes = tested[0][1]
+    if not np.isin(modes.input.node, modes.geometry.node).all():
+        return structure
+    own = _placed(structure, modes.geometry, modes.input.node[:1], modes.input.direction[:1])
+    groups = {**structure.groups, DRIVE: own.node[0, :1]}
+    return replace(structure, groups=groups, patches=(*structure.patches, DRIVE))
+
+
+class MatricesNear:
+    """The equations of a structure on the basis of now, for some coordinates.
+
+    Parameters
+    ----------
+    whole : MatricesModel
+        The model.
+    coordinates : sequence of Coordinate
+        Those of the fit.
+    """
+
+    def __init__(self, whole: MatricesModel, coordinates: Sequence[Coordinate]) -> None:
+        self.whole, self.names = whole, [c.name for c in coordinates]
+        self.at = {name: i for i, name in enumerate(self.names)}
+        self.reduced = whole.reduced
+        mass = self.reduced.matrix("M", self.reduced.theta)
+        value, vector = la.eigh(mass)
+        kept = value > 1e-12 * value[-1]
+        self.basis = vector[:, kept] / np.sqrt(value[kept])  # in which the nominal mass is the identity
+        self.rows = [own.rows(self.reduced) for own in whole.places]
+        acting = [(t, n, m) for t, n, m in whole.parts() if n in self.at or n in whole.factors]
+        self.own = {
+            target: (
+                [n for t, n, _ in acting if t == target],
+                np.array([self.basis.T @ m @ self.basis for t, _, m in acting if t == target]),
+            )
+            for target in WHOLE
+        }
+
+    def of(self, coordinates: Sequence[Coordinate]) -> MatricesNear:
+        """Return the same for some of the coordinates; the others stay where they are neutral."""
+        return MatricesNear(self.whole, coordinates)
+
+    def modal(self, x: Vector, state: int) -> Modal:
+        """Return the model of a state at coordinates; raises numpy.linalg.LinAlgError where mass is not positive."""
+        whole, at = self.whole, dict(zip(self.names, x.tolist(), strict=True))
+        theta = {n: whole.value(n, at.get(n, 0.0)) for names, _ in self.own.values() for n in names}
+        size = self.basis.shape[1]
+        matrix = {
+            target: np.tensordot([theta[n][0] for n in names], stacked, 1) if names else np.zeros((size, size))
+            for target, (names, stacked) in self.own.items()
+        }
+        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
+        m = min(whole.n_equation, size)
+        vector, beyond, low = every[:, :m], value[m:], value[:m].copy()
+        n_rigid = int(np.count_nonzero(low < whole.rigid))
+        low[:n_rigid] = 0.0
+        moves: dict[int, Vector] = {}
+        for which, target in enumerate(("K", "M")):
+            names, stacked = self.own[target]
+            for name, own in zip(names, stacked, strict=True):
+                if name in self.at:
+                    change = moves.setdefault(self.at[name], np.zeros((2, size, m)))
+                    change[which] += theta[name][1] * (every.T @ (own @ vector))
+        damping, damps = (vector.T @ matrix["C"] @ vector)[None], dict[int, Vector]()
+        for name, own in zip(*self.own["C"], strict=True):
+            if name in self.at:
+                damps[self.at[name]] = theta[name][1] * (vector.T @ own @ vector)[None]
+        if DECAY in self.at:
+            inertia = vector.T @ matrix["M"] @ vector
+            damping = damping + 2.0 * at[DECAY] * inertia
+            damps[self.at[DECAY]] = 2.0 * inertia[None]
+        rows, look = self._rows(at, every, state)
+        stiffness, mass = (
+            np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, size, m) for which in (0, 1)
+        )
+        return Modal(
+            eigenvalue=low,
+            n_rigid=n_rigid,
+            shape=vector,
+            rows=rows[:, :m],
+            moves=np.array(sorted(moves), dtype=np.intp),
+            stiffness=stiffness[:, :m],
+            mass=mass[:, :m],
+            beyond=beyond,
+            beyond_rows=rows[:, m:],
+            beyond_stiffness=stiffness[:, m:],
+            beyond_mass=mass[:, m:],
+            damping=damping,
+            damps=np.array(sorted(damps), dtype=np.intp),
+            damping_change=np.array([damps[i] for i in sorted(damps)]).reshape(-1, 1, m, m),
+            looks=np.array(sorted(look), dtype=np.intp),
+            row_change=np.array([look[i][:, :m] for i in sorted(look)]).reshape(-1, len(rows), m),
+        )
+
+    def _rows(
+        self, at: Mapping[str, float], every: Vector, state: int
+    ) -> tuple[Vector, dict[int, Vector]]:
+        """Return all modes at the sensors, with their gains, and derivatives by gains and a shift of all points."""
+        sensor = self.whole.tested[state].modes.sensor
+        gains = [f"gain[sensor {i}]" for i in range(2, self.whole.n_gain + 2)]
+        gain = np.exp([0.0, *(at.get(name, 0.0) for name in gains)])[np.minimum(sensor, len(gains))]
+        gain = np.where(sensor <= len(gains), gain, 1.0)
+        rows, slope = (gain[:, None] * (own @ self.basis @ every) for own in self.rows[state])
+        rows = rows + at.get(POINTS_SHIFT, 0.0) * slope
+        look = {self.at[n]: (sensor == i)[:, None] * rows for i, n in enumerate(gains, 1) if n in self.at}
+        if POINTS_SHIFT in self.at:
+            look[self.at[POINTS_SHIFT]] = slope
+        return rows, look
