@@ -52,7 +52,12 @@ class Places:
 
 
 def places_on(
-    structure: MatrixStructure, number: Index, location: Vectors, direction: Vectors, *, tolerance: float = 0.01
+    structure: MatrixStructure,
+    number: Index,
+    location: Vectors,
+    direction: Vectors,
+    *,
+    tolerance: float = 0.01,
 ) -> Places:
     """Place measured components on a structure.
 
@@ -99,8 +104,8 @@ def places_on(
         low, high = 1e3 * place.min(axis=0), 1e3 * place.max(axis=0)
         span = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
         message = (
-            f"{structure.name}: point {number[i]} is {1e3 * distance[i].min():.4g} mm from the nearest node; nodes span "
-            f"{span} mm. Points must have the coordinates of the model: check their unit and origin"
+            f"{structure.name}: point {number[i]} is {1e3 * distance[i].min():.4g} mm from the nearest node; "
+            f"nodes span {span} mm. Points must have the coordinates of the model: check their unit and origin"
         )
         raise MatricesError(message)
     weight, slope = np.zeros((n, k)), np.zeros((n, k))
@@ -115,11 +120,13 @@ def places_on(
         weight[i], slope[i] = found[0], found[1] / (reach * spacing[0])
         if distance[i].min() < _SAME * size:
             weight[i] = np.arange(k) == int(distance[i].argmin())
-    return Places(node=node[near], weight=weight, slope=slope, distance=distance.min(axis=1), direction=direction)
+    return Places(
+        node=node[near], weight=weight, slope=slope, distance=distance.min(axis=1), direction=direction
+    )
 
 
 def _spacing(place: Vectors) -> Vectors:
-    """Return the distance of the planes of nodes along x, y and z, by which neighbours in a flat mesh are told, (3,)."""
+    """Return the distance between planes of nodes along x, y and z, (3,), by which neighbours are told."""
     extent = np.ptp(place, axis=0)
     largest = float(extent.max()) or 1.0
     planes = [np.unique(np.round(along / (_SAME * largest))).size for along in place.T]

@@ -105,7 +105,7 @@ class ReducedMatrices:
         return summed(self.size, ((t.factor.derivative(theta, name), t.matrix) for t in own))
 
     def moves(self, node: Sequence[int] | Index) -> Vectors:
-        """Return the rows of the displacements of nodes along x, y and z, (n, 3, size); zero where a support holds them.
+        """Return the rows of the displacements of nodes along x, y and z, (n, 3, size); zero where they are held.
 
         Raises
         ------

@@ -164,9 +164,7 @@ def _structure(given: StructureForm, folder: Path) -> MatrixStructure:
                 always[target] = always.get(target, 0.0 * matrix) - one.nominal * matrix
     fixed = [SparseTerm(name=f"{t}0", target=t, factor=None, matrix=matrix) for t, matrix in always.items()]
     reduction, sprung = given.reduction, {one.group for one in given.term}
-    soft = [
-        one.group for one in given.support if one.state == "released" and one.group not in sprung
-    ]
+    soft = [one.group for one in given.support if one.state == "released" and one.group not in sprung]
     found = MatrixStructure(
         name=given.name,
         node=rows.node,

@@ -89,6 +89,24 @@ class StructureForm(_Table):
     reduction: ReductionForm
 
 
+def is_structure_file(path: str | Path) -> bool:
+    """Tell whether a file is TOML with a table `[matrices]`."""
+    try:
+        return "matrices" in read_toml(Path(path))
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def matrices_inputs(path: Path) -> tuple[Path, ...]:
+    """Return a structure file and the files that it names."""
+    given = read_form(path)
+    stated, terms = given.matrices, given.term
+    named = [stated.stiffness, stated.mass, stated.damping, stated.dofs, stated.nodes]
+    named += [file for one in terms for file in (one.stiffness, one.mass, one.damping)]
+    files = dict.fromkeys(file.partition("#")[0] for file in named if file)
+    return (path, *(path.parent / file for file in files))
+
+
 def read_form(path: Path) -> StructureForm:
     """Return what a structure file holds.
 

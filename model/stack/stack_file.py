@@ -199,6 +199,12 @@ def read_stack(path: str | Path) -> Stack:
     except (ValueError, RecursionError) as error:  # brackets by the thousand
         message = f"{path}: not a TOML file: {error}"
         raise StackError(message) from error
+    if "matrices" in raw:
+        message = (
+            f"{path}: is a structure of matrices, and this needs the model of a stack; ema, model, fit, diagnose, "
+            "report and open take matrices"
+        )
+        raise StackError(message)
     try:
         given = _validated(raw)
     except ValidationError as error:

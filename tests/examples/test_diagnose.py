@@ -87,7 +87,9 @@ def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
     monkeypatch.setattr(fit_command, "OUT", Console(file=shown, width=250))
     command.diagnose_campaign(campaign, out, [], Console(quiet=True), scatter_file=scatter)
     fit_command.fit(campaign, out, effect=["clamp_mass"], scatter=scatter)
-    assert len(made) == (1 if made[0].has(("clamp_mass",)) else 2)  # where it can, it is the one that was there
+    assert len(made) == (
+        1 if made[0].has(("clamp_mass",)) else 2
+    )  # where it can, it is the one that was there
     found = read_result(out / "diagnosis.json", Diagnosis)
     base, added = read_result(out / "ledger.json", Ledger).entry
     for entry, effects in ((base, ()), (added, ("clamp_mass",))):

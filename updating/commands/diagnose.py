@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from ema import read_campaign
-from model import Stack, catalogue, read_stack
+from ema import Campaign, read_campaign
+from model import Stack, catalogue, read_matrices, read_stack
+from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
 from updating.commands.options import (
     CampaignFile,
@@ -34,6 +35,7 @@ from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.modal_table import is_modal_table
 from updating.fitting.target import model_file, stack_in_state
+from updating.matrices.answer import diagnose_matrices
 from updating.pooled.campaign_file import has_specimens
 from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude, stored_amplitude
 from updating.results.campaign_findings import measurement_findings
@@ -111,6 +113,8 @@ def diagnose_campaign(
     scatter = None if scatter_file is None else read_scatter(scatter_file)
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a diagnosis")
+    if is_structure_file(stack_file):
+        return _diagnose_matrices(campaign, stack_file, output, scatter_file, asked, keep=keep)
     stack, known = read_stack(stack_file), catalogue(effect_files)
     states = [stack_in_state(stack, c) for c in campaign.configurations]
     heights = {state.height for state in states}
@@ -144,12 +148,48 @@ def diagnose_campaign(
     modal += [found.folder / AMPLITUDE for found, own in zip(tests, over, strict=True) if own is not None]
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
-    path, options = output / "diagnosis.json", dict[str, object]()
-    found = kept(path, Diagnosis, make, inputs=inputs, options=options, keep=keep)
+    path = output / "diagnosis.json"
+    return _kept(path, make, inputs, asked, keep=keep)
+
+
+def _diagnose_matrices(
+    campaign: Campaign,
+    file: Path,
+    output: Path,
+    scatter_file: Path | None,
+    asked: Sequence[Sequence[str]],
+    *,
+    keep: bool,
+) -> Diagnosis:
+    """Identify a campaign whose model is a structure of matrices, diagnose that, and write diagnosis.json."""
+    tests = every_identified(assignments(campaign, output, keep=keep), "identify", OUT)
+    tested = [(found.configuration.name, found.modal_model) for found in tests]
+
+    def make() -> Diagnosis:
+        with progress("diagnose", OUT):
+            scatter = None if scatter_file is None else read_scatter(scatter_file)
+            return diagnose_matrices(read_matrices(file), tested, scatter=scatter, asked=asked)
+
+    stated = () if scatter_file is None else (scatter_file,)
+    modal = [found.folder / "modal_model.json" for found in tests]
+    inputs = (campaign.path, *matrices_inputs(file), *stated, *modal)
+    return _kept(output / "diagnosis.json", make, inputs, asked, keep=keep)
+
+
+def _kept(
+    path: Path,
+    make: Callable[[], Diagnosis],
+    inputs: tuple[Path, ...],
+    asked: Sequence[Sequence[str]],
+    *,
+    keep: bool,
+) -> Diagnosis:
+    """Return the diagnosis that an earlier run left, or make it where there is none or it lacks what is asked for."""
+    found = kept(path, Diagnosis, make, inputs=inputs, options={}, keep=keep)
     if all(found.has(effects) for effects in asked):
         return found
     found = make()
-    write_result(path, found, inputs=inputs, options=options)
+    write_result(path, found, inputs=inputs, options={})
     return found
 
 

@@ -15,9 +15,11 @@ from rich.table import Table
 
 from ema import ModalModel, read_campaign
 from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
+from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
+from updating.commands.matrices import identify_and_fit_matrices, matrices_fit_table
 from updating.commands.options import (
     CampaignFile,
     Cluster,
@@ -33,7 +35,7 @@ from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
 from updating.diagnosis.answer import Ranked
-from updating.fitting.fit import Fit
+from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.fit import fit as fit_configuration
 from updating.fitting.joint_problem import FitSettings
 from updating.fitting.ledger import Entry, ledger
@@ -47,6 +49,7 @@ from updating.fitting.target import (
     target_of_modes,
     target_of_table,
 )
+from updating.matrices.answer import MatricesFit
 from updating.pooled.campaign_file import has_specimens
 from updating.published.campaign import SCATTER
 from updating.results.chosen_poles import forget_choices
@@ -94,7 +97,8 @@ def fit(
     Of a campaign that lists specimens all are fitted together: effects are the rig's, contact each specimen's own.
     """
     known = catalogue(effect_file or [])
-    find_effects(effect or [], known)  # before hours of work
+    if not _of_matrices(campaign):
+        find_effects(effect or [], known)  # before hours of work
     if identify_anew:
         forget_choices(output)
     if has_specimens(campaign):
@@ -112,7 +116,8 @@ def fit(
             continue
         found, fitted = one
         done.append(found)
-        OUT.print(fit_table(found.modal_model, fitted))
+        own = matrices_fit_table if isinstance(fitted, MatricesFit) else fit_table
+        OUT.print(own(found.modal_model, fitted))
         print_findings(found)
         for line in fitted.findings:
             OUT.print(f"  {line}", markup=False, highlight=False)
@@ -146,7 +151,7 @@ def fit_campaign(
     cluster: str | None = None,
     *,
     keep: bool = False,
-) -> Iterator[tuple[Identified, Fit] | Failed]:
+) -> Iterator[tuple[Identified, ModelFit] | Failed]:
     """Identify and fit every configuration of a campaign, write each result as soon as it is there, and hand it on.
 
     Configurations that an earlier run left are read back; one of which nothing comes does not end the others.
@@ -155,7 +160,10 @@ def fit_campaign(
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a fit")
     assigned = assignments(campaign, output, keep=keep)
-    task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
+    if is_structure_file(stack_file):
+        task = partial(identify_and_fit_matrices, stack_file, threshold)
+    else:
+        task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
     yield from in_parallel(partial(attempted, task), assigned, "identify and fit", console, cluster)
 
 
@@ -204,7 +212,7 @@ class Asked:
 
 
 def campaign_ledger(
-    fits: Sequence[tuple[Identified, Fit]],
+    fits: Sequence[tuple[Identified, ModelFit]],
     asked: Asked,
     campaign: Path,
     output: Path,
@@ -215,8 +223,9 @@ def campaign_ledger(
     Configurations of one height are one stack, with one G_f and one d_f for all its torques. One stack is fitted as a
     diagnosis does it, and with the same numbers; several, which share the effects alone, are fitted together.
     """
-    heights, effects = {fitted.stack.height for _, fitted in fits}, asked.effects
-    if len(heights) == 1:
+    effects = asked.effects
+    heights = {fitted.stack.height for _, fitted in fits if isinstance(fitted, Fit)}
+    if len(heights) < 2:
         together = [*((name,) for name in effects), *([effects] if len(effects) > 1 else [])]
         found = diagnose_campaign(
             campaign, output, asked.effect_files, OUT, scatter_file=asked.scatter_file, asked=together
@@ -224,10 +233,19 @@ def campaign_ledger(
         entries = tuple(_entry(found.ranked(names)) for names in ((), *together))
     else:
         added = find_effects(effects, catalogue(asked.effect_files))
-        entries = _shared(fits, added, heights, cluster)
+        stacks = [(found, fitted) for found, fitted in fits if isinstance(fitted, Fit)]
+        entries = _shared(stacks, added, heights, cluster)
     modal = (found.folder / "modal_model.json" for found, _ in fits)
     write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files, *modal), output)
     return entries
+
+
+def _of_matrices(campaign_file: Path) -> bool:
+    """Tell whether the model of a campaign is a structure of matrices."""
+    if is_modal_table(campaign_file) or has_specimens(campaign_file):
+        return False
+    stack = read_campaign(campaign_file).stack
+    return stack is not None and is_structure_file(stack)
 
 
 def _entry(own: Ranked) -> Entry:

@@ -10,9 +10,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from model import Modes, Stack, catalogue, read_stack
+from model import EffectError, Modes, Stack, catalogue, read_stack
 from model.contact.pressing import press
 from model.contact.pressure import PressureSummary
+from model.matrices.structure_file import is_structure_file
 from model.modes.verified import Verification, solve_verified
 from model.plot.pressure import pressure_figure
 from model.plot.shapes import mode_png
@@ -20,6 +21,7 @@ from model.reduction.through_thickness import n_rigid
 from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
 from updating.commands.effect_option import with_named_effects
+from updating.commands.matrices import solve_matrices
 from updating.commands.options import EffectFiles, Folder
 from updating.commands.terminal import OUT, bar
 from updating.correlation.shape_class import class_grid, shape_classes
@@ -30,7 +32,12 @@ EXAMPLE = "lamella model data/demo_stack/stack.toml -o out/stack"
 
 
 def model(
-    stack: Annotated[Path, typer.Argument(metavar="STACK", help="Stack file (TOML).", show_default=False)],
+    stack: Annotated[
+        Path,
+        typer.Argument(
+            metavar="STACK", help="Stack file, or structure file with [matrices] (TOML).", show_default=False
+        ),
+    ],
     output: Folder,
     modes: Annotated[
         int, typer.Option("--modes", "-n", min=1, max=200, help="Number of elastic modes.")
@@ -52,8 +59,17 @@ def model(
     Each frequency has an error estimated from the equations of all laminas; where it exceeds the tolerance, the basis
     is enriched or all laminas are solved, and the table says so. Where the stack file has a table [pressing], the
     static stage comes first. Writes modes.json, verification.json, pressure.json and pictures.
-    Physical effects beyond the base model are added with --effect; **lamella effects** lists them.
+    Physical effects beyond the base model are added with --effect; **lamella effects** lists them. A structure file
+    with [matrices] is read, checked and reduced instead.
     """
+    if is_structure_file(stack):
+        if effect or effect_file:
+            message = (
+                f"{stack}: effects are added to stacks; of a structure of matrices terms and places may vary"
+            )
+            raise EffectError(message)
+        OUT.print(solve_matrices(stack, output, modes, OUT))
+        return
     added = AddedEffects(option=tuple(effect or ()), file=tuple(effect_file or ()))
     solved = solve(stack, output, modes, tolerance, OUT, added)
     if solved.pressure is not None:

@@ -22,6 +22,7 @@ from updating.diagnosis.answer_parts import (
     Sizes,
 )
 from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ModelFit
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
@@ -165,8 +166,8 @@ class Diagnosis(Shown):
 
     Attributes
     ----------
-    stack : Stack
-        The model's stack, as its file states it, with the instruments of the test.
+    stack : Stack or None
+        The model's stack, as its file states it, with the instruments of the test; None of matrices.
     verdict : str
         "nothing missing", "identified", "one of", "partly explained" or "unlike anything".
     set : tuple of tuple of str
@@ -225,9 +226,12 @@ class Diagnosis(Shown):
         What contradicts each configuration's measurement about force, scale and sensors.
     sentences : tuple of str
         The answer in plain words.
+    models : mapping of str to tuple of ModelFit
+        Of matrices by configuration the base model and, where something was identified, the model with that; a stack's
+        are solved anew.
     """
 
-    stack: Stack
+    stack: Stack | None
     verdict: Verdict
     set: tuple[tuple[str, ...], ...]
     labels: Mapping[str, str]
@@ -257,6 +261,7 @@ class Diagnosis(Shown):
     contact: tuple[ContactAmplitude, ...]
     rig: tuple[RigCheck, ...]
     sentences: tuple[str, ...]
+    models: Mapping[str, tuple[ModelFit, ...]] = field(default_factory=dict)
 
     def has(self, effects: Sequence[str]) -> bool:
         """Tell whether some effects together were fitted."""

@@ -8,9 +8,9 @@ far more likely.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from numpy.typing import NDArray
 from updating.diagnosis.answer_parts import MixedUp
 from updating.diagnosis.calibration import MIXED_UP
 from updating.diagnosis.evidence import Tested
+from updating.inference.discrepancy import SizePrior
+from updating.inference.explain import Explanation, Setting, explain
 from updating.inference.protocol import LocalModel, Model
+from updating.inference.search import Search, begin, search
 
 Vector = NDArray[np.float64]
 
@@ -29,6 +32,59 @@ _FREE = 8.0
 mille, and was anything from a tenth to ten."""
 _LEAST = 0.03  # logarithm of a factor that is an error and no calibration
 _WIDEST = 20.0  # largest factor
+
+
+M = TypeVar("M", bound=Model)
+
+
+def search_put_right(
+    make: Callable[[Sequence[Tested]], tuple[M, Sequence[Vector]]],
+    tested: Sequence[Tested],
+    node: Sequence[NDArray[np.int64]],
+    *,
+    shares: Sequence[float],
+    priors: tuple[SizePrior, SizePrior],
+    asked: Sequence[Sequence[str]] = (),
+) -> tuple[M, Search, tuple[MixedUp, ...]]:
+    """Put right the points that were mixed up, and search for what is missing.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the model of configurations, and the coordinates from which fits of the base model start.
+    tested, node
+        As `put_right` takes them.
+    shares, priors
+        As `begin` takes them.
+    asked
+        As `search` takes it.
+
+    Returns
+    -------
+    model, search, mixed_up
+        The model of what was put right, all that was fitted, and what was put right.
+    """
+    found: list[MixedUp] = []
+
+    def begun(tested: Sequence[Tested]) -> tuple[M, Sequence[Vector], Setting, Explanation]:
+        model, starts = make(tested)
+        return model, starts, *begin(model, shares=shares, starts=starts, priors=priors)
+
+    model, starts, common, base = begun(tested)
+    while len(found) < MOST:
+        local = model.about(base.coordinates, [base.x])
+        right, mixed_up = put_right(model, local, base.x, common.noise, tested, node)
+        if mixed_up is None:
+            break
+        again = begun(right)
+        refitted = explain(again[0], [], common, again[3].x)
+        if (
+            refitted.log_evidence - base.log_evidence < MIXED_UP
+        ):  # it does not bear out what first order promised
+            break
+        tested, (model, starts, common, base) = right, again
+        found.append(mixed_up)
+    return model, search(model, common, base, starts=starts, asked=asked), tuple(found)
 
 
 def put_right(

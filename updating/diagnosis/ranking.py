@@ -11,8 +11,7 @@ from updating.diagnosis.answer import Ranked, Strained
 from updating.diagnosis.answer_parts import SensorGain, Sizes
 from updating.diagnosis.calibration import STRAINED
 from updating.diagnosis.coordinates import scaled
-from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.diagnosis.stack_model import StackModel
+from updating.diagnosis.explained import Explained
 from updating.fitting.estimate import ParameterEstimate
 from updating.inference import discrepancy
 from updating.inference.discrepancy import whitened
@@ -26,13 +25,13 @@ _JUDGED = 16  # explanations whose errors on what is left out are computed
 
 
 def rank(
-    model: StackModel, found: Search, first: Explanation, named: Collection[Explanation]
+    model: Explained, found: Search, first: Explanation, named: Collection[Explanation]
 ) -> tuple[Ranked, ...]:
     """Rank explanations by posterior probability; what is left out is predicted by the first and by those named.
 
     Parameters
     ----------
-    model : StackModel
+    model : Explained
         The model.
     found : Search
         All that were fitted.
@@ -55,7 +54,7 @@ def rank(
 
 
 def _ranked(
-    model: StackModel,
+    model: Explained,
     found: Search,
     own: Explanation,
     probability: float,
@@ -144,7 +143,7 @@ def sensor_gains(own: Explanation) -> tuple[SensorGain, ...]:
     )
 
 
-def estimates(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
+def estimates(model: Explained, own: Explanation) -> list[ParameterEstimate]:
     """Return the parameters of an explanation's effects with their 95 % intervals."""
     found, known = [], model.parameters
     for i in range(own.n_nuisance, own.x.size):
@@ -164,14 +163,13 @@ def estimates(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
     return found
 
 
-def _misstated(model: StackModel, own: Explanation) -> list[ParameterEstimate]:
+def _misstated(model: Explained, own: Explanation) -> list[ParameterEstimate]:
     """Return what hypotheses about the measurement say: factors on what was stated, places in m, or a decay in 1/s."""
     found = []
     names = [c.name for c in own.coordinates]
     for nuisance in (n for term in own.terms for n in model.hypotheses.get(term, ())):
         i = names.index(nuisance)
-        place = nuisance in (*model.places, POINTS_SHIFT)
-        unit = "m" if place else "1/s" if nuisance == DECAY else "1"
+        unit = model.unit(nuisance)
         ends = own.x[i] + Z95 * own.std[i] * np.array([0.0, -1.0, 1.0])
         value, lower, upper = (ends if unit != "1" else np.exp(ends)).tolist()
         found.append(

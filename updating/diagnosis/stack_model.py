@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from model import Effect, Observation, Parameter, ReducedEquations, observe, shared_parameters
 from model.elements.equations import OMEGA
 from model.reduction.reduced_equations import ReducedTerm
+from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
 from updating.diagnosis.coordinates import free_coordinate, scaled
 from updating.diagnosis.evidence import (
@@ -28,6 +29,7 @@ from updating.diagnosis.finer_mesh import FinerMesh
 from updating.diagnosis.hypotheses import (
     FALL,
     GAIN,
+    LABELS,
     PLACE,
     PRESSURE,
     SENSOR_GAIN,
@@ -38,9 +40,11 @@ from updating.diagnosis.hypotheses import (
     STATED_SIZE,
     WINDOW,
 )
+from updating.diagnosis.moved import moved
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect
 from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear, StackState, generic
+from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate, State, Term
 
 Vector = NDArray[np.float64]
@@ -246,6 +250,20 @@ class StackModel:
             )
         }
         return {name: frees for name, frees in found.items() if frees and (name != WINDOW or self.touching)}
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What a person calls each effect and hypothesis."""
+        own = {name: effect.label for name, effect in self.effects.items()}
+        return own | {name: LABELS[name] for name in self.hypotheses}
+
+    def unit(self, nuisance: str) -> str:
+        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
+        return "m" if nuisance in (*self.places, POINTS_SHIFT) else "1/s" if nuisance == DECAY else "1"
+
+    def moved(self, own: Explanation) -> tuple[Moved, ...]:
+        """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
+        return moved(self.stack, own)
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.calibration import EXCLUDED, VISIBLE
 from updating.diagnosis.coordinates import coordinate_of
-from updating.diagnosis.stack_model import StackModel
+from updating.diagnosis.explained import Explained
 from updating.inference.discrepancy import joined
 from updating.inference.explain import Explanation, coordinates_of, errors_at
 from updating.inference.protocol import LocalModel, Term
@@ -38,7 +38,7 @@ class Visible:
 
 
 def visibility(
-    model: StackModel, found: Search, own: Explanation, among: Collection[str] | None = None
+    model: Explained, found: Search, own: Explanation, among: Collection[str] | None = None
 ) -> dict[str, dict[str, Visible]]:
     """Return what the data say of the parameters of all effects that an explanation lacks, each beside it alone.
 
@@ -87,7 +87,7 @@ def visibility(
 
 
 def _left(
-    model: StackModel,
+    model: Explained,
     found: Search,
     own: Explanation,
     local: LocalModel,
@@ -107,7 +107,7 @@ def _left(
 
 
 def _asked(
-    model: StackModel,
+    model: Explained,
     found: Search,
     own: Explanation,
     local: LocalModel,

@@ -80,17 +80,13 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fit(Shown):
-    """The laminated model fitted to one configuration.
+class ModelFit(Shown):
+    """A model fitted to one configuration.
 
     Attributes
     ----------
     name : str
         The configuration.
-    stack : Stack
-        The stack with the fitted contact parameters.
-    G_f, d_f : Estimate
-        Contact stiffness (Pa per Pa) and contact damping (s/Pa).
     modes : Modes
         Elastic modes of the fitted model at the measured DOFs.
     pairing : Pairing
@@ -99,19 +95,51 @@ class Fit(Shown):
         Distance between measured and sampled points, m.
     error : float
         Mean relative frequency error over the pairs, eq. (2), as a ratio.
-    rig : RigCheck
-        What contradicts the measurement about force, scale and sensors.
     """
 
     name: str
-    stack: Stack
-    G_f: Estimate
-    d_f: Estimate
     modes: Modes
     pairing: Pairing
     distance: NDArray[np.float64]
     error: float
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What a user should read before using the parameters."""
+        return ()
+
+    @property
+    def box(self) -> list[float] | None:
+        """Length, width and height of the body that shapes are drawn in, m; None where the model is no stack."""
+        return None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "distance", readonly("Fit", "distance", self.distance, (None,)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fit(ModelFit):
+    """The laminated model fitted to one configuration.
+
+    Attributes
+    ----------
+    stack : Stack
+        The stack with the fitted contact parameters.
+    G_f, d_f : Estimate
+        Contact stiffness (Pa per Pa) and contact damping (s/Pa).
+    rig : RigCheck
+        What contradicts the measurement about force, scale and sensors.
+    """
+
+    stack: Stack
+    G_f: Estimate
+    d_f: Estimate
     rig: RigCheck
+
+    @property
+    def box(self) -> list[float]:
+        """Length, width and height of the stack, m."""
+        return [self.stack.length, self.stack.width, self.stack.height]
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -123,9 +151,6 @@ class Fit(Shown):
             "these are hardly the modes of this stack, and G_f and d_f mean nothing. Check points, directions, stack"
         )
         return (*self.rig.findings, text)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "distance", readonly("Fit", "distance", self.distance, (None,)))
 
 
 @single_threaded

@@ -13,7 +13,7 @@ from ema.types.arrays import readonly
 from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from updating.correlation.subspace import rotate_onto
-from updating.fitting.fit import Fit
+from updating.fitting.fit import ModelFit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +70,7 @@ class ShapePair:
         return bool(np.isfinite(self.model_frequency))
 
 
-def shape_pairs(measured: ModalModel, fit: Fit | None) -> tuple[ShapePair, ...]:
+def shape_pairs(measured: ModalModel, fit: ModelFit | None) -> tuple[ShapePair, ...]:
     """Return the measured shapes, each with its partner where the fit paired it.
 
     A point measured in skew directions moves so as to meet them in the least-squares sense. Modes that are paired as
@@ -88,7 +88,7 @@ def shape_pairs(measured: ModalModel, fit: Fit | None) -> tuple[ShapePair, ...]:
     return tuple(pairs)
 
 
-def any_pair(measured: ModalModel, fit: Fit, r: int, s: int) -> ShapePair:
+def any_pair(measured: ModalModel, fit: ModelFit, r: int, s: int) -> ShapePair:
     """Return the measured shape `r` beside the model's shape `s`, whether or not they were paired."""
     return _shape_pair(
         measured, r, float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s]), fit.modes.shape[:, s]
@@ -177,7 +177,7 @@ def shape_pair_figure(pair: ShapePair) -> Figure:
     return figure
 
 
-def _partners(measured: ModalModel, fit: Fit | None) -> dict[int, tuple[int, NDArray[np.float64]]]:
+def _partners(measured: ModalModel, fit: ModelFit | None) -> dict[int, tuple[int, NDArray[np.float64]]]:
     """Return for each paired measured mode the model's mode and its shape, turned within its subspace."""
     if fit is None:
         return {}

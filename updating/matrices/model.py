@@ -44,10 +44,12 @@ class MatricesModel:
     ----------
     structure : MatrixStructure
         The structure.
-    tested : sequence of (str, ModalModel)
-        Name and identified modes of each configuration.
+    tested : sequence of Tested
+        The configurations.
     scatter : DiagnosisScatter
         Priors of nuisances.
+    reduced : list of ReducedMatrices, optional
+        What the structure was reduced to for the same points before; it grows as fits go far.
     above : float
         Modes are looked at up to this times the end of the measured band.
 
@@ -62,30 +64,37 @@ class MatricesModel:
     def __init__(
         self,
         structure: MatrixStructure,
-        tested: Sequence[tuple[str, ModalModel]],
+        tested: Sequence[Tested],
         scatter: DiagnosisScatter,
         *,
+        reduced: list[ReducedMatrices] | None = None,
         above: float = 1.2,
     ) -> None:
-        self.scatter = scatter
-        top = max(float(modes.frequency.max()) for _, modes in tested)
-        self.structure = _with_drive(replace(structure, band_Hz=max(structure.band_Hz, above * top)), tested)
-        self.places = tuple(
-            _placed(self.structure, modes.geometry, modes.node, modes.direction) for _, modes in tested
+        self.scatter, self.tested = scatter, tuple(tested)
+        every = [own.modes for own in tested]
+        top = max(float(modes.frequency.max()) for modes in every)
+        self.structure = _with_drive(
+            replace(structure, band_Hz=max(structure.band_Hz, above * top)), every[0]
         )
-        self.tested = tuple(Tested(name=name, pressure=np.nan, modes=modes) for name, modes in tested)
+        self.places = tuple(
+            _placed(self.structure, modes.geometry, modes.node, modes.direction) for modes in every
+        )
         self.damped = any(term.target == "C" for term in self.structure.terms)
         self.states = tuple(state_of(own, touching=self.damped) for own in self.tested)
         lowest = min(float(own.frequency.min()) for own in self.states)
         self.rigid = (2.0 * np.pi * _BELOW * lowest) ** 2
-        self.n_gain = n_gain([modes.sensor for _, modes in tested])
-        point = _every_way(self.structure, tested[0][1])
+        self.n_gain = n_gain([modes.sensor for modes in every])
+        point = _every_way(self.structure, every[0])
         self.candidates = candidates_of(
             self.structure, lambda reduced: point.rows(reduced)[0], len(point.node) // 3
         )
         self.effects: dict[str, Effect] = {name: own.effect for name, own in self.candidates.items()}
-        self.parameters: dict[str, Parameter] = {name: own.parameters[0] for name, own in self.effects.items()}
-        self._reduced = [reduce_matrices(self.structure)]
+        self.parameters: dict[str, Parameter] = {
+            name: own.parameters[0] for name, own in self.effects.items()
+        }
+        self._reduced = [] if reduced is None else reduced
+        if not self._reduced:
+            self._reduced.append(reduce_matrices(self.structure))
         frequency = self.reduced.solve()[0]
         most = max(own.frequency.size for own in self.states)
         rigid = int(np.count_nonzero(frequency < np.sqrt(self.rigid) / (2.0 * np.pi)))
@@ -282,11 +291,8 @@ def _every_way(structure: MatrixStructure, modes: ModalModel) -> Places:
     return _placed(structure, modes.geometry, np.repeat(node, 3), np.tile(np.eye(3), (node.size, 1)))
 
 
-def _with_drive(
-    structure: MatrixStructure, tested: Sequence[tuple[str, ModalModel]]
-) -> MatrixStructure:
+def _with_drive(structure: MatrixStructure, modes: ModalModel) -> MatrixStructure:
     """Return a structure with the node nearest to the force as a patch, where the points say where that is."""
-    modes = tested[0][1]
     if not np.isin(modes.input.node, modes.geometry.node).all():
         return structure
     own = _placed(structure, modes.geometry, modes.input.node[:1], modes.input.direction[:1])
@@ -333,7 +339,9 @@ class MatricesNear:
         theta = {n: whole.value(n, at.get(n, 0.0)) for names, _ in self.own.values() for n in names}
         size = self.basis.shape[1]
         matrix = {
-            target: np.tensordot([theta[n][0] for n in names], stacked, 1) if names else np.zeros((size, size))
+            target: np.tensordot([theta[n][0] for n in names], stacked, 1)
+            if names
+            else np.zeros((size, size))
             for target, (names, stacked) in self.own.items()
         }
         value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
@@ -379,9 +387,7 @@ class MatricesNear:
             row_change=np.array([look[i][:, :m] for i in sorted(look)]).reshape(-1, len(rows), m),
         )
 
-    def _rows(
-        self, at: Mapping[str, float], every: Vector, state: int
-    ) -> tuple[Vector, dict[int, Vector]]:
+    def _rows(self, at: Mapping[str, float], every: Vector, state: int) -> tuple[Vector, dict[int, Vector]]:
         """Return all modes at the sensors, with their gains, and derivatives by gains and a shift of all points."""
         sensor = self.whole.tested[state].modes.sensor
         gains = [f"gain[sensor {i}]" for i in range(2, self.whole.n_gain + 2)]

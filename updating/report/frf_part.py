@@ -87,7 +87,7 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
 
 def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:
     """Return functions of the base and of the identified model, (n_output, n_frequency), as they are."""
-    fits = {BASE: tested.fit, FOUND: None if tested.identified is None else tested.identified.fit}
+    fits = {BASE: tested.stack_fit, FOUND: None if tested.identified is None else tested.identified.fit}
     values = {name: modelled(tested, own, lines) for name, own in fits.items() if own is not None}
     return {name: value for name, value in values.items() if value is not None}
 

@@ -100,6 +100,8 @@ def with_models(results: Results, executor: Executor | None = None) -> Results:
     executor : Executor, optional
         Where the models are solved; by default here.
     """
+    if results.diagnosis is not None and results.diagnosis.stack is None:
+        return replace(results, tested=tuple(_with_made(results.diagnosis, t) for t in results.tested))
     found = what_was_found(results)
     if results.diagnosis is None and found is None:
         return results
@@ -119,6 +121,17 @@ def with_models(results: Results, executor: Executor | None = None) -> Results:
         remarks=(*results.remarks, *(remark for _, remark in made.values() if remark)),
         origin={**results.origin, **origin},
     )
+
+
+def _with_made(diagnosis: Diagnosis, tested: Tested) -> Tested:
+    """Return a configuration with the models of matrices that a diagnosis holds."""
+    base, *others = diagnosis.models.get(tested.name, (tested.fit,))
+    if not others:
+        return replace(tested, fit=base)
+    nan, own = float("nan"), diagnosis.ranked(diagnosis.set[0])
+    value = {p.name: p.value for p in own.parameter}
+    found = IdentifiedModel(effects=own.effects, value=value, fit=others[0], base_frac=nan, frac=nan)
+    return replace(tested, fit=base, identified=found)
 
 
 def _attempted(
@@ -151,6 +164,7 @@ def _modelled(
     diagnosis: Diagnosis, tested: Tested, explanation: Sequence[str], effects: Sequence[str]
 ) -> Fit:
     """Return the model of a configuration with the numbers of an explanation, and its effects that change the stack."""
+    assert diagnosis.stack is not None
     own = diagnosis.ranked(explanation)
     known = find_effects(effects, catalogue())
     stack = explained_stack(diagnosis.stack, own, known, state=tested.name, pressure=tested.pressure)
@@ -169,8 +183,8 @@ def identified_model(diagnosis: Diagnosis | None, found: Found, tested: Tested) 
     EffectError, FitError, PairingError, SolveError
         The stack cannot have the effects, or no mode pairs with them.
     """
-    assert tested.fit is not None
-    base = tested.fit
+    base = tested.stack_fit
+    assert base is not None
     if diagnosis is not None:
         own = _modelled(diagnosis, tested, diagnosis.set[0], found.effects)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,13 @@ from ema.quality.words import label, meaning
 from updating.correlation.correlation import correlate
 from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import PointCorrelation, correlate_points
-from updating.fitting.fit import Estimate
+from updating.fitting.fit import Estimate, Fit, ModelFit
 from updating.fitting.fit_plot import objective_figure
 from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.frf_part import frf_title
 from updating.report.part import ByModel, Picture, Section, Table, anchor, as_csv, of_model, png
 from updating.report.results import Tested
 from updating.results.text import Z95, parameter_text, uncertain
-
-if TYPE_CHECKING:
-    from updating.fitting.fit import Fit
 
 SHADES = 128  # of the scale of MAC
 _ADDED, _WITH_ADDED = "with what was identified [%]", " With what was identified:"
@@ -56,7 +53,7 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
     return Section(title=f"Modes of {tested.name}", blocks=blocks)
 
 
-def by_model(tested: Tested, make: Callable[[Fit], tuple[ByModel, ...]]) -> tuple[ByModel, ...]:
+def by_model(tested: Tested, make: Callable[[ModelFit], tuple[ByModel, ...]]) -> tuple[ByModel, ...]:
     """Make the blocks of the fitted model and, where something was found, those of the model with that too."""
     if tested.fit is None:
         return ()
@@ -67,7 +64,7 @@ def by_model(tested: Tested, make: Callable[[Fit], tuple[ByModel, ...]]) -> tupl
     return tuple(blocks)
 
 
-def pair_tables(tested: Tested, fit: Fit, added: Mapping[int, float]) -> tuple[Table, ...]:
+def pair_tables(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> tuple[Table, ...]:
     """List paired modes of the base model and, where something was found, of the model with that."""
     base = pair_table(tested, fit, added)
     if tested.identified is None:
@@ -76,7 +73,7 @@ def pair_tables(tested: Tested, fit: Fit, added: Mapping[int, float]) -> tuple[T
     return *of_model([found], "found"), *of_model([base], "base")
 
 
-def found_pair_table(tested: Tested, base: Fit, own: Fit) -> Table:
+def found_pair_table(tested: Tested, base: ModelFit, own: ModelFit) -> Table:
     """List paired modes of the model with what was identified, beside the errors of the base model."""
     c = correlate(tested.measured, base.modes, base.pairing)
     before = dict(zip((int(m) + 1 for m in base.pairing.measured), c.frequency_error, strict=True))
@@ -137,7 +134,7 @@ def complexity_table(tested: Tested) -> Table:
     ).without_empty_columns()  # fmt: skip
 
 
-def pair_table(tested: Tested, fit: Fit, added: Mapping[int, float]) -> Table:
+def pair_table(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> Table:
     """List paired modes: frequency and damping measured and modelled, their differences, and MAC.
 
     Where something was added to the model, its errors stand beside those of the base model.
@@ -239,7 +236,7 @@ def mac_section(tested: Tested) -> Section:
     if fit is None:
         return Section(title=f"MAC of {tested.name}", blocks=(auto_mac_picture(tested),))
 
-    def pictures(own: Fit) -> tuple[Picture, ...]:
+    def pictures(own: ModelFit) -> tuple[Picture, ...]:
         comac = (comac_picture(tested, own),) if own.pairing.measured.size else ()
         return mac_picture(tested, own), *comac
 
@@ -247,7 +244,7 @@ def mac_section(tested: Tested) -> Section:
     return Section(title=f"MAC and CoMAC of {tested.name}", blocks=(*by_model(tested, pictures), *tried))
 
 
-def mac_picture(tested: Tested, fit: Fit) -> Picture:
+def mac_picture(tested: Tested, fit: ModelFit) -> Picture:
     """Draw the MAC of measured with modelled modes, the latter up to the last that is paired and two more."""
     last = int(fit.pairing.model.max(initial=0)) + 3
     rows, columns = tested.measured.frequency, fit.modes.frequency[:last]
@@ -306,7 +303,7 @@ def auto_mac_picture(tested: Tested) -> Picture:
     )
 
 
-def comac_picture(tested: Tested, fit: Fit) -> Picture:
+def comac_picture(tested: Tested, fit: ModelFit) -> Picture:
     """Draw how far measured and modelled shapes differ at every point, beside what noise makes of it."""
     points = correlate_points(tested.measured, fit.modes, fit.pairing)
     return Picture(

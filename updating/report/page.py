@@ -162,8 +162,8 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
     """
     parts = [] if tested.change is None else [state_section(tested.change)]
     parts += [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]
-    if tested.fit is not None and tested.fit.pairing.measured.size:
-        parts.append(location_section(tested, tested.fit, kind))
+    if tested.stack_fit is not None and tested.stack_fit.pairing.measured.size:
+        parts.append(location_section(tested, tested.stack_fit, kind))
     stated = [
         f"{value:g} {unit}"
         for value, unit in (

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
+from updating.diagnosis.answer_parts import Moved
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
+from updating.matrices.answer import MatricesFit
 from updating.report.ledger_part import model_name
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results, Tested
@@ -42,6 +44,12 @@ def interval_table(results: Results) -> Table:
         for e in _estimates(t)
     ]
     rows += [
+        _moved_row(t.name, own, at_bound=own.name in fit.at_bound)
+        for t in results.tested
+        if isinstance(fit := t.fit, MatricesFit)
+        for own in fit.moved
+    ]
+    rows += [
         _row(
             f"all, {model_name(entry)}",
             p,
@@ -69,6 +77,12 @@ def _row(
     if estimate.at_bound:
         return fitted_to, estimate.name, unit, f"{estimate.value:.4g}", "", "", remark
     return fitted_to, estimate.name, unit, *ends(estimate.value, *interval), remark
+
+
+def _moved_row(fitted_to: str, own: Moved, *, at_bound: bool) -> tuple[str, ...]:
+    low, high = own.value - Z95 * own.std, own.value + Z95 * own.std
+    unit = "" if own.unit == "1" else own.unit
+    return fitted_to, own.label, unit, *ends(own.value, low, high), "at its bound" if at_bound else ""
 
 
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:

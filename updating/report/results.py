@@ -13,9 +13,10 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import StoreError
-from updating.fitting.fit import Fit
+from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
+from updating.matrices.answer import MatricesFit
 from updating.results.changes import CHANGE
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
@@ -38,7 +39,7 @@ class IdentifiedModel:
         What was added to the base model.
     value : mapping of str to float
         Values of the effects' parameters.
-    fit : Fit
+    fit : ModelFit
         The model with them, and its modes.
     base_frac, frac : float
         FRAC of measured functions with those of the base model and of this one, in the mean over all; NaN where no
@@ -47,7 +48,7 @@ class IdentifiedModel:
 
     effects: tuple[str, ...]
     value: Mapping[str, float]
-    fit: Fit
+    fit: ModelFit
     base_frac: float
     frac: float
 
@@ -70,7 +71,7 @@ class Tested:
         Identified modes.
     quality : Quality
         What the checks found.
-    fit : Fit or None
+    fit : ModelFit or None
         The base model: that of a diagnosis, where `identified_model.with_models` added it, else `opt`.
     opt : Fit or None
         G_f by opt_G and d_f by opt_d of this configuration alone, eq. (1).
@@ -86,13 +87,18 @@ class Tested:
     folder: Path
     measured: ModalModel
     quality: Quality
-    fit: Fit | None
+    fit: ModelFit | None
     opt: Fit | None = None
     change: Change | None = None
     identified: IdentifiedModel | None = None
 
     @property
-    def shown(self) -> Fit | None:
+    def stack_fit(self) -> Fit | None:
+        """The base model, where it is that of a stack."""
+        return self.fit if isinstance(self.fit, Fit) else None
+
+    @property
+    def shown(self) -> ModelFit | None:
         """The fit with what was identified, else that of the base model, else none."""
         return self.fit if self.identified is None else self.identified.fit
 
@@ -312,7 +318,7 @@ def _campaign_file(folder: Path) -> Path:
 
 
 def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) -> Tested:
-    fit = reader.optional(folder / "fit.json", Fit)
+    fit = reader.optional(folder / "fit.json", _kind_of_fit(folder / "fit.json"))
     return Tested(
         name=configuration.name,
         torque=configuration.torque,
@@ -321,9 +327,15 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
         measured=reader.needed(folder / "modal_model.json", ModalModel),
         quality=reader.needed(folder / "quality.json", Quality),
         fit=fit,
-        opt=fit,
+        opt=fit if isinstance(fit, Fit) else None,
         change=reader.optional(folder / CHANGE, Change) if configuration.compare_to else None,
     )
+
+
+def _kind_of_fit(path: Path) -> type[ModelFit]:
+    """Return what a fit is of: matrices, or a stack."""
+    is_matrices = path.exists() and read_document(path)["kind"] == MatricesFit.__name__
+    return MatricesFit if is_matrices else Fit
 
 
 def _read_table(folder: Path, reader: _Reader) -> Results:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model import Stack
-from updating.fitting.fit import Fit
+from updating.fitting.fit import ModelFit
 from updating.fitting.shape_faces import faces
 from updating.fitting.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
 from updating.report.modes_part import by_model
@@ -30,23 +29,23 @@ def shape_section(tested: Tested) -> Section:
     return Section(title=title, blocks=by_model(tested, lambda fit: (gallery(tested, fit),)))
 
 
-def gallery(tested: Tested, fit: Fit | None) -> Gallery:
+def gallery(tested: Tested, fit: ModelFit | None) -> Gallery:
     """Show all measured shapes of a configuration with their partners in a model."""
-    return gallery_of(tested.name, shape_pairs(tested.measured, fit), None if fit is None else fit.stack)
+    return gallery_of(tested.name, shape_pairs(tested.measured, fit), None if fit is None else fit.box)
 
 
-def gallery_of(name: str, pairs: Sequence[ShapePair], stack: Stack | None) -> Gallery:
+def gallery_of(name: str, pairs: Sequence[ShapePair], box: list[float] | None) -> Gallery:
     """Put shapes into the form that the page's `shapes.js` draws.
 
     Its JSON holds points (m) with their numbers, trace lines and the triangles between them (rows of points), the box
-    of the stack (m, or null), and for each pair what `shape_numbers` gives.
+    of the body (m, or null), and for each pair what `shape_numbers` gives.
     """
     data = {
         "point": np.round(pairs[0].coordinate, 5).tolist(),
         "node": [str(n) for n in pairs[0].node],
         "line": pairs[0].line.tolist(),
         "face": faces(pairs[0].line).tolist(),
-        "box": None if stack is None else [stack.length, stack.width, stack.height],
+        "box": box,
         "view": [AZIMUTH, ELEVATION],
         "swell": SWELL,
         "pair": [shape_numbers(pair) for pair in pairs],
@@ -57,7 +56,7 @@ def gallery_of(name: str, pairs: Sequence[ShapePair], stack: Stack | None) -> Ga
         paired=tuple(pair.has_model for pair in pairs),
         still=tuple(_still(name, k, pair) for k, pair in enumerate(pairs, start=1)),
         note="Drag the shape to turn it, or use the arrow keys; a point says its number and how far it moves. "
-        + ("" if stack is None else "The body is measured, red lines are the model, scaled to fit. ")
+        + ("" if box is None else "The body is measured, red lines are the model, scaled to fit. ")
         + "Only the directions that were measured are drawn.",
     )
 

@@ -14,7 +14,7 @@ from ema import Change, change_sentence
 from ema.plot import palette
 from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
-from updating.fitting.fit import Fit
+from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.shape_plot import any_pair
 from updating.report.chart_part import axis, chart, legend_above
 from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
@@ -31,7 +31,7 @@ TITLE, ICON = "Comparison", "mdi-compare"
 _BEYOND = 3  # model modes above the last that is paired
 
 
-def frequencies_chart(tested: Tested, fit: Fit) -> str:
+def frequencies_chart(tested: Tested, fit: ModelFit) -> str:
     """Draw frequency errors with the measurement's 95 % intervals over damping ratios, of all pairs."""
     c, used = correlate(tested.measured, fit.modes, fit.pairing), fit.pairing.measured
     names = [f"{m + 1}: {f:.0f} Hz" for m, f in zip(used, c.measured_frequency, strict=True)]
@@ -84,7 +84,7 @@ def room(server: Any, opened: Opened) -> None:
         state.mac = figure(mac_chart(value, tested.measured.frequency, columns, "model", "measured"))
         state.frequencies = figure(frequencies_chart(tested, fit))
         first = int(fit.pairing.measured[0]), int(fit.pairing.model[0])
-        state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.stack)
+        state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.box)
         say_pair(tested, fit, *first)
 
     def show_change(found: Change | None) -> None:
@@ -105,7 +105,7 @@ def room(server: Any, opened: Opened) -> None:
         server.controller.send_pair({"pair": shape_numbers(any_pair(tested.measured, fit, r, s))})
         say_pair(tested, fit, r, s)
 
-    def say_pair(tested: Tested, fit: Fit, r: int, s: int) -> None:
+    def say_pair(tested: Tested, fit: ModelFit, r: int, s: int) -> None:
         state.pair_text = (
             f"Measured mode {r + 1} at {tested.measured.frequency[r]:.1f} Hz and model mode {s + 1} at "
             f"{fit.modes.frequency[s]:.1f} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
@@ -114,8 +114,9 @@ def room(server: Any, opened: Opened) -> None:
     @server.controller.set("locate")
     async def locate() -> None:
         tested = opened.tested(state.configuration)
-        fit = tested.fit
+        fit = tested.stack_fit
         if fit is None:
+            state.place_text = "This is asked of the model of a stack only."
             return
         with state:
             state.locating = True

@@ -44,14 +44,8 @@ def points_chart(tested: Tested, chosen: int) -> str:
         (_arrows(row, measured.node, measured.direction), palette.MODES, "directions"),
         (_arrows(row, measured.input.node, measured.input.direction), palette.ACCENT, "force"),
     ]
-    if tested.fit is not None:
-        wires.append(
-            (
-                _edges(tested.fit.stack.length, tested.fit.stack.width, tested.fit.stack.height),
-                palette.QUIET,
-                "stack",
-            )
-        )
+    if tested.fit is not None and tested.fit.box is not None:
+        wires.append((_edges(*tested.fit.box), palette.QUIET, "stack"))
     traces: list[dict[str, Any]] = [
         {
             "type": "scatter3d", "mode": "lines", "name": name, "hoverinfo": "skip", "showlegend": False,

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from model import Stack
 from updating.fitting.shape_plot import ShapePair
 from updating.report.page import render
 from updating.report.part import Section
 from updating.report.shape_part import gallery_of
 
 
-def moving_page(pair: ShapePair, stack: Stack | None) -> str:
+def moving_page(pair: ShapePair, box: list[float] | None) -> str:
     """Return a page on which a pair of shapes moves."""
-    return render(
-        "Shapes", (Section(title="Shapes", blocks=(gallery_of("pair", (pair,), stack),)),), bare=True
-    )
+    return render("Shapes", (Section(title="Shapes", blocks=(gallery_of("pair", (pair,), box),)),), bare=True)
 
 
 def moving_shapes(key: str, height: int) -> Callable[[dict[str, Any]], None]:

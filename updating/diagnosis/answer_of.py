@@ -1,0 +1,117 @@
+"""What an answer says of any model: the explanations that a search leaves, ranked, and what they rest on."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+
+from updating.diagnosis.answer import Diagnosis, ModeError, confounded_in, overstated_in
+from updating.diagnosis.explained import Explained
+from updating.diagnosis.ranking import log_ratios, rank, sensor_gains, sizes_of, strained
+from updating.diagnosis.visibility import not_visible, ruled_out, visibility
+from updating.inference.decide import Decision
+from updating.inference.discrepancy import STIFFNESS
+from updating.inference.explain import Explanation
+from updating.inference.search import Search
+
+_LOG = logging.getLogger(__name__)
+
+_SHOWN = 8  # single effects whose changes are told mode by mode
+
+
+def answer_of(
+    model: Explained, found: Search, decision: Decision, asked: Sequence[Sequence[str]] = ()
+) -> Diagnosis:
+    """Return what is said of any model; what is of a stack alone, and the sentences, are left out.
+
+    Parameters
+    ----------
+    model : Explained
+        The model.
+    found : Search
+        All that was fitted.
+    decision : Decision
+        The verdict on that.
+    asked : sequence of sequence of str
+        Explanations that are predicted in full in any case.
+    """
+    _LOG.info("weigh %d explanations", len(found.fitted))
+    base, left = found.base, decision.left
+    first = left[0] if left else base
+    every = [x for x in found.fitted.values() if set(x.terms) in [set(names) for names in asked]]
+    ranking = rank(model, found, first, (*decision.steps, *left, *every))
+    of = {own.effects: own for own in ranking}
+    seen = visibility(model, found, first)
+    excluded = list(ruled_out(seen))
+    for x in left[1:]:
+        excluded = list(ruled_out(visibility(model, found, x, excluded)))
+    if decision.verdict == "unlike anything":
+        excluded = []
+    shown = {*excluded, *(name for x in left for name in x.terms)}  # perhaps only beside what was identified
+    far = strained(first)
+    overstated = overstated_in(of[first.terms], model.effects)
+    middle, spread = sizes_of(found, first)
+    singles = sorted((x for x in found.fitted.values() if len(x.terms) == 1), key=found.odds, reverse=True)
+    return Diagnosis(
+        stack=None,
+        verdict=decision.verdict,
+        set=tuple(x.terms for x in left),
+        labels={**model.labels, **overstated},
+        measurement=(*model.hypotheses, *overstated),
+        confounded=confounded_in(set(first.terms) - set(overstated), model.effects),
+        explained=of[first.terms].explained,
+        steps=tuple(of[x.terms] for x in decision.steps),
+        discrepancy=middle,
+        discrepancy_spread=spread,
+        too_large=decision.too_large,
+        mixed_up=(),
+        strained=far,
+        moved=model.moved(first),
+        relieved=tuple(own for own in strained(base) if own.name not in {s.name for s in far}),
+        point_change=None,
+        ranking=ranking,
+        errors=_errors(model, base, left),
+        n_used={own.name: (own.frequency.size, own.frequency.size) for own in model.states},
+        signatures={
+            x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:_SHOWN]
+        },
+        ruled_out=tuple(excluded),
+        not_visible=tuple(name for name in not_visible(seen) if name not in shown),
+        lacking=_lacking(model, first),
+        impossible={},
+        sensor_gains=sensor_gains(first),
+        next_tests=(),
+        second_level=None,
+        contact=(),
+        rig=(),
+        sentences=(),
+    )
+
+
+def _lacking(model: Explained, own: Explanation) -> tuple[str, ...]:
+    """Return the measured modes that are farther off than any model to which no mode is missing."""
+    return tuple(
+        f"{state}, mode {r + 1} at {np.sqrt(e.eigenvalue[r]) / (2.0 * np.pi):.1f} Hz"
+        for state, e in zip((s.name for s in model.states), own.errors, strict=True)
+        for r in np.flatnonzero(np.abs(e.frequency) > STIFFNESS.highest).tolist()
+    )
+
+
+def _errors(model: Explained, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:
+    """List the modes with the frequency errors of the base model and of the first explanation that is left."""
+    before = np.expm1(-log_ratios(base)[0])
+    after = np.expm1(-log_ratios(left[0])[0]) if left else np.full(before.size, np.nan)
+    numbered = [(own, r) for own in model.states for r in range(own.frequency.size)]
+    return tuple(
+        ModeError(
+            configuration=own.name,
+            mode=r + 1,
+            frequency=float(own.frequency[r]),
+            std=float(own.frequency_std[r]),
+            base=float(b),
+            explained=float(a),
+        )
+        for (own, r), b, a in zip(numbered, before, after, strict=True)
+    )

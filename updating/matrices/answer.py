@@ -1,0 +1,238 @@
+"""Fits and diagnoses of a structure of matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from ema.types.modal_model import ModalModel
+from ema.types.threads import single_threaded
+from model import MatrixStructure, Modes, ReducedMatrices
+from updating.correlation.pairing import pair, require_points
+from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.answer_of import answer_of
+from updating.diagnosis.answer_parts import Moved
+from updating.diagnosis.diagnosis import SHARES, priors_of
+from updating.diagnosis.evidence import DiagnosisScatter, Tested
+from updating.diagnosis.mixed_up import search_put_right
+from updating.diagnosis.text import sentences
+from updating.errors import FitError
+from updating.fitting.fit import ModelFit
+from updating.fitting.objective import frequency_error
+from updating.inference.decide import decide
+from updating.inference.discrepancy import whitened
+from updating.inference.explain import Explanation
+from updating.inference.protocol import LocalModel
+from updating.inference.search import begin
+from updating.matrices.model import MatricesModel
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MatricesFit(ModelFit):
+    """The stated terms of a structure of matrices fitted to one configuration.
+
+    Attributes
+    ----------
+    moved : tuple of Moved
+        Every quantity that was fitted: as stated, as fitted, and what was known of it.
+    at_bound : tuple of str
+        Those of them that lie at an end of what the structure file allows.
+    together : tuple of str
+        What these data tell of terms that they cannot tell apart, in words.
+    initial_error : float
+        Mean relative frequency error before the fit.
+    initial_mac : (n_pair,) float
+        MAC of the pairs before the fit.
+    """
+
+    moved: tuple[Moved, ...]
+    at_bound: tuple[str, ...]
+    together: tuple[str, ...]
+    initial_error: float
+    initial_mac: Vector
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What a user should read before using the parameters."""
+        found = list(self.together)
+        if self.at_bound:
+            found.insert(
+                0,
+                f"{self.name}: {', '.join(self.at_bound)} ended at the end of what the structure file allows: a sign "
+                "that something is missing there that these terms make up for; lamella diagnose asks what",
+            )
+        return tuple(found)
+
+
+@single_threaded
+def fit_matrices(
+    structure: MatrixStructure,
+    measured: ModalModel,
+    *,
+    threshold: float = 0.8,
+    scatter: DiagnosisScatter | None = None,
+) -> MatricesFit:
+    """Fit the stated terms of a structure to the modes of one configuration.
+
+    Frequencies and shapes are weighed by their noise and by the discrepancy that every model has, whose size is
+    estimated; terms have the priors of the structure file.
+
+    Parameters
+    ----------
+    structure : MatrixStructure
+        The structure.
+    measured : ModalModel
+        The identified modes.
+    threshold : float
+        Smallest MAC that makes a pair.
+    scatter : DiagnosisScatter, optional
+        What is known of what no term has.
+
+    Raises
+    ------
+    PairingError
+        Measured points do not lie on the structure, or are fewer than the modes.
+    FitError
+        No measured mode resembles one of the model.
+    """
+    require_points(measured)
+    scatter = scatter or DiagnosisScatter()
+    model = MatricesModel(structure, [Tested(name=measured.name, pressure=np.nan, modes=measured)], scatter)
+    zero = np.zeros(len(model.nuisances))
+    before = _modes(model.about(model.nuisances, [zero]), zero, measured)
+    _, own = begin(model, shares=SHARES, starts=[zero], priors=priors_of(scatter))
+    modes = _modes(model.about(own.coordinates, [own.x]), own.x, measured)
+    pairing = pair(measured, modes, threshold=threshold)
+    if not pairing.measured.size:
+        message = (
+            f"{measured.name}: none of {measured.frequency.size} measured modes pairs with the model by a MAC of "
+            f"{threshold:g}; the largest is {pairing.mac.max():.2f}. Check point numbers, places, directions and signs"
+        )
+        raise FitError(message)
+    first = pair(measured, before, threshold=0.0)
+    place = {int(r): int(s) for r, s in zip(first.measured, first.model, strict=True)}
+    column = [place[int(r)] for r in pairing.measured]
+    return MatricesFit(
+        name=measured.name,
+        modes=modes,
+        pairing=pairing,
+        distance=model.places[0].distance,
+        error=frequency_error(measured.frequency[pairing.measured], modes.frequency[pairing.model]),
+        moved=model.moved(own),
+        at_bound=_at_bound(own),
+        together=_together(model, own),
+        initial_error=frequency_error(measured.frequency[pairing.measured], before.frequency[column]),
+        initial_mac=first.mac[pairing.measured, column],
+    )
+
+
+def _at_bound(own: Explanation) -> tuple[str, ...]:
+    return tuple(c.name for c, ends in zip(own.coordinates, own.at_bound, strict=True) if ends)
+
+
+def _modes(local: LocalModel, x: Vector, measured: ModalModel) -> Modes:
+    """Return the elastic modes at the measured points at some coordinates."""
+    modal = local.modal(x, 0)
+    value, shape = modal.eigenvalue[modal.n_rigid :], modal.rows[:, modal.n_rigid :]
+    frequency = np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi)
+    loss = np.einsum("ii->i", modal.damping[0])[modal.n_rigid :]
+    return modes_at(frequency, loss / (4.0 * np.pi * frequency), shape, measured.node, measured.direction)
+
+
+def modes_at(
+    frequency: Vector, damping: Vector, shape: Vector, node: NDArray[np.int64], direction: Vector
+) -> Modes:
+    """Return modes, (n,) Hz and (n,), with their shapes at some components, (n_dof, n)."""
+    n = frequency.size
+    return Modes(
+        frequency=frequency,
+        damping=damping,
+        pole_frequency=frequency,
+        shape=shape,
+        node=node,
+        direction=direction,
+        n_rigid=0,
+        parameter=(),
+        frequency_gradient=np.zeros((n, 0)),
+        damping_gradient=np.zeros((n, 0)),
+        shape_gradient=np.zeros((len(node), n, 0)),
+        coordinate=np.zeros((0, n)),
+    )
+
+
+def _together(model: MatricesModel, own: Explanation, *, told: float = 0.5, most: int = 3) -> tuple[str, ...]:
+    """Say which combinations of stated terms the data tell, where they do not tell each of them.
+
+    Of the covariance that the data leave over that of the priors, directions whose deviation fell below `told` are
+    told, all others stay as they were known.
+    """
+    names = [c.name for c in own.coordinates]
+    stated = [i for i, n in enumerate(names) if n in {one.name for one in model.structure.factors}]
+    untold = [names[i] for i in stated if own.std[i] > told * own.coordinates[i].std]
+    if len(untold) < 2:
+        return ()
+    _, jacobian, _ = whitened(own.problem, own.evidence.sizes)
+    std = np.array([own.coordinates[i].std for i in stated])
+    size, turn = la.eigh(std[:, None] * (jacobian[:, stated].T @ jacobian[:, stated]) * std)
+    shown = np.flatnonzero(1.0 / np.sqrt(1.0 + size) < told)[::-1]
+    parts = []
+    for k in shown[:most]:
+        share = turn[:, k] * np.sign(turn[np.argmax(np.abs(turn[:, k])), k])
+        large = [j for j in np.argsort(-np.abs(share)) if abs(share[j]) > 0.25][:6]
+        words = " ".join(
+            f"{'+' if share[j] > 0 else '-'} {abs(share[j]):.2f} {names[stated[j]]}" for j in large
+        )
+        parts.append(f"{words.removeprefix('+ ')} (to {1.0 / np.sqrt(1.0 + size[k]):.2g} of what was known)")
+    number = f"{len(model.states[0].frequency)} modes"
+    tell = f"; they tell {'; '.join(parts)}" if parts else ", nor any combination of them"
+    return (f"{model.tested[0].name}: {number} cannot tell these terms apart: {', '.join(untold)}{tell}",)
+
+
+@single_threaded
+def diagnose_matrices(
+    structure: MatrixStructure,
+    tested: Sequence[tuple[str, ModalModel]],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    asked: Sequence[Sequence[str]] = (),
+) -> Diagnosis:
+    """Say what the model of a structure lacks.
+
+    Parameters
+    ----------
+    structure : MatrixStructure
+        The structure.
+    tested : sequence of (str, ModalModel)
+        Name and identified modes of each configuration.
+    scatter : DiagnosisScatter, optional
+        What a laboratory knows of what separates a right model from a right measurement.
+    asked : sequence of sequence of str
+        Effects, or effects together, that are fitted and ranked in any case.
+
+    Raises
+    ------
+    PairingError
+        Measured points do not lie on the structure, or are fewer than the modes.
+    """
+    for _, modes in tested:
+        require_points(modes)
+    scatter = scatter or DiagnosisScatter()
+    reduced: list[ReducedMatrices] = []
+
+    def make(own: Sequence[Tested]) -> tuple[MatricesModel, list[Vector]]:
+        model = MatricesModel(structure, own, scatter, reduced=reduced)
+        return model, [np.zeros(len(model.nuisances))]
+
+    given = [Tested(name=name, pressure=np.nan, modes=modes) for name, modes in tested]
+    node = [modes.node for _, modes in tested]
+    model, found, mixed_up = search_put_right(
+        make, given, node, shares=SHARES, priors=priors_of(scatter), asked=asked
+    )
+    answer = replace(answer_of(model, found, decide(found), asked), mixed_up=mixed_up)
+    return replace(answer, sentences=sentences(answer))
