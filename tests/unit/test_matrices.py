@@ -16,6 +16,7 @@ import scipy.sparse.linalg as sla
 import model
 from model.matrices.labelled import placed, symmetric
 from model.matrices.nodes import read_nodes
+from model.matrices.places import places_on
 from model.matrices.readers import read_entries
 from model.solvers.nested_dissection import CholeskyFactor, NotPositiveError
 
@@ -351,17 +352,54 @@ def test_static_responses_lower_what_is_left(example):
     assert reduced.left.compliance < 1e-6
 
 
-def test_rows_are_shapes_at_nodes(example):
+def bending(place):
+    """Displacements of second order in x and y, and of first in z, (n, 3)."""
+    x, y, z = np.asarray(place).T
+    return np.column_stack([z * x, 0.3 * y * y, x * x - 2.0 * x * y + z])
+
+
+def test_rows_are_shapes_at_places(example):
     structure, reduced = example
-    node, distance = reduced.nearest([[0.24, 0.0, 0.004], [0.24, 0.16, 0.0045]])
-    assert distance == pytest.approx([0.0, 0.5e-3], abs=1e-9)
-    rows = reduced.at(node, np.array([[0, 0, 1.0]] * 2))
-    first = rows @ reduced.solve(n_mode=1)[1][:, 0]
+    on, between = [0.24, 0.0, 0.004], [0.13, 0.07, 0.0041]
+    found = places_on(structure, [1, 2], np.array([on, between]), np.array([[0, 0, 1.0]] * 2))
+    assert found.distance == pytest.approx([0.0, np.hypot(0.01, 0.01)], rel=1e-4)
     shape = sparse_modes(structure, structure.theta, 3)[1][:, 0]
-    at = [int(np.flatnonzero((structure.node == n) & (structure.dof == 3))[0]) for n in node]
-    assert np.abs(first) == pytest.approx(np.abs(shape[at]), rel=1e-6)
-    with pytest.raises(model.MatricesError, match="is not looked at"):
-        reduced.at([10**6], [[0, 0, 1.0]])
+    tip = np.flatnonzero((structure.dof == 3) & (np.linalg.norm(structure.location - on, axis=1) < 1e-9))
+    first = found.rows(reduced)[0] @ reduced.solve(n_mode=1)[1][:, 0]
+    assert abs(first[0]) == pytest.approx(abs(shape[tip[0]]), rel=1e-6)
+    exact = replace(
+        reduced, basis=bending(structure.location)[np.arange(len(structure.dof)), structure.dof - 1, None]
+    )
+    rows, slope = found.rows(exact)
+    assert rows[:, 0] == pytest.approx(bending([on, between])[:, 2], abs=1e-5)
+    assert slope[:, 0] == pytest.approx([2 * 0.24, 2 * 0.13 - 2 * 0.07], abs=1e-3)
+
+
+def test_a_point_off_the_structure_is_named(example):
+    with pytest.raises(
+        model.MatricesError, match=r"point 7 is 260 mm from the nearest node.*check their unit"
+    ):
+        places_on(example[0], [7], np.array([[0.5, 0.0, 0.0]]), np.array([[0, 0, 1.0]]))
+
+
+def test_points_are_nodes_where_no_file_says_where_these_are(tmp_path):
+    structure = model.read_matrices(write(tmp_path, labels=table().replace(",x,y,z", ",a,b,c")))
+    rows = places_on(structure, NODE[:2], np.zeros((2, 3)), np.array([[1.0, 0, 0]] * 2)).rows(
+        model.reduce_matrices(structure)
+    )[0]
+    assert rows.shape == (2, N)
+    with pytest.raises(model.MatricesError, match="point 3 has no node of its number"):
+        places_on(structure, [3], np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
+
+
+def test_a_basis_is_joined_where_factors_go_far(example):
+    structure, reduced = example
+    far = {"root_springs": 0.02, "strip": 1.6}
+    wide = model.reduce_matrices(structure, far, beside=reduced)
+    assert reduced.error(far) > 1e-5 > wide.error(far)
+    for theta in ({}, far):
+        own = sparse_frequencies(structure, {**structure.theta, **theta}, 10)
+        assert wide.solve({**structure.theta, **theta})[0][:10] == pytest.approx(own, rel=1e-5)
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX as ccx (apt install calculix-ccx)")

@@ -28,6 +28,7 @@ from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
+from updating.diagnosis.matrices_answer import diagnose_matrices
 from updating.diagnosis.scan import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.slipping import AtLevel
@@ -35,7 +36,6 @@ from updating.diagnosis.text import next_command
 from updating.errors import FitError
 from updating.fitting.modal_table import is_modal_table
 from updating.fitting.target import model_file, stack_in_state
-from updating.matrices.answer import diagnose_matrices
 from updating.pooled.campaign_file import has_specimens
 from updating.results.amplitude import AMPLITUDE, OverAmplitude, over_amplitude, stored_amplitude
 from updating.results.campaign_findings import measurement_findings

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -35,6 +35,7 @@ from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
 from updating.diagnosis.answer import Ranked
+from updating.diagnosis.matrices_answer import MatricesFit
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.fit import fit as fit_configuration
 from updating.fitting.joint_problem import FitSettings
@@ -49,7 +50,6 @@ from updating.fitting.target import (
     target_of_modes,
     target_of_table,
 )
-from updating.matrices.answer import MatricesFit
 from updating.pooled.campaign_file import has_specimens
 from updating.published.campaign import SCATTER
 from updating.results.chosen_poles import forget_choices
@@ -116,8 +116,7 @@ def fit(
             continue
         found, fitted = one
         done.append(found)
-        own = matrices_fit_table if isinstance(fitted, MatricesFit) else fit_table
-        OUT.print(own(found.modal_model, fitted))
+        OUT.print(_table(found.modal_model, fitted))
         print_findings(found)
         for line in fitted.findings:
             OUT.print(f"  {line}", markup=False, highlight=False)
@@ -160,6 +159,7 @@ def fit_campaign(
     campaign = read_campaign(campaign_file)
     stack_file = model_file(campaign, "a fit")
     assigned = assignments(campaign, output, keep=keep)
+    task: Callable[[Assignment], tuple[Identified, ModelFit]]
     if is_structure_file(stack_file):
         task = partial(identify_and_fit_matrices, stack_file, threshold)
     else:
@@ -310,6 +310,14 @@ def table_ledger(
         )
     write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
     return entries
+
+
+def _table(measured: ModalModel, fit: ModelFit) -> Table:
+    """Put measured beside fitted modes, of matrices or of a stack."""
+    if isinstance(fit, MatricesFit):
+        return matrices_fit_table(measured, fit)
+    assert isinstance(fit, Fit)
+    return fit_table(measured, fit)
 
 
 def fit_table(measured: ModalModel, fit: Fit) -> Table:

@@ -13,7 +13,7 @@ from model import MatricesError, read_matrices, reduce_matrices
 from model.matrices.structure_file import matrices_inputs
 from updating.commands.terminal import bar
 from updating.correlation.correlation import correlate
-from updating.matrices.answer import MatricesFit, fit_matrices, modes_at
+from updating.diagnosis.matrices_answer import MatricesFit, fit_matrices, modes_at
 from updating.results.identified import Assignment, Identified, identified
 from updating.results.store import kept, write_result
 from updating.results.text import Z95, quantity

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from rich.table import Table
 
+from ema import read_campaign
+from model import read_stack
 from updating.commands.diagnose import diagnose_campaign, print_measurement_findings
 from updating.commands.options import CampaignFile, EffectFiles, Folder, IdentifyAnew, ScatterFile
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.text import second_level_text
+from updating.fitting.target import model_file
 from updating.results.chosen_poles import forget_choices
 
 EXAMPLE = "lamella next-test data/hidden_effect/open/campaign.toml -o out/open"
@@ -27,6 +30,7 @@ def next_test(
     """
     if identify_anew:
         forget_choices(output)
+    read_stack(model_file(read_campaign(campaign), "a further test"))  # tests are of stacks
     found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
     if not found.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)

@@ -88,7 +88,12 @@ def _strained(own: Strained) -> str:
             "and the campaign states none."
         )
     else:
-        text = f"the stack's {_STEEL.get(what, what)} would have to differ from the file's by {value}"
+        known_by = (
+            f"the stack's {_STEEL.get(what, what)}"
+            if what in (*_STEEL, *DIMENSIONS)
+            else f"the factor of {what}"
+        )
+        text = f"{known_by} would have to differ from the file's by {value}"
     return f"{text}; what is known of it leaves {known}."
 
 

@@ -216,7 +216,7 @@ def _rests_on(found: Diagnosis) -> str:
     left_out = (
         ""
         if np.isfinite(found.discrepancy.damping)
-        else " Damping is not compared: one lamina has no contact, and its model no loss of its own."
+        else " Damping is not compared: the model has no loss of its own (one lamina, or matrices without damping)."
     )
     return f"The answer rests on {', '.join(parts)}.{left_out}"
 

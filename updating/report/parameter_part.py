@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ema.plot import palette
 from updating.diagnosis.answer_parts import Moved
+from updating.diagnosis.matrices_answer import MatricesFit
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
-from updating.matrices.answer import MatricesFit
 from updating.report.ledger_part import model_name
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results, Tested

@@ -12,11 +12,11 @@ from ema.modal.change import Change
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.matrices_answer import MatricesFit
 from updating.errors import StoreError
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
-from updating.matrices.answer import MatricesFit
 from updating.results.changes import CHANGE
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality

@@ -76,7 +76,7 @@ def _places(show: Any, every: Sequence[Tested]) -> None:
 
 def _location(tested: Tested) -> Picture | None:
     """Return the picture of where the base model of a configuration fails; None where there is nothing to locate."""
-    fit = tested.fit
+    fit = tested.stack_fit
     if fit is None or not fit.pairing.measured.size:
         return None
     return next(iter(location_section(tested, fit).pictures), None)

@@ -18,6 +18,7 @@ from updating.diagnosis.answer_of import answer_of
 from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.diagnosis import SHARES, priors_of
 from updating.diagnosis.evidence import DiagnosisScatter, Tested
+from updating.diagnosis.matrices_model import MatricesModel
 from updating.diagnosis.mixed_up import search_put_right
 from updating.diagnosis.text import sentences
 from updating.errors import FitError
@@ -28,7 +29,6 @@ from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation
 from updating.inference.protocol import LocalModel
 from updating.inference.search import begin
-from updating.matrices.model import MatricesModel
 
 Vector = NDArray[np.float64]
 

@@ -22,6 +22,8 @@ _MASS = 0.3
 """Largest mass at a place, of the structure's: more is another structure."""
 _USUAL = 0.05
 """Usual strength of a mass or a spring, over its largest."""
+_NOTHING = 1e-5
+"""Stiffness that moves no frequency, over that which holds the structure's mass at the lowest measured one."""
 _SENSORS = 0.1  # largest mass of all sensors together, of the structure's
 
 
@@ -34,7 +36,7 @@ class Candidate:
 
 
 def candidates_of(
-    structure: MatrixStructure, sensors: Callable[[ReducedMatrices], Vectors], n_sensor: int
+    structure: MatrixStructure, sensors: Callable[[ReducedMatrices], Vectors], n_sensor: int, lowest_Hz: float
 ) -> dict[str, Candidate]:
     """Return what a structure may lack, by name.
 
@@ -46,11 +48,13 @@ def candidates_of(
         Returns the rows of all measured points along x, y and z, (n, size).
     n_sensor : int
         Number of these points.
+    lowest_Hz : float
+        Lowest measured frequency: of springs those are usual that move it.
     """
     every = structure.matrix("M", structure.theta)
     weight = [float(every[rows][:, rows].sum()) for rows in (structure.dof == i for i in (1, 2, 3))]
     total = max(weight)
-    stiffest = total * (2.0 * np.pi * structure.band_Hz) ** 2
+    soft, stiff = (total * (2.0 * np.pi * f) ** 2 for f in (lowest_Hz, structure.band_Hz))
     places: dict[str, tuple[str, Index]] = {}
     for name in structure.points:
         for node in structure.groups[name]:
@@ -63,7 +67,9 @@ def candidates_of(
         if not own.size:
             continue
         found[f"mass_at_{name}"] = Candidate(
-            effect=_effect(f"mass_at_{name}", f"a mass at {label}", "inertia", "kg", _MASS * total),
+            effect=_effect(
+                f"mass_at_{name}", f"a mass at {label}", "inertia", _mass(f"mass_at_{name}", _MASS * total)
+            ),
             parts=_acting("M", own, (0, 1, 2)),
         )
         for axis in range(3):
@@ -71,9 +77,8 @@ def candidates_of(
                 continue
             key, along = f"spring_at_{name}_{DIRECTIONS[axis]}", f"along {DIRECTIONS[axis]}"
             what = f"a spring from {label} to the ground {along}"
-            found[key] = Candidate(
-                effect=_effect(key, what, "boundary", "N/m", stiffest), parts=_acting("K", own, (axis,))
-            )
+            effect = _effect(key, what, "boundary", _spring(key, soft, stiff))
+            found[key] = Candidate(effect=effect, parts=_acting("K", own, (axis,)))
 
     def loaded(reduced: ReducedMatrices) -> Parts:
         rows = sensors(reduced)
@@ -81,34 +86,62 @@ def candidates_of(
 
     what = "the mass of sensors, the same at every measured point"
     found["sensor_mass"] = Candidate(
-        effect=_effect("sensor_mass", what, "inertia", "kg", _SENSORS * total / n_sensor), parts=loaded
+        effect=_effect("sensor_mass", what, "inertia", _mass("sensor_mass", _SENSORS * total / n_sensor)),
+        parts=loaded,
     )
     for one in structure.factors:
         if one.nominal == 0.0:
             largest = one.upper if np.isfinite(one.upper) else one.lower + 5.0 * one.std
-            found[one.name] = Candidate(
-                effect=_effect(one.name, one.name.replace("_", " "), "boundary", "1", largest, one.std),
-                parts=_stated(one.name),
+            parameter = Parameter(
+                name=one.name,
+                unit="1",
+                nominal=min(one.std, largest),
+                lower=0.0,
+                upper=largest,
+                source="the structure file",
             )
+            effect = _effect(one.name, one.name.replace("_", " "), "boundary", parameter)
+            found[one.name] = Candidate(effect=effect, parts=_stated(one.name))
     return found
 
 
-def _effect(
-    name: str, label: str, family: Family, unit: str, largest: float, usual: float | None = None
-) -> Effect:
-    """Return an effect of one parameter from 0 to a largest strength; what it adds to a stack is nothing."""
-    parameter = Parameter(
+def _effect(name: str, label: str, family: Family, parameter: Parameter) -> Effect:
+    """Return an effect of one parameter; what it adds to a stack is nothing."""
+    return Effect(
         name=name,
-        unit=unit,
-        nominal=_USUAL * largest if usual is None else min(usual, largest),
+        label=label,
+        family=family,
+        summary=label,
+        description=label,
+        parameters=(parameter,),
+        terms=lambda _: (),
+    )
+
+
+def _mass(name: str, largest: float) -> Parameter:
+    return Parameter(
+        name=name,
+        unit="kg",
+        nominal=_USUAL * largest,
         lower=0.0,
         upper=largest,
-        source="mass and stiffness of the structure" if usual is None else "the structure file",
+        source="the mass of the structure",
     )
-    return Effect(
-        name=name, label=label, family=family, summary=label, description=label, parameters=(parameter,),
-        terms=lambda _: (),
-    )  # fmt: skip
+
+
+def _spring(name: str, soft: float, stiff: float) -> Parameter:
+    """Return the stiffness of a spring, whose order of magnitude nobody knows: from nothing to what holds a point."""
+    return Parameter(
+        name=name,
+        unit="N/m",
+        nominal=_USUAL * soft,
+        lower=_NOTHING * soft,
+        upper=stiff,
+        neutral=_NOTHING * soft,
+        scale="log",
+        sampled=True,
+        source="what holds the mass of the structure at the lowest and at the highest frequency",
+    )
 
 
 def _acting(target: Target, node: Index, axes: tuple[int, ...]) -> Callable[[ReducedMatrices], Parts]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import scipy.linalg as la
@@ -18,11 +19,11 @@ from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.coordinates import free_coordinate, scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, DiagnosisScatter, Tested
 from updating.diagnosis.hypotheses import FALL, GAIN, LABELS, PLACE, SENSOR_GAIN, STATED_POINTS, WINDOW
+from updating.diagnosis.matrices_candidates import DRIVE, candidates_of
 from updating.diagnosis.stack_model import n_gain, state_of
 from updating.errors import PairingError
 from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate, Modal, Term
-from updating.matrices.candidates import DRIVE, candidates_of
 
 Vector = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ class MatricesModel:
         above: float = 1.2,
     ) -> None:
         self.scatter, self.tested = scatter, tuple(tested)
-        every = [own.modes for own in tested]
+        every = [cast("ModalModel", own.modes) for own in tested]
         top = max(float(modes.frequency.max()) for modes in every)
         self.structure = _with_drive(
             replace(structure, band_Hz=max(structure.band_Hz, above * top)), every[0]
@@ -86,7 +87,7 @@ class MatricesModel:
         self.n_gain = n_gain([modes.sensor for modes in every])
         point = _every_way(self.structure, every[0])
         self.candidates = candidates_of(
-            self.structure, lambda reduced: point.rows(reduced)[0], len(point.node) // 3
+            self.structure, lambda reduced: point.rows(reduced)[0], len(point.node) // 3, lowest
         )
         self.effects: dict[str, Effect] = {name: own.effect for name, own in self.candidates.items()}
         self.parameters: dict[str, Parameter] = {
@@ -350,8 +351,7 @@ class MatricesNear:
         n_rigid = int(np.count_nonzero(low < whole.rigid))
         low[:n_rigid] = 0.0
         moves: dict[int, Vector] = {}
-        for which, target in enumerate(("K", "M")):
-            names, stacked = self.own[target]
+        for which, (names, stacked) in enumerate((self.own["K"], self.own["M"])):
             for name, own in zip(names, stacked, strict=True):
                 if name in self.at:
                     change = moves.setdefault(self.at[name], np.zeros((2, size, m)))

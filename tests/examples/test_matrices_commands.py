@@ -1,0 +1,62 @@
+"""The shipped model of another program, from the command line: its hidden mass, and what needs a stack says so."""
+
+import re
+import shutil
+
+import pytest
+
+from tests.command import ROOT, lamella
+
+EXAMPLE = ROOT / "data/matrices_example"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plate")
+    return folder, [lamella(name, EXAMPLE / "campaign.toml", "-o", folder) for name in ("fit", "diagnose")]
+
+
+def test_the_hidden_mass_is_found(done):
+    folder, (fitted, diagnosed) = done
+    assert (fitted.returncode, diagnosed.returncode) == (0, 0), fitted.stderr + diagnosed.stderr
+    assert "root_springs" in fitted.stdout
+    said = " ".join(diagnosed.stdout.split())
+    assert said.startswith("Identified: a mass at corner (mass_at_corner)")
+    value, low, high = (
+        float(v) for v in re.search(r"= ([\d.]+) g \(95 %: ([\d.]+) g to ([\d.]+) g\)", said).groups()
+    )
+    assert low - 0.5 < 45.0 < high + 0.5
+    assert value == pytest.approx(45.0, rel=0.03)
+    made = lamella("report", folder)
+    assert made.returncode == 0, made.stderr
+    page = (folder / "report.html").read_text()
+    assert "a mass at corner" in page
+    assert "root_springs" in page
+    added = lamella("fit", EXAMPLE / "campaign.toml", "-o", folder, "--effect", "mass_at_corner")
+    assert added.returncode == 0, added.stderr
+    assert "mass_at_corner" in added.stdout
+
+
+def test_modes_of_the_model_are_listed(tmp_path):
+    found = lamella("model", EXAMPLE / "structure.toml", "-o", tmp_path, "-n", 3)
+    assert found.returncode == 0, found.stderr
+    assert "total mass 1.20576 kg" in found.stdout
+    assert "32.7254" in found.stdout
+
+
+@pytest.mark.parametrize("command", ["next-test"])
+def test_what_needs_a_stack_says_so(tmp_path, command):
+    found = lamella(command, EXAMPLE / "campaign.toml", "-o", tmp_path)
+    assert found.returncode == 1
+    assert "is a structure of matrices" in " ".join(found.stderr.split())
+
+
+def test_a_damaged_structure_file_is_named(tmp_path):
+    for file in EXAMPLE.iterdir():
+        if file.is_file():
+            shutil.copy(file, tmp_path / file.name)
+    file = tmp_path / "structure.toml"
+    file.write_text(file.read_text().replace('group = "root"\nspring', 'group = "roof"\nspring'))
+    found = lamella("fit", tmp_path / "campaign.toml", "-o", tmp_path / "out")
+    assert found.returncode == 1
+    assert "no group 'roof'" in " ".join(found.stderr.split())

@@ -1,0 +1,140 @@
+"""Structures of matrices behind the inference: derivatives, fits of stated terms, and what is missing."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from ema import read_campaign
+from ema.modal.read_modes import read_modes
+from updating.diagnosis import evidence
+from updating.diagnosis.coordinates import coordinate_of
+from updating.diagnosis.evidence import POINTS_SHIFT, DiagnosisScatter
+from updating.diagnosis.matrices_answer import diagnose_matrices, fit_matrices
+from updating.diagnosis.matrices_model import MatricesModel
+from updating.errors import PairingError
+from updating.inference.explain import coordinates_of
+
+EXAMPLE = Path(__file__).parents[2] / "data/matrices_example"
+BAND = 1400.0  # Hz
+STD = {"frequency": 2e-4, "shape": 0.01}
+
+
+@pytest.fixture(scope="module")
+def structure():
+    return model.read_matrices(EXAMPLE / "structure.toml")
+
+
+@pytest.fixture(scope="module")
+def measured(structure, tmp_path_factory):
+    """Make modes, as a test gives them, of the structure at some factors with some strengths of effects."""
+    points = np.loadtxt(EXAMPLE / "points.csv", delimiter=",", skiprows=1)
+    folder = tmp_path_factory.mktemp("modes")
+
+    def make(factors, effects=None):
+        whole = _of(structure, _modes(folder, points, np.ones(1), np.ones((len(points), 1))))
+        coordinates = coordinates_of(whole, [whole.terms[name] for name in effects or {}])
+        at = {name: np.log(value) for name, value in factors.items()}
+        at |= {name: coordinate_of(whole.parameters[name], value) for name, value in (effects or {}).items()}
+        x = np.array([at.get(c.name, 0.0) for c in coordinates])
+        modal = whole.about(coordinates, [x]).modal(x, 0)
+        frequency = np.sqrt(np.concatenate([modal.eigenvalue, modal.beyond])) / (2 * np.pi)
+        rows = np.hstack([modal.rows, modal.beyond_rows])
+        seen = (frequency < BAND) & (np.abs(rows).max(axis=0) > 0.2)
+        rng = np.random.default_rng(3)
+        frequency = frequency[seen] * (1 + STD["frequency"] * rng.standard_normal(seen.sum()))
+        size = np.sqrt(np.mean(rows[:, seen] ** 2, axis=0))
+        shape = rows[:, seen] + STD["shape"] * size * rng.standard_normal((len(points), seen.sum()))
+        return _modes(folder, points, frequency, shape)
+
+    return make
+
+
+def _modes(folder, points, frequency, shape):
+    n = frequency.size
+    (folder / "modes.csv").write_text(
+        "mode,frequency_Hz,damping,frequency_std_Hz,damping_std,shape_std\n"
+        + "".join(
+            f"{i + 1},{f},0.01,{STD['frequency'] * f},0.001,{STD['shape']}\n" for i, f in enumerate(frequency)
+        )
+    )
+    names = ",".join(f"mode_{i + 1}_real,mode_{i + 1}_imag" for i in range(n))
+    (folder / "shapes.csv").write_text(
+        f"node,x,y,z,{names}\n"
+        + "".join(
+            f"{int(p[0])},0,0,1,{','.join(f'{v},0' for v in row)}\n"
+            for p, row in zip(points, shape, strict=True)
+        )
+    )
+    (folder / "points.csv").write_text((EXAMPLE / "points.csv").read_text())
+    (folder / "campaign.toml").write_text(
+        '[campaign]\nname = "test"\n[points]\nfile = "points.csv"\nunit = "mm"\n[[configuration]]\nname = "plate"\n'
+        'modes = "file"\ninput = "21+z"\nfiles = ["modes.csv", "shapes.csv"]\n'
+    )
+    return read_modes(read_campaign(folder / "campaign.toml"), "plate").modal_model
+
+
+def _of(structure, modes):
+    tested = evidence.Tested(name="plate", pressure=np.nan, modes=modes)
+    return MatricesModel(structure, [tested], DiagnosisScatter())
+
+
+def test_derivatives_are_those_of_differences(structure, measured):
+    whole = _of(structure, measured({"root_springs": 1.0}))
+    names = ("mass_at_corner", "spring_at_side_z", "tip_mass", "sensor_mass")
+    coordinates = coordinates_of(whole, [whole.terms[n] for n in names])
+    x = np.array([0.02 if c.name in names else 0.01 for c in coordinates])
+    x[[c.name for c in coordinates].index(POINTS_SHIFT)] = 1e-3
+    near = whole.about(coordinates, [x])
+    found = near.modal(x, 0)
+    order = [c.name for c in coordinates]
+    for name in ("stiffness", "mass", "root_springs", "strip", *names):
+        i = order.index(name)
+        step = 1e-6 * np.eye(x.size)[i]
+        ends = [near.modal(x + sign * step, 0).eigenvalue for sign in (1.0, -1.0)]
+        k = list(found.moves).index(i)
+        expected = np.diag(found.stiffness[k]) - found.eigenvalue * np.diag(found.mass[k])
+        np.testing.assert_allclose(
+            (ends[0] - ends[1]) / 2e-6, expected, rtol=1e-3, atol=1e-6 * found.eigenvalue[-1]
+        )
+    i = order.index(POINTS_SHIFT)
+    step = 1e-6 * np.eye(x.size)[i]
+    ends = [near.modal(x + sign * step, 0).rows for sign in (1.0, -1.0)]
+    slope = found.row_change[list(found.looks).index(i)]
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, slope, rtol=1e-3, atol=1e-6 * np.abs(slope).max())
+
+
+def test_the_stated_terms_are_fitted(structure, measured):
+    fit = fit_matrices(structure, measured({"root_springs": 0.6, "strip": 1.1}))
+    value = {own.name: own for own in fit.moved}
+    for name, true in (("root_springs", 0.6), ("strip", 1.1), ("mass", 1.0), ("stiffness", 1.0)):
+        assert abs(value[name].value - true) < 3.0 * value[name].std
+    assert fit.error < 5e-4 < fit.initial_error
+    assert fit.pairing.paired_mac.min() > 0.999
+    assert not fit.at_bound
+
+
+def test_nothing_is_missing_where_nothing_is(structure, measured):
+    found = diagnose_matrices(structure, [("plate", measured({"root_springs": 0.7}))])
+    assert found.verdict == "nothing missing"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("mass_at_corner", 0.04), ("spring_at_other_corner_z", 2e4), ("tip_mass", 0.5)]
+)
+def test_what_is_hidden_is_found(structure, measured, name, value):
+    found = diagnose_matrices(structure, [("plate", measured({"root_springs": 0.7}, {name: value}))])
+    assert found.verdict in ("identified", "one of")
+    assert found.set[0] == (name,)
+    (own,) = found.ranked((name,)).parameter
+    assert own.value == pytest.approx(value, rel=0.05)
+    assert name in found.sentences[0]
+
+
+def test_a_point_off_the_structure_is_named(structure, measured):
+    modes = measured({"root_springs": 1.0})
+    moved = replace(modes.geometry, coordinate=10.0 * modes.geometry.coordinate)
+    with pytest.raises(PairingError, match=r"mm from the nearest node.*unit and origin"):
+        fit_matrices(structure, replace(modes, geometry=moved))

@@ -1,1 +1,0 @@
-"""Structures whose model is matrices of another program: the same inference, the same answers."""
