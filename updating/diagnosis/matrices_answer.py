@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import scipy.linalg as la
@@ -31,6 +32,8 @@ from updating.inference.protocol import LocalModel
 from updating.inference.search import begin
 
 Vector = NDArray[np.float64]
+
+_LEAST_MAC = 0.8  # that makes a pair in what is shown of a diagnosis
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,8 +110,8 @@ def fit_matrices(
     zero = np.zeros(len(model.nuisances))
     before = _modes(model.about(model.nuisances, [zero]), zero, measured)
     _, own = begin(model, shares=SHARES, starts=[zero], priors=priors_of(scatter))
-    modes = _modes(model.about(own.coordinates, [own.x]), own.x, measured)
-    pairing = pair(measured, modes, threshold=threshold)
+    shown = _shown(model, own, 0, threshold)
+    pairing, modes = shown.pairing, shown.modes
     if not pairing.measured.size:
         message = (
             f"{measured.name}: none of {measured.frequency.size} measured modes pairs with the model by a MAC of "
@@ -122,8 +125,8 @@ def fit_matrices(
         name=measured.name,
         modes=modes,
         pairing=pairing,
-        distance=model.places[0].distance,
-        error=frequency_error(measured.frequency[pairing.measured], modes.frequency[pairing.model]),
+        distance=shown.distance,
+        error=shown.error,
         moved=model.moved(own),
         at_bound=_at_bound(own),
         together=_together(model, own),
@@ -132,13 +135,29 @@ def fit_matrices(
     )
 
 
+def _shown(model: MatricesModel, own: Explanation, state: int, threshold: float) -> ModelFit:
+    """Put the model with an explanation beside the modes of a configuration."""
+    tested = model.tested[state]
+    measured = cast("ModalModel", tested.modes)
+    modes = _modes(model.about(own.coordinates, [own.x]), own.x, measured, state)
+    pairing = pair(measured, modes, threshold=threshold)
+    frequency = measured.frequency[pairing.measured]
+    return ModelFit(
+        name=tested.name,
+        modes=modes,
+        pairing=pairing,
+        distance=model.places[state].distance,
+        error=frequency_error(frequency, modes.frequency[pairing.model]) if frequency.size else float("nan"),
+    )
+
+
 def _at_bound(own: Explanation) -> tuple[str, ...]:
     return tuple(c.name for c, ends in zip(own.coordinates, own.at_bound, strict=True) if ends)
 
 
-def _modes(local: LocalModel, x: Vector, measured: ModalModel) -> Modes:
+def _modes(local: LocalModel, x: Vector, measured: ModalModel, state: int = 0) -> Modes:
     """Return the elastic modes at the measured points at some coordinates."""
-    modal = local.modal(x, 0)
+    modal = local.modal(x, state)
     value, shape = modal.eigenvalue[modal.n_rigid :], modal.rows[:, modal.n_rigid :]
     frequency = np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi)
     loss = np.einsum("ii->i", modal.damping[0])[modal.n_rigid :]
@@ -234,5 +253,10 @@ def diagnose_matrices(
     model, found, mixed_up = search_put_right(
         make, given, node, shares=SHARES, priors=priors_of(scatter), asked=asked
     )
-    answer = replace(answer_of(model, found, decide(found), asked), mixed_up=mixed_up)
+    decision = decide(found)
+    shown = (found.base, *decision.left[:1])
+    models = {
+        own.name: tuple(_shown(model, x, c, _LEAST_MAC) for x in shown) for c, own in enumerate(model.tested)
+    }
+    answer = replace(answer_of(model, found, decision, asked), mixed_up=mixed_up, models=models)
     return replace(answer, sentences=sentences(answer))

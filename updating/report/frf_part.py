@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized, within_band
+from updating.fitting.fit import Fit
 from updating.report.frf_chart import BASE, FITTED_MODEL, FOUND, frf_chart
 from updating.report.identified_model import fracs, modelled
 from updating.report.part import Picture, Section, as_csv, png
@@ -87,8 +88,8 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
 
 def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:
     """Return functions of the base and of the identified model, (n_output, n_frequency), as they are."""
-    fits = {BASE: tested.stack_fit, FOUND: None if tested.identified is None else tested.identified.fit}
-    values = {name: modelled(tested, own, lines) for name, own in fits.items() if own is not None}
+    fits = {BASE: tested.fit, FOUND: None if tested.identified is None else tested.identified.fit}
+    values = {name: modelled(tested, own, lines) for name, own in fits.items() if isinstance(own, Fit)}
     return {name: value for name, value in values.items() if value is not None}
 
 

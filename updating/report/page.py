@@ -128,7 +128,7 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
     parts += own
     if results.diagnosis is not None:
         parts.append(signature_section(results.diagnosis))
-    if results.ledger or any(tested.opt is not None for tested in results.tested):
+    if results.ledger or any(tested.has_parameters for tested in results.tested):
         parts.append(parameter_section(results))
     return (*parts, provenance_section(results))
 
@@ -142,7 +142,7 @@ def titles(results: Results) -> tuple[str, ...]:
         ("All configurations", len(results.tested) > 1),
         *((f"Configuration {tested.name}", True) for tested in results.tested),
         ("Effect signatures", results.diagnosis is not None),
-        ("Parameters", bool(results.ledger) or any(tested.opt is not None for tested in results.tested)),
+        ("Parameters", bool(results.ledger) or any(tested.has_parameters for tested in results.tested)),
         ("Provenance", True),
     )
     return tuple(title for title, there in found if there)

@@ -98,6 +98,11 @@ class Tested:
         return self.fit if isinstance(self.fit, Fit) else None
 
     @property
+    def has_parameters(self) -> bool:
+        """Whether parameters of a model were fitted to this configuration alone."""
+        return self.opt is not None or isinstance(self.fit, MatricesFit)
+
+    @property
     def shown(self) -> ModelFit | None:
         """The fit with what was identified, else that of the base model, else none."""
         return self.fit if self.identified is None else self.identified.fit

@@ -143,7 +143,7 @@ def tried_model(
         The stack cannot have an effect, or the measured points do not lie on it.
     """
     known, own = find_effects(effects, catalogue()), explanation(results, effects)
-    if own is None or results.diagnosis is None:
+    if own is None or results.diagnosis is None or results.diagnosis.stack is None:
         stack = stack_in_state(read_stack(stack_file), configuration)
         (made,) = prepare([target_of_modes(stack.with_effects(*known), tested.measured)])
         return Tried(prepared=made, natural=np.ones(1), ratio=np.ones(1))

@@ -83,7 +83,7 @@ def values_of(results: Results, configuration: str, effects: Sequence[str]) -> d
     Without a diagnosis, they are those of the ledger.
     """
     own = explanation(results, effects)
-    if own is None or results.diagnosis is None:
+    if own is None or results.diagnosis is None or results.diagnosis.stack is None:
         found = what_was_found(results)
         return {} if found is None else dict(found.value)
     known = find_effects(effects, catalogue())

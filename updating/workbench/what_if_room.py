@@ -141,8 +141,8 @@ class _WhatIf:
             made = tried_model(results, tested, state, file, effects)
         contact = base.prepared.target.stack.contact
         start = {"G_f": contact.G_f, "d_f": contact.d_f}
-        if results.diagnosis is None and tested.fit is not None:
-            start = {"G_f": tested.fit.G_f.value, "d_f": tested.fit.d_f.value}
+        if results.diagnosis is None and tested.opt is not None:
+            start = {"G_f": tested.opt.G_f.value, "d_f": tested.opt.d_f.value}
         return _Shown(
             tried=made,
             knobs=knobs(made.prepared, **start),
