@@ -138,3 +138,28 @@ def test_a_point_off_the_structure_is_named(structure, measured):
     moved = replace(modes.geometry, coordinate=10.0 * modes.geometry.coordinate)
     with pytest.raises(PairingError, match=r"mm from the nearest node.*unit and origin"):
         fit_matrices(structure, replace(modes, geometry=moved))
+
+
+def test_a_screen_has_what_the_model_changes(structure, measured):
+    whole = _of(structure, measured({"root_springs": 1.0}))
+    coordinates = coordinates_of(whole, [whole.terms[n] for n in ("mass_at_corner", "spring_at_side_z")])
+    x, there = (
+        np.zeros(len(coordinates)),
+        np.array([0.1 if c.name != POINTS_SHIFT else 0.0 for c in coordinates]),
+    )
+    near = whole.about(coordinates, [x])
+    screen = near.screen(x, 0)
+    found, m = screen.change(there), whole.n_equation
+    _, every, before = near.solved(x)
+    after = near.solved(there)[2]
+    for target, own, beyond in (
+        ("K", found.stiffness, found.stiffness_beyond),
+        ("M", found.mass, found.mass_beyond),
+    ):
+        exact = every.T @ (after[target] - before[target]) @ every
+        np.testing.assert_allclose(own[0][0], exact[:, :m], atol=1e-9 * np.abs(exact).max())
+        np.testing.assert_allclose(beyond[0][0], np.diag(exact)[m:], atol=1e-9 * np.abs(exact).max())
+        for k, i in enumerate(found.moved):
+            ends = [near.solved(there + s * 1e-3 * np.eye(x.size)[i])[2][target] for s in (1.0, -1.0)]
+            slope = every.T @ ((ends[0] - ends[1]) / 2e-3) @ every
+            np.testing.assert_allclose(own[1][k, 0], slope[:, :m], atol=1e-4 * max(np.abs(slope).max(), 1e-6))

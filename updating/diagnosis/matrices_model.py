@@ -23,7 +23,7 @@ from updating.diagnosis.matrices_candidates import DRIVE, candidates_of
 from updating.diagnosis.stack_model import n_gain, state_of
 from updating.errors import PairingError
 from updating.inference.explain import Explanation
-from updating.inference.protocol import Coordinate, Modal, Term
+from updating.inference.protocol import Change, Coordinate, Modal, Term
 
 Vector = NDArray[np.float64]
 
@@ -320,6 +320,7 @@ class MatricesNear:
         value, vector = la.eigh(mass)
         kept = value > 1e-12 * value[-1]
         self.basis = vector[:, kept] / np.sqrt(value[kept])  # in which the nominal mass is the identity
+        self.n_equation = min(whole.n_equation, self.basis.shape[1])
         self.rows = [own.rows(self.reduced) for own in whole.places]
         acting = [(t, n, m) for t, n, m in whole.parts() if n in self.at or n in whole.factors]
         self.own = {
@@ -334,19 +335,15 @@ class MatricesNear:
         """Return the same for some of the coordinates; the others stay where they are neutral."""
         return MatricesNear(self.whole, coordinates)
 
+    def screen(self, x: Vector, state: int) -> MatricesScreen:
+        """Return a state at a point with every term between the modes there."""
+        return MatricesScreen(self, x, state)
+
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates; raises numpy.linalg.LinAlgError where mass is not positive."""
         whole, at = self.whole, dict(zip(self.names, x.tolist(), strict=True))
-        theta = {n: whole.value(n, at.get(n, 0.0)) for names, _ in self.own.values() for n in names}
-        size = self.basis.shape[1]
-        matrix = {
-            target: np.tensordot([theta[n][0] for n in names], stacked, 1)
-            if names
-            else np.zeros((size, size))
-            for target, (names, stacked) in self.own.items()
-        }
-        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
-        m = min(whole.n_equation, size)
+        theta, size, m = self.theta(x), self.basis.shape[1], self.n_equation
+        value, every, matrix = self.solved(x)
         vector, beyond, low = every[:, :m], value[m:], value[:m].copy()
         n_rigid = int(np.count_nonzero(low < whole.rigid))
         low[:n_rigid] = 0.0
@@ -387,6 +384,22 @@ class MatricesNear:
             row_change=np.array([look[i][:, :m] for i in sorted(look)]).reshape(-1, len(rows), m),
         )
 
+    def theta(self, x: Vector) -> dict[str, tuple[float, float]]:
+        """Return what each part is multiplied by at coordinates, and its derivative."""
+        at = dict(zip(self.names, x.tolist(), strict=True))
+        every = {n for names, _ in self.own.values() for n in names}
+        return {n: self.whole.value(n, at.get(n, 0.0)) for n in every}
+
+    def solved(self, x: Vector) -> tuple[Vector, Vector, dict[Target, Vector]]:
+        """Return all eigenvalues and modes at coordinates, and K, M and C."""
+        theta, size = self.theta(x), self.basis.shape[1]
+        matrix: dict[Target, Vector] = {t: np.zeros((size, size)) for t in WHOLE}
+        for target, (names, stacked) in self.own.items():
+            if names:
+                matrix[target] = np.tensordot([theta[n][0] for n in names], stacked, 1)
+        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
+        return value, every, matrix
+
     def _rows(self, at: Mapping[str, float], every: Vector, state: int) -> tuple[Vector, dict[int, Vector]]:
         """Return all modes at the sensors, with their gains, and derivatives by gains and a shift of all points."""
         sensor = self.whole.tested[state].modes.sensor
@@ -399,3 +412,41 @@ class MatricesNear:
         if POINTS_SHIFT in self.at:
             look[self.at[POINTS_SHIFT]] = slope
         return rows, look
+
+
+class MatricesScreen:
+    """A state at one point, with every term between the modes there; see `Screen`."""
+
+    def __init__(self, near: MatricesNear, x: Vector, state: int) -> None:
+        self.near, self.x, self.modal = near, x, near.modal(x, state)
+        every, m = near.solved(x)[1], near.n_equation
+        self._block: dict[Target, Vector] = {}
+        self._beyond: dict[Target, Vector] = {}
+        for target, (names, stacked) in near.own.items():
+            turned = stacked @ every if names else np.zeros((0, *every.shape))
+            low = every if target != "C" else every[:, :m]
+            self._block[target] = low.T @ turned[:, :, :m]
+            self._beyond[target] = np.einsum("ib,pib->pb", every[:, m:], turned[:, :, m:])
+
+    def change(self, x: Vector) -> Change:
+        """Return what the coordinates that differ at `x` change."""
+        near = self.near
+        here, there = near.theta(self.x), near.theta(x)
+        acting = {n for names, _ in near.own.values() for n in names}
+        moved = [i for i in np.flatnonzero(x != self.x).tolist() if near.names[i] in acting]
+
+        def summed(target: Target, blocks: Vector) -> tuple[Vector, Vector]:
+            names = near.own[target][0]
+            step = np.array([there[n][0] - here[n][0] for n in names])
+            rate = np.array([[there[n][1] * (near.at.get(n) == i) for n in names] for i in moved])
+            by = np.tensordot(rate.reshape(len(moved), len(names)), blocks, 1)
+            return np.tensordot(step, blocks, 1)[None], by[:, None]
+
+        return Change(
+            moved=np.array(moved, dtype=np.intp),
+            stiffness=summed("K", self._block["K"]),
+            mass=summed("M", self._block["M"]),
+            damping=summed("C", self._block["C"]),
+            stiffness_beyond=summed("K", self._beyond["K"]),
+            mass_beyond=summed("M", self._beyond["M"]),
+        )
