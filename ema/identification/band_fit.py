@@ -91,7 +91,11 @@ def fit_band(
         lines = frf.frequency[part.lines]
         own = None if chosen is None else chosen[_between(chosen, lower, upper)]
         around = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
-        found.append(_fit_at_once(frf.band(lines[0], lines[-1]), order, own, around))
+        one = _fit_at_once(frf.band(lines[0], lines[-1]), order, own, around)
+        nothing = np.empty(
+            (len(one.fit.residual), 0), complex
+        )  # residuals of parts are not asked for, and are large
+        found.append(replace(one, fit=replace(one.fit, residual=nothing)))
     return _joined(frf, parts, ends, found)
 
 
@@ -155,7 +159,7 @@ def _amid_overlap(frf: FRF, order: int, found: BandFit, band: tuple[float, float
 
 def _left(data: Functions, fit: Fit) -> float:
     """Return the share of the power that a fit leaves, the mean over functions."""
-    each, rest = powers(data, fit)
+    each, rest, _ = powers(data, fit)
     return float(rest.sum() / each.sum())
 
 
@@ -238,7 +242,8 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
     pole = np.concatenate([own.fit.pole[r] for own, r in zip(found, kept, strict=True)])
     rank = np.lexsort((np.abs(pole), ~resonant(pole, (ends[0], ends[-1]))))
     pairs = (2 * rank[:, None] + np.arange(2)).reshape(-1)
-    value = _cores(parts, [own.value for own in found])
+    followed = any(own.runs.followed for own in found)
+    value = _cores(parts, [own.value for own in found]) if followed else frf.value
     weight = _cores(parts, [own.fit.weight / own.fit.noise[:, None] ** 2 for own in found])
     weight /= np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
     data = _functions(replace(frf, value=value))
@@ -258,7 +263,7 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
             run=found[0].runs.run,
             pole=np.asarray(of_runs("pole"), dtype=complex),
             residue=np.asarray(of_runs("residue"), dtype=complex),
-            followed=any(own.runs.followed for own in found),
+            followed=followed,
             **{name: of_runs(name) for name in _OF_MODES},
         ),
         left=tuple(
@@ -317,5 +322,5 @@ def _weight(frf: FRF) -> NDArray[np.float64]:
     """Weights ``(n_function, n_frequency)`` of the lines; ones where no coherence was measured."""
     shape = (-1, frf.frequency.size)
     if frf.coherence is None:
-        return np.ones_like(frf.value.real).reshape(shape)
+        return np.broadcast_to(1.0, (frf.value.size // frf.frequency.size, frf.frequency.size))
     return coherence_weight(frf.value.reshape(shape), frf.coherence.reshape(shape))

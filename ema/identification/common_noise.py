@@ -65,7 +65,7 @@ def run_noise(run: Functions, fit: Fit) -> RunNoise:
         Fit of the functions of the run; its noise is that of each function.
     """
     n_mode = fit.pole.size
-    frequency, fitted = run.frequency, run.value - fit.residual
+    frequency = run.frequency
     strength, response, ratio, freedom = np.zeros((4, n_mode))
     correlation = []
     for r, pole in enumerate(fit.pole):
@@ -77,7 +77,9 @@ def run_noise(run: Functions, fit: Fit) -> RunNoise:
         share, leverage = _read_from(frequency[window], pole)
         power = share * np.abs(along) ** 2 / (1.0 - leverage)
         strength[r] = np.mean(size.sum(axis=0))
-        response[r] = np.sum(share * np.abs(np.sum(shape * fitted[:, window], axis=0)) ** 2)
+        response[r] = np.sum(
+            share * np.abs(np.sum(shape * (run.value[:, window] - fit.residual[:, window]), axis=0)) ** 2
+        )
         ratio[r] = power.sum()
         freedom[r] = (1.0 - share @ leverage) / np.sum(share**2)
         read = np.sqrt(share) * along

@@ -27,6 +27,7 @@ AS_HIGH, SEVERAL = 0.8, 3
 """Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
 LEFT = 0.3
 """Power that is left around a line over that of the modes there, from which on it is noise and not their misfit."""
+_AT_ONCE = 1 << 20  # values of functions that are transformed at once
 _NARROWEST = 0.25  # half bandwidth of a matched line, lines
 
 
@@ -97,12 +98,14 @@ def _line_statistic(scaled: NDArray[np.complex128], half: float) -> NDArray[np.f
     offset = np.arange(size, dtype=float)
     offset[offset > size // 2] -= size
     line = 1.0 / (1.0 + 1j * offset / max(half, _NARROWEST))
-    spectrum = scipy.fft.fft(scaled, size, axis=1) * scipy.fft.fft(line).conj()
-    amplitude = scipy.fft.ifft(spectrum, axis=1)[:, :n]
+    turned, total = scipy.fft.fft(line).conj(), np.zeros(n)
+    few = max(1, _AT_ONCE // size)
+    for first in range(0, len(scaled), few):  # all functions at once would take several times their memory
+        spectrum = scipy.fft.fft(scaled[first : first + few], size, axis=1) * turned
+        total += np.sum(np.abs(scipy.fft.ifft(spectrum, axis=1)[:, :n]) ** 2, axis=0)
     square = scipy.fft.rfft(np.abs(line) ** 2)
     energy = scipy.fft.irfft(scipy.fft.rfft(np.ones(n), size) * square, size)[:n]
-    statistic: NDArray[np.float64] = 2.0 * np.sum(np.abs(amplitude) ** 2, axis=0) / energy
-    return statistic
+    return np.asarray(2.0 * total / energy)
 
 
 def _number_of_peaks(statistic: NDArray[np.float64], least: float, apart: int) -> int:

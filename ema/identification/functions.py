@@ -50,6 +50,8 @@ class Functions:
     def of_run(self, number: int) -> Functions:
         """Return the functions of one run."""
         own = self.run == number
+        if own.all():
+            return self
         return replace(self, value=self.value[own], run=self.run[own], weight=self.weight[own])
 
 

@@ -364,12 +364,19 @@ def _as_measured(
     fit: Fit, frf: FRF, quantity: Quantity
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return noise, correlation and relative error (n_output, n_input) of a fit of `frf` in the measured quantity."""
-    fitted = replace(frf, value=frf.value - fit.residual.reshape(frf.value.shape)).convert(quantity).value
-    measured = frf.convert(quantity).value
-    square = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
-    change = np.sqrt(square / np.sum(np.abs(fit.residual) ** 2, axis=-1).reshape(square.shape))
-    noise = fit.noise.reshape(square.shape) * change
-    return noise, frac(measured, fitted), np.sqrt(square / np.sum(np.abs(measured) ** 2, axis=-1))
+    shape = frf.value.shape[:2]
+    square, whole, left, likeness = np.empty((4, *shape))
+    residual = fit.residual.reshape(frf.value.shape)
+    for o in range(shape[0]):  # each output alone: all may be large
+        one = frf.outputs(np.arange(shape[0]) == o)
+        measured = one.convert(quantity).value[0]
+        fitted = replace(one, value=one.value - residual[o]).convert(quantity).value[0]
+        square[o] = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
+        whole[o] = np.sum(np.abs(measured) ** 2, axis=-1)
+        left[o] = np.sum(np.abs(residual[o]) ** 2, axis=-1)
+        likeness[o] = frac(measured, fitted)
+    noise = fit.noise.reshape(shape) * np.sqrt(square / left)
+    return noise, likeness, np.sqrt(square / whole)
 
 
 def _model(

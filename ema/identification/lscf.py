@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from ema.identification.polynomial_roots import nearby_roots
 from ema.types.errors import IdentificationError
 
+_AT_ONCE = 1 << 20  # values of functions that are summed over at once
 _MANY = 30  # roots from which on those of the order before them save time
 
 
@@ -133,10 +134,15 @@ def _denominators(
     """Solve for the denominators ``(k, m, m)`` of every degree ``k``, the monic coefficient left out."""
     n_output, m, n_frequency = value.shape
     size = degree + 1
-    weighted = value * weight
-    power = np.einsum("oaf,obf->abf", weighted.conj(), value, optimize=True).reshape(m * m, n_frequency)
     kernel = np.exp(1j * np.outer(np.arange(size), theta))
-    data = _lags(kernel, weighted.reshape(n_output * m, n_frequency), real=real)
+    power, lags = np.zeros((m, m, n_frequency), complex), []
+    few = max(1, _AT_ONCE // (m * n_frequency))
+    for first in range(0, n_output, few):
+        own = value[first : first + few]
+        weighted = own * weight
+        lags.append(_lags(kernel, weighted.reshape(-1, n_frequency), real=real))
+        power += np.einsum("oaf,obf->abf", weighted.conj(), own, optimize=True)
+    data, power = np.concatenate(lags, axis=1), power.reshape(m * m, n_frequency)
     regression = _lags(kernel, weight[None].astype(complex), real=real)[size - 1 :, 0]
     response = _lags(kernel, power, real=real).reshape(-1, m, m)
 

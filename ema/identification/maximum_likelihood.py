@@ -16,6 +16,7 @@ Bases and functions are held with their lines along rows of memory, on which mos
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -30,6 +31,7 @@ TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
 _NONE = np.empty(0, dtype=complex)
 _ROUNDING = 1e-6  # gain of log-likelihood that a step promises
+_AT_ONCE = 1 << 19  # values of functions, 8 MB of them: more are taken in blocks
 _NEARLY = 10.0  # of a nearly orthogonal basis: orthonormal to 1e-14 after one round
 
 
@@ -75,10 +77,9 @@ class Fit:
     sensitivity: NDArray[np.float64]
     objective: float
 
-    @property
-    def whitened(self) -> NDArray[np.complex128]:
-        """Residuals over their assumed standard deviations, ``(n_function, n_frequency)``."""
-        return self.residual * np.sqrt(self.weight) / self.noise[:, None]
+    def whitened(self, lines: slice = slice(None)) -> NDArray[np.complex128]:
+        """Return residuals on some lines over their assumed standard deviations, ``(n_function, n_line)``."""
+        return self.residual[:, lines] * np.sqrt(self.weight[:, lines]) / self.noise[:, None]
 
     def residue_covariance(self) -> NDArray[np.float64]:
         """Covariance ``(n_function, 2 n_mode, 2 n_mode)`` of the residues' parts, poles' scatter included."""
@@ -92,8 +93,8 @@ class _Target:
 
     frequency: NDArray[np.float64]
     quantity: Quantity
-    value: NDArray[np.float64]  # (n_function, 2 n_frequency)
-    weight: NDArray[np.float64]  # (n_function, 2 n_frequency), or (1, 1) where all lines weigh the same
+    value: NDArray[np.complex128]  # (n_function, n_frequency)
+    weight: NDArray[np.float64]  # (n_function, n_frequency), or (1, 1) where all lines weigh the same
     fixed: NDArray[np.float64]  # of held poles and residual terms, (2 n_held + 4, 2 n_frequency)
 
     @classmethod
@@ -105,17 +106,43 @@ class _Target:
         weight: NDArray[np.float64] | None,
         held: NDArray[np.complex128] = _NONE,
     ) -> _Target:
-        """Lay functions and weights out as columns and rows; see `refine`."""
-        rows = np.ones((1, 1)) if weight is None or np.all(weight == 1.0) else np.tile(weight, 2)
+        """Lay out what is fitted; see `refine`."""
+        even = weight is None or all(np.all(own == 1.0) for own in weight)
         return cls(
             frequency=frequency,
             quantity=quantity,
-            value=np.concatenate([value.real, value.imag], axis=1),
-            weight=rows,
+            value=value,
+            weight=np.ones((1, 1)) if weight is None or even else weight,
             fixed=np.concatenate(
                 [mode_basis(frequency, held, quantity).T, residual_basis(frequency, quantity).T]
             ),
         )
+
+    @property
+    def even(self) -> bool:
+        """Whether all lines weigh the same."""
+        return self.weight.size == 1
+
+    @cached_property
+    def blocks(self) -> list[slice]:
+        """Functions that are taken at once: all of them, unless they are large."""
+        few = max(1, _AT_ONCE // self.frequency.size)
+        return [slice(first, first + few) for first in range(0, len(self.value), few)]
+
+    @cached_property
+    def _whole(self) -> NDArray[np.float64]:
+        return self._laid_out(slice(None))
+
+    def rows(self, own: slice) -> NDArray[np.float64]:
+        """Real beside imaginary parts of some functions, ``(n, 2 n_frequency)``."""
+        return self._whole if len(self.blocks) == 1 else self._laid_out(own)
+
+    def _laid_out(self, own: slice) -> NDArray[np.float64]:
+        return np.concatenate([self.value[own].real, self.value[own].imag], axis=1)
+
+    def weights(self, own: slice) -> NDArray[np.float64]:
+        """Their weights, ``(n, 2 n_frequency)``."""
+        return np.tile(self.weight[own], 2)
 
     def modes(self, pole: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Modes, ``(2 n_mode, 2 n_frequency)``; see `mode_basis`."""
@@ -140,7 +167,8 @@ class _Projection:
     modes: NDArray[np.float64]  # the rows of the basis that are of the modes, (2 n_mode, 2 n_frequency)
     basis: _Basis
     inverse: NDArray[np.float64]  # of the weighted normal equations in it, one or (n_function, ...)
-    remainder: NDArray[np.float64]  # (n_function, 2 n_frequency)
+    part: NDArray[np.float64]  # coefficients in the orthonormal basis, (2 n_mode + 4, n_function)
+    remainder: NDArray[np.float64]  # (n_function, 2 n_frequency); none where functions are taken in blocks
     variance: NDArray[np.float64]  # (n_function,), complex noise variance
     objective: float
 
@@ -223,7 +251,7 @@ def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Pro
     gradient = pull.sum(axis=0)
     scale = np.sqrt(np.diag(information))
     # The variances move with the poles; without this term functions that disagree slow the steps down.
-    curved = information - (2.0 / target.value.shape[1]) * pull.T @ pull
+    curved = information - (1.0 / target.frequency.size) * pull.T @ pull
     scaled = (curved if _positive(curved) else information) / np.outer(scale, scale)
     while damping < 1e8:
         step = np.linalg.solve(scaled + damping * np.eye(scale.size), gradient / scale)
@@ -247,31 +275,51 @@ def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     """Fit what is linear at fixed poles."""
     modes = target.modes(pole)
     basis = _orthonormal(np.concatenate([modes, target.fixed]))
-    value, weight = target.value, target.weight
-    if weight.size == 1:
-        inverse = np.eye(len(basis.rows))[None]
-        part = basis.turn @ (basis.rows @ value.T)
-    else:
-        normal = np.stack([_gram(basis.rows * root) for root in np.sqrt(weight)])
-        inverse = np.asarray(np.linalg.inv(basis.turn @ normal @ basis.turn.T))
-        part = (inverse @ (basis.turn @ (basis.rows @ (weight * value).T)).T[..., None])[..., 0].T
-    remainder = value - (basis.turn.T @ part).T @ basis.rows
-    n_function, n_row = value.shape
+    parts, inverses, squares, remainder = [], [], [], np.empty((0, 0))
+    for own in target.blocks:
+        value = target.rows(own)
+        if target.even:
+            inverse = np.eye(len(basis.rows))[None]
+            part = basis.turn @ (basis.rows @ value.T)
+        else:
+            weight = target.weights(own)
+            normal = np.stack([_gram(basis.rows * root) for root in np.sqrt(weight)])
+            inverse = np.asarray(np.linalg.inv(basis.turn @ normal @ basis.turn.T))
+            part = (inverse @ (basis.turn @ (basis.rows @ (weight * value).T)).T[..., None])[..., 0].T
+        remainder = _remainder(basis, part, value)
+        floor = (1e-14 * np.linalg.norm(value, axis=1)) ** 2 + np.finfo(float).tiny
+        weighted = remainder if target.even else weight * remainder
+        squares.append(np.einsum("on,on->o", weighted, remainder) + floor)
+        parts.append(part)
+        inverses.append(inverse)
+    n_function, n_row = len(target.value), 2 * target.frequency.size
     # Each function spends its own linear unknowns and its share of the poles.
     freedom = max(n_row - len(basis.rows) - 2.0 * pole.size / n_function, 1.0)
-    floor = (1e-14 * np.linalg.norm(value, axis=1)) ** 2 + np.finfo(float).tiny
-    weighted = remainder if weight.size == 1 else weight * remainder
-    square = np.einsum("on,on->o", weighted, remainder) + floor
+    part, square = np.concatenate(parts, axis=1), np.concatenate(squares)
     return _Projection(
         pole=pole,
         coefficient=basis.onto.T @ part,
         modes=modes,
         basis=basis,
-        inverse=inverse,
-        remainder=remainder,
+        inverse=inverses[0] if target.even else np.concatenate(inverses),
+        part=part,
+        remainder=remainder if len(target.blocks) == 1 else np.empty((0, 0)),
         variance=2.0 * square / freedom,
         objective=float(0.5 * n_row * np.sum(np.log(square))),
     )
+
+
+def _remainder(basis: _Basis, part: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return functions less their parts in a basis, (n, 2 n_frequency)."""
+    left = (basis.turn.T @ part).T @ basis.rows
+    return np.subtract(value, left, out=left)
+
+
+def _left(target: _Target, state: _Projection, own: slice) -> NDArray[np.float64]:
+    """Return what a fit leaves of some functions, (n, 2 n_frequency)."""
+    if state.remainder.size:
+        return state.remainder[own]
+    return _remainder(state.basis, state.part[:, own], target.rows(own))
 
 
 def _orthonormal(basis: NDArray[np.float64]) -> _Basis:
@@ -326,18 +374,20 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     along = basis.turn @ (basis.rows @ derivative.T)
     # Modes that are nearly alike leave little of the derivatives, which differences of products would lose.
     tangent = derivative - (basis.turn.T @ along).T @ basis.rows
-    if target.weight.size == 1:
+    if target.even:
         gram, along = _gram(tangent)[None], along[None]
-        seen = tangent @ state.remainder.T  # (2 n_mode, n_function)
+        seen = np.hstack([tangent @ _left(target, state, own).T for own in target.blocks])
     else:
         n_basis = len(basis.rows)
         both = np.concatenate([basis.rows, tangent])
-        whole = np.stack([_gram(both * root) for root in np.sqrt(target.weight)])
+        whole = np.stack([_gram(both * np.tile(root, 2)) for root in np.sqrt(target.weight)])
         cross = basis.turn @ whole[:, :n_basis, n_basis:]
         more = state.inverse @ cross
         gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ more
         along = along + more
-        seen = tangent @ (target.weight * state.remainder).T
+        seen = np.hstack(
+            [tangent @ (target.weights(own) * _left(target, state, own)).T for own in target.blocks]
+        )  # (2 n_mode, n_function)
     n_mode, n_function = state.pole.size, len(target.value)
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
     # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
@@ -365,7 +415,10 @@ def _finish(target: _Target, state: _Projection) -> Fit:
     triangle = state.basis.onto.T[: 2 * state.pole.size]
     residue, lower, upper = split_coefficients(state.coefficient)
     n_frequency = target.frequency.size
-    residual = state.remainder[:, :n_frequency] + 1j * state.remainder[:, n_frequency:]
+    residual = np.empty(target.value.shape, complex)
+    for own in target.blocks:
+        left = _left(target, state, own)
+        residual[own].real, residual[own].imag = left[:, :n_frequency], left[:, n_frequency:]
     scale = np.sqrt(np.diag(information))
     normalised = scipy.linalg.pinvh(information / np.outer(scale, scale)) if scale.size else information
     return Fit(
@@ -375,7 +428,7 @@ def _finish(target: _Target, state: _Projection) -> Fit:
         lower=lower,
         upper=upper,
         noise=np.sqrt(state.variance),
-        weight=np.broadcast_to(target.weight[:, :n_frequency], residual.shape),
+        weight=np.broadcast_to(target.weight, residual.shape),
         residual=residual,
         linear_covariance=0.5 * triangle @ state.inverse @ triangle.T,
         sensitivity=-(triangle @ equations.along) @ equations.maps,

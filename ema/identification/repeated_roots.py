@@ -47,7 +47,8 @@ def with_repeated_roots(model: ModalModel, frf: FRF) -> ModalModel:
     if model.input.node.size == 1:
         return model
     pairs = driving_points(Dofs(node=model.node, direction=model.direction), model.input)
-    rest = frf.value - synthesize(model, frf.frequency, frf.quantity)
+    rest = synthesize(model, frf.frequency, frf.quantity)
+    np.subtract(frf.value, rest, out=rest)
     noise = np.log(np.sqrt(np.mean(np.abs(rest) ** 2, axis=-1)) + np.finfo(float).tiny)
     noises = np.exp(noise.mean(axis=1)), np.exp(noise.mean(axis=0) - noise.mean())
     for own in reversed(list(_clusters(model.pole))):

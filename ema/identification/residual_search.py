@@ -35,7 +35,7 @@ from ema.identification.unexplained import (
     LEAST_SHARE,
     Peak,
     holds_pole,
-    powers,
+    left_of_functions,
     unexplained_peaks,
 )
 
@@ -215,7 +215,7 @@ def _objections(
     threshold = float(special.chdtri(2 * n_function + 2, FALSE_ALARM / around.frequency.size))
     verdicts = judge(around.frequency, extended, data.quantity)
     far = gain > FAR_FROM_NOISE * threshold
-    correlated = threshold * inflation(extended.whitened)
+    correlated = threshold * inflation(extended.whitened())
     if gain < correlated:
         reason = (
             f"the likelihood rises by {0.5 * gain:.3g} of the {0.5 * correlated:.3g} that noise may bring"
@@ -406,8 +406,7 @@ def _without_useless(data: Functions, fit: Fit, taken: list[Peak]) -> tuple[Fit,
 
 def _useless(data: Functions, fit: Fit, taken: list[Peak]) -> list[Peak]:
     """Peaks of which a fit leaves the most."""
-    each, rest = powers(data, fit)
-    shares = [rest[:, peak.window].sum(axis=1) / each[:, peak.window].sum(axis=1) for peak in taken]
+    shares = [left_of_functions(data, fit, peak.window) for peak in taken]
     # Some functions may show nothing but noise there.
     return [peak for peak, share in zip(taken, shares, strict=True) if np.median(share) > MOST_LEFT]
 

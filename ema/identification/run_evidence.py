@@ -75,7 +75,7 @@ def run_evidence(data: Functions, fit: Fit, mode: int, candidates: NDArray[np.co
         its = own[data.run == number]
         alone = linear_fit(frequency, its, shared.pole, data.quantity)
         moved = refine(frequency, its, shared.pole[:1], data.quantity, held=shared.pole[1:], tolerance=_KNOWN)
-        gain[k], noise[k] = 2.0 * (alone.objective - moved.objective), inflation(moved.whitened)
+        gain[k], noise[k] = 2.0 * (alone.objective - moved.objective), inflation(moved.whitened())
     if not np.any(gain > noise.max() * special.chdtri(2, FALSE_ALARM / numbers.size)):
         return RunEvidence(moves=False, beside=None)
     start = [pole - 1j * aside * pole.real for aside in ASIDE]

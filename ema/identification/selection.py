@@ -136,10 +136,14 @@ def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit
     A function is weighted only where that makes its residuals likelier: coherences are lost in files, rounded,
     or low for other reasons than noise. Lines may weigh by the misfit already.
     """
-    residual = np.abs(fit.residual) ** 2
-    likelier = np.sum(data.weight * residual, axis=1) < np.sum(fit.weight * residual, axis=1)
-    weight = np.where(likelier[:, None], data.weight, fit.weight)
+    likelier = np.array(
+        [
+            np.sum(own * np.abs(rest) ** 2) < np.sum(other * np.abs(rest) ** 2)
+            for own, other, rest in zip(data.weight, fit.weight, fit.residual, strict=True)
+        ]
+    )
     if likelier.any():
+        weight = np.where(likelier[:, None], data.weight, fit.weight)
         weighted = refine(data.frequency, data.value, fit.pole, data.quantity, weight)
         # What leaves its resonance was held there by lines that now count for little.
         if np.all(np.abs(weighted.pole - fit.pole) < -fit.pole.real):

@@ -153,8 +153,7 @@ def variance_inflation(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.f
     The factor is their spectral density in quefrency zero over the assumed one: local variance times
     ``1 + 2 sum_k rho_k``. It stays 1 where both the variance and the correlation are those of white noise.
     """
-    scaled = fit.whitened
-    return np.array([inflation(scaled[:, _window(frequency, pole)]) for pole in fit.pole])
+    return np.array([inflation(fit.whitened(_window(frequency, pole))) for pole in fit.pole])
 
 
 def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
@@ -203,7 +202,7 @@ def likeliest_poles(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.comp
     """
     n_function, n = fit.residual.shape
     spacing = frequency[1] - frequency[0]
-    scaled = fit.whitened
+    scaled = fit.whitened()
     threshold = significance_threshold(n_function, n)
     size = scipy.fft.next_fast_len(2 * n)
     ones = scipy.fft.rfft(np.ones(n), size)

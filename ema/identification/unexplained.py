@@ -72,19 +72,34 @@ class Peak:
         return max(0.5 * (self.last - self.first), 0.5)
 
 
-def powers(data: Functions, fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Power ``(n_function, n_frequency)`` of the functions and of what is left, over the mean of each function."""
-    size = np.mean(np.abs(data.value) ** 2, axis=1, keepdims=True)
-    return np.abs(data.value) ** 2 / size, np.abs(fit.residual) ** 2 / size
+def powers(data: Functions, fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Power by line, (n_frequency,), of all functions and of what is left, each over its mean, and of all as they are.
+
+    Functions are taken one by one, for they may be the larger part of the memory.
+    """
+    whole, left, plain = np.zeros((3, data.frequency.size))
+    for value, rest in zip(data.value, fit.residual, strict=True):
+        square = np.abs(value) ** 2
+        size = np.mean(square)
+        plain += square
+        whole += square / size
+        left += np.abs(rest) ** 2 / size
+    return whole, left, plain
+
+
+def left_of_functions(data: Functions, fit: Fit, window: slice) -> NDArray[np.float64]:
+    """Share of the power of each function, (n_function,), that a fit leaves on some lines."""
+    rest, each = (np.sum(np.abs(own[:, window]) ** 2, axis=1) for own in (fit.residual, data.value))
+    return np.asarray(rest / each)
 
 
 def left_at_poles(data: Functions, fit: Fit) -> NDArray[np.float64]:
     """Share of the power that a fit leaves in the half bandwidths around each of its poles, ``(n_mode,)``."""
-    each, rest = powers(data, fit)
+    each, rest, _ = powers(data, fit)
     spacing = float(data.frequency[1] - data.frequency[0])
     reach = np.maximum(-fit.pole.real / (2.0 * np.pi), _OWN_LINES * spacing)
     own = np.abs(data.frequency - fit.pole.imag[:, None] / (2.0 * np.pi)) <= reach[:, None]
-    return np.asarray((own @ rest.sum(axis=0)) / np.maximum(own @ each.sum(axis=0), np.finfo(float).tiny))
+    return np.asarray((own @ rest) / np.maximum(own @ each, np.finfo(float).tiny))
 
 
 def holds_pole(data: Functions, fit: Fit, peak: Peak) -> bool:
@@ -101,9 +116,7 @@ def unexplained_peaks(data: Functions, fit: Fit) -> list[Peak]:
     what is left of it: a mode between two others may be no more than a shoulder. Functions over their mean show a mode
     of which most of them have little, and their plain sum one that is strong in a few of which the mean is large.
     """
-    each, rest = powers(data, fit)
-    power, left = each.sum(axis=0), rest.sum(axis=0)
-    plain = np.sum(np.abs(data.value) ** 2, axis=0)
+    power, left, plain = powers(data, fit)
     seen = [(*place, True) for own in (power, plain) for place in _peaks_of_any_width(own, VISIBLE)]
     hidden = [(*place, False) for place in _peaks(left, PROMINENCE)]
     found: list[Peak] = []
@@ -115,7 +128,7 @@ def unexplained_peaks(data: Functions, fit: Fit) -> list[Peak]:
             first=first,
             last=last,
             share=float(left[window].sum() / power[window].sum()),
-            left=rest[:, window].sum(axis=1) / each[:, window].sum(axis=1),
+            left=left_of_functions(data, fit, window),
             visible=visible,
         )
         alone = visible and not holds_pole(data, fit, peak)

@@ -91,10 +91,15 @@ def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     """Compare what was identified, at the outputs and inputs of the model, with what the model stands for."""
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
     lines = lines.convert(whitest(lines))
-    rest = np.abs(lines.value - synthesize_runs(modal_model, lines.frequency, lines.quantity, lines.run)) ** 2
-    power = np.abs(lines.value) ** 2
-    size = power.sum(axis=2, keepdims=True) * power.shape[1]
-    rest, power = (rest / size).sum(axis=1), (power / size).sum(axis=1)
+    rest = synthesize_runs(modal_model, lines.frequency, lines.quantity, lines.run)
+    np.subtract(lines.value, rest, out=rest)
+    left_over, powers = [], []
+    for own, value in zip(rest, lines.value, strict=True):  # each output alone: all may be large
+        power = np.abs(value) ** 2
+        size = power.sum(axis=1, keepdims=True) * len(power)
+        left_over.append((np.abs(own) ** 2 / size).sum(axis=0))
+        powers.append((power / size).sum(axis=0))
+    rest, power = np.array(left_over), np.array(powers)
     middle = 0.5 * (modal_model.frequency[1:] + modal_model.frequency[:-1])
     edge = np.concatenate([modal_model.band[:1], middle, modal_model.band[1:]])
     place = np.clip(np.searchsorted(edge, lines.frequency, side="right") - 1, 0, edge.size - 2)

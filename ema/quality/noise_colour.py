@@ -41,8 +41,8 @@ def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128]) -
     size = (frequency.size - 2) // BLOCKS
     if size < _FEWEST:
         return 0.0
-    difference = np.abs(np.diff(value, 2, axis=1))[:, : size * BLOCKS].reshape(-1, BLOCKS, size)
-    noise = np.median(difference, axis=2)
+    difference = (np.abs(np.diff(own, 2))[: size * BLOCKS].reshape(BLOCKS, size) for own in value)
+    noise = np.array([np.median(own, axis=1) for own in difference])
     middle = frequency[1 : size * BLOCKS + 1].reshape(BLOCKS, size).mean(axis=1)
     if not noise.min() > 0.0:
         return 0.0
@@ -66,6 +66,6 @@ def whitest(frf: FRF) -> Quantity:
 
 def _even_at_the_start(frf: FRF) -> bool:
     """Whether the noise of the first lines is no larger than some times that of the others."""
-    difference = np.abs(np.diff(frf.value.reshape(-1, frf.frequency.size), 2, axis=1))
-    first, whole = np.median(difference[:, :_FEWEST], axis=1), np.median(difference, axis=1)
+    difference = (np.abs(np.diff(own, 2)) for own in frf.value.reshape(-1, frf.frequency.size))
+    first, whole = np.array([(np.median(own[:_FEWEST]), np.median(own)) for own in difference]).T
     return bool(np.median(first) <= _LOUD * np.median(whole))

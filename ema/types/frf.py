@@ -73,6 +73,8 @@ class FRF:
 
     def outputs(self, keep: NDArray[np.bool_]) -> FRF:
         """Return the outputs for which `keep` (n_output,) is true."""
+        if np.all(keep):
+            return self
         return replace(
             self,
             value=_frozen(self.value[keep]),
@@ -119,11 +121,15 @@ class FRF:
         return replace(lines, value=_frozen(lines.value * factor), quantity=quantity)
 
     def _lines(self, keep: NDArray[np.bool_]) -> FRF:
+        (at,) = np.nonzero(keep)
+        own: slice | NDArray[np.bool_] = keep
+        if at.size and at[-1] - at[0] + 1 == at.size:
+            own = slice(int(at[0]), int(at[-1]) + 1)  # the same memory
         return replace(
             self,
-            frequency=self.frequency[keep],
-            value=_frozen(self.value[..., keep]),
-            coherence=None if self.coherence is None else self.coherence[..., keep],
+            frequency=self.frequency[own],
+            value=_frozen(self.value[..., own]),
+            coherence=None if self.coherence is None else self.coherence[..., own],
         )
 
 

@@ -260,9 +260,9 @@ def synthesize(
         raise IdentificationError(message)
     pole = np.concatenate([modal_model.pole, modal_model.outside_pole])[:, None]
     residue = np.concatenate([modal_model.residue, modal_model.outside_residue], axis=-1)
-    modes = residue @ (s**exponent / (s - pole)) + residue.conj() @ (s**exponent / (s - pole.conj()))
-    lower = modal_model.lower[..., None] * s ** (exponent - 2)
-    return modes + lower + modal_model.upper[..., None] * s**exponent
+    terms = [residue, residue.conj(), modal_model.lower[..., None], modal_model.upper[..., None]]
+    lines = [s**exponent / (s - pole), s**exponent / (s - pole.conj()), s ** (exponent - 2), s**exponent]
+    return np.asarray(np.concatenate(terms, axis=-1) @ np.vstack(lines))  # one product: it may be large
 
 
 def synthesize_runs(
