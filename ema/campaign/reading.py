@@ -13,6 +13,7 @@ from ema.io.array_histories import read_histories
 from ema.io.data_arrays import read_data_arrays
 from ema.io.measured_function import MeasuredFunction
 from ema.io.table import TableLayout, read_records, read_table
+from ema.io.tdms import is_cut_off
 from ema.io.uff import read_uff_functions
 from ema.io.variables import read_variables
 from ema.io.wav import read_wav
@@ -36,6 +37,7 @@ def frfs_of(
     kind = format_of(file, campaign.format)
     if kind in _ARRAYS and not _describes_itself(campaign, kind):
         assert campaign.variables is not None
+        notes += _cut_off(file, kind)
         functions = read_variables(file, campaign.variables, campaign.unit, matlab=kind == "mat")
     else:
         functions = _plain(campaign, file, notes)
@@ -84,10 +86,21 @@ def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_C
     kind = format_of(file, campaign.format)
     if kind in _ARRAYS and not _describes_itself(campaign, kind):
         assert campaign.variables is not None
+        notes += _cut_off(file, kind)
         return read_histories(file, campaign.variables, matlab=kind == "mat")
     if kind == "csv" and campaign.table is not None:
         return (_of_table(campaign.table, file, notes),)
     return ((_plain(campaign, file, notes),),)
+
+
+def _cut_off(file: Path, kind: str) -> list[str]:
+    """Say that a file is cut off, and what is read of it."""
+    if kind != "tdms" or not is_cut_off(file):
+        return []
+    return [
+        f"{file}: is cut off, as of a recorder or a copy that was stopped; groups that are whole are read, or, where "
+        "none is, what all channels of a group have"
+    ]
 
 
 def _of_table(table: TableLayout, file: Path, notes: list[str]) -> tuple[_Channels, ...]:

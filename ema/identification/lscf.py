@@ -135,14 +135,14 @@ def _denominators(
     n_output, m, n_frequency = value.shape
     size = degree + 1
     kernel = np.exp(1j * np.outer(np.arange(size), theta))
-    power, lags = np.zeros((m, m, n_frequency), complex), []
+    cross_power, lags = np.zeros((m, m, n_frequency), complex), []
     few = max(1, _AT_ONCE // (m * n_frequency))
     for first in range(0, n_output, few):
         own = value[first : first + few]
         weighted = own * weight
         lags.append(_lags(kernel, weighted.reshape(-1, n_frequency), real=real))
-        power += np.einsum("oaf,obf->abf", weighted.conj(), own, optimize=True)
-    data, power = np.concatenate(lags, axis=1), power.reshape(m * m, n_frequency)
+        cross_power += np.einsum("oaf,obf->abf", weighted.conj(), own, optimize=True)
+    data, power = np.concatenate(lags, axis=1), cross_power.reshape(m * m, n_frequency)
     regression = _lags(kernel, weight[None].astype(complex), real=real)[size - 1 :, 0]
     response = _lags(kernel, power, real=real).reshape(-1, m, m)
 

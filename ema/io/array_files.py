@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.mat_elements import check_elements
-from ema.io.tdms import MAGIC, channels_in, lacks_numbers
+from ema.io.tdms import MAGIC, CutOffError, channels_in
 from ema.types.errors import MeasurementError
 
 LARGEST = 100_000_000
@@ -103,7 +103,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     except Exception as error:  # of a damaged file both libraries raise whatever they stumble over
         kind = "NumPy" if is_numpy else "TDMS" if is_tdms else "MATLAB" if matlab else "HDF5"
         message = f"{path}: cannot be read as a {kind} file, it is damaged or of another kind: {error}"
-        if is_tdms and lacks_numbers(error):
+        if isinstance(error, CutOffError | EOFError) and is_tdms:
             message = (
                 f"{path}: is cut off: it holds fewer numbers than it announces, as of a recorder or a copy that was "
                 "stopped; copy it again from the recorder, or save in LabVIEW what is whole as a new file"

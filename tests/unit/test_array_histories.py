@@ -47,9 +47,13 @@ def blows(seed=0):
 
 
 def frf(folder, measurement, files):
+    return measured(folder, measurement, files).frf
+
+
+def measured(folder, measurement, files):
     (folder / "points.csv").write_text("node,x,y,z\n1,0,0,0\n2,100,0,0\n")
     (folder / "c.toml").write_text(BASE.format(measurement=measurement, files=files))
-    return read_measurement(read_campaign(folder / "c.toml"), "M1").frf
+    return read_measurement(read_campaign(folder / "c.toml"), "M1")
 
 
 RUN = '[[configuration.run]]\nfiles = {}\noutput = ["1+z", "2+z"]\ninput = "1+z"'
@@ -133,15 +137,40 @@ def test_a_channel_of_labview_that_is_not_there_is_named_among_those_that_are(tm
         read_histories(tmp_path / "a.tdms", layout, matlab=False)
 
 
-def test_a_file_of_labview_that_is_cut_off_is_refused_in_one_line(tmp_path, capfd):
-    """The library reads what is there and prints the rest to the terminal."""
+def test_a_file_of_labview_that_is_cut_off_gives_the_hits_that_are_whole(tmp_path, capfd):
+    """The library reads what is there and prints the rest to the terminal; half a hit is none."""
     tdms(tmp_path / "a.tdms", blows())
     whole = (tmp_path / "a.tdms").read_bytes()
+    layout = VariableLayout(history=("hit */Force", "hit */ai1"), axes=("hit", "time"), sampling_Hz=RATE)
+    (every,) = read_histories(tmp_path / "a.tdms", layout, matlab=False)
     (tmp_path / "a.tdms").write_bytes(whole[:-3000])
-    layout = VariableLayout(history=("hit */Force",), axes=("hit", "time"), sampling_Hz=RATE)
+    (left,) = read_histories(tmp_path / "a.tdms", layout, matlab=False)
+    assert len(left) == len(every) - 1
+    for own, there in zip(left, every, strict=False):
+        for a, b in zip(own, there, strict=True):
+            np.testing.assert_array_equal(a.value, b.value)
+    keys = 'history = ["hit */Force", "hit */ai1", "hit */ai2"]\naxes = ["hit", "time"]\nsampling_Hz = 2560'
+    notes = measured(tmp_path, variables(keys), RUN.format('"a.tdms"')).notes
+    assert any("a.tdms: is cut off" in note and "whole" in note for note in notes)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("segments", [1, 4])
+def test_one_record_that_is_cut_off_goes_as_far_as_its_shortest_channel(tmp_path, segments):
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        for k in range(segments):
+            block = np.arange(500.0) + 500.0 * k
+            writer.write_segment([ChannelObject("g", name, block) for name in ("force", "acc")])
+    whole = (tmp_path / "a.tdms").read_bytes()
+    (tmp_path / "a.tdms").write_bytes(whole[:-2000])
+    layout = VariableLayout(history=("g/force", "g/acc"), axes=("time",), sampling_Hz=RATE)
+    ((force, acc),) = read_histories(tmp_path / "a.tdms", layout, matlab=False)[0]
+    n = 500 * segments - 250
+    assert n - 2 <= force.value.size == acc.value.size <= n
+    np.testing.assert_array_equal(force.value, np.arange(float(force.value.size)))
+    (tmp_path / "a.tdms").write_bytes(whole[: len(whole) // (3 * segments)])
     with pytest.raises(MeasurementError, match=r"a\.tdms: is cut off: it holds fewer numbers"):
         read_histories(tmp_path / "a.tdms", layout, matlab=False)
-    assert capfd.readouterr() == ("", "")
 
 
 def structures(file, hits):

@@ -272,8 +272,8 @@ def test_records_of_unequal_lengths_share_their_lines(tmp_path):
     assert any("903 to 912 samples" in note for note in measured.notes)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.7, 0.95])
-def test_a_tdms_file_that_is_cut_off_is_named_so(tmp_path, share):
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_a_tdms_file_that_is_cut_off_before_its_last_channel_is_named_so(tmp_path, share):
     with TdmsWriter(tmp_path / "a.tdms") as writer:
         writer.write_segment([ChannelObject("hit", name, np.arange(400.0)) for name in ("force", "acc")])
     content = (tmp_path / "a.tdms").read_bytes()
