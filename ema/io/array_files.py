@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +22,8 @@ from ema.types.errors import MeasurementError
 
 LARGEST = 100_000_000
 """Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""
+_PART = re.compile(r"(.+)\[([-\d:, ]+)\]")
+"""A part of an array, as ``FRF[:, 0]``: places are counted from 0, as in Python."""
 _LISTED = 20  # names of a file that a message lists
 NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
 """First bytes of files of numpy.save, and of numpy.savez."""
@@ -48,6 +51,30 @@ class ArrayInFile:
 
     def __str__(self) -> str:
         return " x ".join(map(str, self.shape)) or "one number"
+
+
+class _Held(dict[str, ArrayInFile]):
+    """Arrays by their names, and parts of them by their places, such as ``FRF[:, 1::2]``."""
+
+    def __missing__(self, name: str) -> ArrayInFile:
+        found = _PART.fullmatch(name)
+        if found is None or found[1] not in self:
+            raise KeyError(name)
+        whole = self[found[1]]
+        try:
+            index = tuple(
+                slice(*(int(n) if n.strip() else None for n in one.split(":"))) if ":" in one else int(one)
+                for one in found[2].split(",")
+            )
+            shape = np.broadcast_to(0, whole.shape)[index].shape
+        except (ValueError, IndexError) as error:
+            raise KeyError(name) from error
+
+        def read() -> NDArray[Any]:
+            part = np.asarray(whole.read()[index])
+            return part.real if np.iscomplexobj(part) and not np.any(part.imag) else part
+
+        return ArrayInFile(shape=shape, read=read, unit=whole.unit)
 
 
 @contextmanager
@@ -86,18 +113,18 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
     try:
         if is_hdf5:
             with h5py.File(path, "r") as file:
-                yield _in_hdf5(file, matlab=matlab)
+                yield _Held(_in_hdf5(file, matlab=matlab))
         elif is_numpy:
-            yield _in_numpy(path, single=begin == NPY)
+            yield _Held(_in_numpy(path, single=begin == NPY))
         elif is_tdms:
             with channels_in(path) as found:
-                yield {
-                    name: ArrayInFile(shape=own[0], read=own[1], unit=own[2]) for name, own in found.items()
-                }
+                yield _Held(
+                    (name, ArrayInFile(shape=own[0], read=own[1], unit=own[2])) for name, own in found.items()
+                )
         else:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of a name that is there twice: the last one is taken
-                yield _in_mat(path)
+                yield _Held(_in_mat(path))
     except MeasurementError:
         raise
     except Exception as error:  # of a damaged file both libraries raise whatever they stumble over
@@ -123,7 +150,7 @@ def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) ->
     key : str
         Key of the campaign file that asks for it, for messages.
     name : str
-        Its name.
+        Its name, perhaps with the part of it that is wanted, ``FRF[:, 0]``.
 
     Returns
     -------
@@ -135,12 +162,13 @@ def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) ->
     MeasurementError
         There is none of that name, which lists those that are, or it is too large.
     """
-    found = arrays.get(name)
-    if found is None:
+    try:
+        found = arrays[name]
+    except KeyError:
         there = [f"{other} ({arrays[other]})" for other in list(arrays)[:_LISTED]]
         more = f" and {len(arrays) - _LISTED} more" if len(arrays) > _LISTED else ""
         message = f"{path}: variable {name!r} ({key}): no numbers of that name; the file holds "
-        raise MeasurementError(message + (", ".join(there) or "no numbers") + more)
+        raise MeasurementError(message + (", ".join(there) or "no numbers") + more) from None
     if not 0 < prod(found.shape) <= LARGEST:
         message = f"{path}: variable {name!r} ({key}): holds {found}, expected 1 to {LARGEST} values"
         raise MeasurementError(message)

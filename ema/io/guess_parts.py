@@ -31,6 +31,9 @@ _ENDS = {
 """How a name ends that is written as one word, such as ``Hmag``."""
 _NO_FRF = re.compile(r"spec|psd|csd|cross|auto|fft|corr|coh", re.IGNORECASE)
 _FEWEST_LINES = 10
+_FULL_TURN = 360.0  # degrees, which no phase exceeds
+LONGEST_SAMPLE = 2e-3
+"""Longest step of an axis without a name, s, that is one of time: as a step of Hz it would ask for records of 500 s."""
 
 
 def parts_of_frfs(
@@ -64,6 +67,38 @@ def parts_of_frfs(
             size, phase = (np.concatenate([arrays[p[k]].ravel() for p in used]) for k in (0, 1))
             found |= polar_units((titles[0], titles[1]), size.astype(float), phase.astype(float), guesses)
         return found, arrays[first[0]], guesses
+    return None
+
+
+def table_of_frfs(
+    arrays: _Arrays,
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]], list[str]] | None:
+    """Return keys of FRFs that stand beside their frequencies in one real array, its parts, and what was guessed.
+
+    The first column, or row, ascends in steps that are none of a time; pairs of real and imaginary parts, or of
+    magnitudes and phases, follow it. None where no array is like this.
+    """
+    tables = {n: v for n, v in arrays.items() if _is_function(n, v) and v.ndim == 2 and min(v.shape) % 2}
+    for name, value in sorted(tables.items(), key=lambda own: -own[1].size):
+        along = int(np.argmax(value.shape))
+        columns = value if along == 0 else value.T
+        axis = columns[:, 0].astype(float)
+        if columns.shape[1] < 3 or axis[0] < 0.0 or not np.all(np.diff(axis) > 0.0):
+            continue
+        if float(np.diff(axis).mean()) <= LONGEST_SAMPLE:
+            continue  # a time
+        first, second = columns[:, 1::2].astype(float), columns[:, 2::2].astype(float)
+        is_polar = bool(np.all(first >= 0.0)) and 1.0 < float(np.max(np.abs(second))) <= _FULL_TURN
+        kinds, guesses = (WAYS[2] if is_polar else WAYS[1]), list[str]()
+        places = [f"{name}[:, {own}]" if along == 0 else f"{name}[{own}]" for own in ("0", "1::2", "2::2")]
+        keys: dict[str, Any] = {kinds[0]: [places[1]], kinds[1]: [places[2]], "frequency": places[0]}
+        guesses.append(
+            f"the {'columns' if along == 0 else 'rows'} of variable {name!r} are taken as frequency, {kinds[0]} and "
+            f"{kinds[1]}"
+        )
+        if is_polar:
+            keys |= polar_units(("", ""), first, second, guesses)
+        return keys, dict(zip(places, (axis, first, second), strict=True)), guesses
     return None
 
 

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, volts_in, with_names
+from ema.io.guess_parts import LONGEST_SAMPLE
 from ema.io.polar import polar_units
-from ema.io.rows import SEPARATORS, cells_of, decoded, encoding_of, number, unpacked
+from ema.io.rows import SEPARATORS, cells_of, decoded, encoding_of, number, ungrouped, unpacked
 from ema.io.sampling import is_uneven, rate_of_rounded
 from ema.io.segments import END_OF_HEADER, segments_of
 
 _FEWEST_ROWS = 10  # of numbers; less is no measured function
 _LOOKED_AT = 400  # rows of numbers
 _MOST_HEADER = 200  # rows
-_LONGEST_SAMPLE = 2e-3  # s; as a step of frequencies, Hz, it would ask for records of 500 s
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
     r"frequency.?response|transfer|\bfrf|\bH[12v]?\b|response.?func|/\W?(?:[km]?N|lbf?)\b|accelerance|"
@@ -257,7 +257,7 @@ def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
     if len(cells) > 2 and not cells[0].strip():
         cells[0] = "nan"
     try:
-        return [number(cell.replace(decimal, ".").strip()) for cell in cells]
+        return [number(ungrouped(cell, decimal).replace(decimal, ".").strip()) for cell in cells]
     except ValueError:
         return None
 
@@ -363,7 +363,7 @@ def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
         guesses.append("the columns are taken as time histories, for the header tells of sampling")
         return True
     step = float(np.diff(text.value[:, axis].real).mean())
-    if title or step > _LONGEST_SAMPLE or text.value[:, axis + 1 :].imag.any():
+    if title or step > LONGEST_SAMPLE or text.value[:, axis + 1 :].imag.any():
         return False
     guesses.append(
         f"the first column is taken as the time in s, since a step of {step:.4g} Hz is none of a frequency"

@@ -16,7 +16,7 @@ from ema.io.array_files import LARGEST, arrays_in
 from ema.io.array_histories import pattern_of
 from ema.io.contents import UNKNOWN, Code, Contents, with_names
 from ema.io.guess_histories import RATE, HistoriesFound, guess_histories
-from ema.io.guess_parts import magnitudes_alone, parts_of_frfs
+from ema.io.guess_parts import magnitudes_alone, parts_of_frfs, table_of_frfs
 from ema.io.variables import FIRST_COLUMN, WAYS
 from ema.types.errors import MeasurementError
 
@@ -77,6 +77,10 @@ def guess_variables(
 def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mapping[str, int]) -> Contents:
     """Return what the arrays of a file seem to hold."""
     keys, block, guesses = _frfs(arrays, units)
+    if block is None and (table := table_of_frfs(arrays)) is not None:
+        keys, parts, guesses = table
+        arrays |= parts
+        block = parts[next(name for name in parts if name in keys.get("real", keys.get("magnitude", ())))]
     if block is None:
         found = guess_histories(arrays, beside)
         if found is not None:
@@ -191,8 +195,8 @@ def _counts(value: NDArray[Any]) -> list[int]:
 
 
 def _is_axis(value: NDArray[Any]) -> bool:
-    """Whether the first of two columns ascends and is real, as frequencies do."""
-    if value.ndim != 2 or value.shape[1] != 2 or value.shape[0] < _FEWEST_LINES:
+    """Whether the first column of a long array ascends and is real, as frequencies do."""
+    if value.ndim != 2 or not 1 < value.shape[1] < value.shape[0] or value.shape[0] < _FEWEST_LINES:
         return False
     first = value[:, 0]
     return not np.any(first.imag) and bool(first[0].real >= 0 and np.all(np.diff(first.real) > 0))

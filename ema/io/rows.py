@@ -85,16 +85,45 @@ def _quoted(row: str, separator: str | None) -> list[str]:
 
 
 def plain_rows(rows: Sequence[str], delimiter: str, decimal: str) -> list[str]:
-    """Return rows of numbers without quotes, with decimal points, and with e before exponents."""
+    """Return rows of numbers without quotes and groups of thousands, with decimal points, and with e before exponents.
+
+    ``1'234.5`` and ``1 234,5`` with a narrow blank are grouped wherever they stand. ``1,234`` is where the decimal mark
+    is a point and a number such as ``1,234.5`` is among the rows, for else it may be a decimal comma.
+    """
     separator = SEPARATORS[delimiter]
+    other = "." if decimal == "," else ","
+    both = re.compile(rf"\d\{other}\d{{3}}\{decimal}\d")
+    marks = "'’" if separator is None else "'’\u00a0\u202f"
+    quoted = grouped = marks
+    if any(other in row and both.search(row) for row in rows):
+        quoted = marks + other
+        grouped = marks if separator == other else quoted
     plain = []
     for row in rows:
         if '"' in row:
-            row = (separator or " ").join(c.replace(decimal, ".") for c in cells_of(row, delimiter))  # noqa: PLW2901
-        elif decimal == "," and separator != ",":
-            row = row.replace(",", ".")  # noqa: PLW2901
+            cells = (ungrouped(c, decimal, quoted).replace(decimal, ".") for c in cells_of(row, delimiter))
+            row = (separator or " ").join(cells)  # noqa: PLW2901
+        else:
+            row = ungrouped(row, decimal, grouped)  # noqa: PLW2901
+            if decimal == "," and separator != ",":
+                row = row.replace(",", ".")  # noqa: PLW2901
         plain.append(_with_letter(row))
     return plain
+
+
+def ungrouped(text: str, decimal: str, marks: str | None = None) -> str:
+    """Return a text without the marks that hold thousands of its numbers apart.
+
+    Where they are not given, point and comma are such marks beside the decimal one alone.
+    """
+    if marks is None:
+        marks = "'’\u00a0\u202f" + (".," if decimal in text else "")
+    own = "".join(mark for mark in marks if mark in text and mark != decimal)
+    if not own:
+        return text
+    apart = f"[{re.escape(own)}]"
+    number_ = rf"(?<![\d{re.escape(own + decimal)}])[1-9]\d{{0,2}}(?:{apart}\d{{3}})+(?!\d)"
+    return re.sub(number_, lambda found: re.sub(apart, "", found[0]), text)
 
 
 def _with_letter(text: str) -> str:

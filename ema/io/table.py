@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction
 from ema.io.polar import from_polar
-from ema.io.rows import SEPARATORS, cells_of, decoded, number, plain_rows, unpacked
+from ema.io.rows import SEPARATORS, cells_of, decoded, number, plain_rows, ungrouped, unpacked
 from ema.io.sampling import require_ascending
 from ema.io.segments import Segment, segments_of
 from ema.io.units import Unit
@@ -335,7 +335,7 @@ def _begins_with_number(row: str, layout: TableLayout) -> bool:
     if not cells:
         return False
     try:
-        number(cells[0].replace(layout.decimal, ".").strip())
+        number(ungrouped(cells[0], layout.decimal).replace(layout.decimal, ".").strip())
     except ValueError:
         return False
     return True

@@ -1,5 +1,6 @@
 """Files as laboratories have them: units of axes, lines without numbers, parts with the same points, odd layouts."""
 
+import re
 import tracemalloc
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from ema.io.contents import unit_in
 from ema.io.uff import read_uff_functions
 from ema.io.uff58 import encode_58b
 from ema.io.units import parse_unit
+from ema.io.variables import VariableLayout, read_variables
 from ema.quality.channels import check
 from ema.types.errors import CampaignError, MeasurementError
 
@@ -270,6 +272,88 @@ def test_records_of_unequal_lengths_share_their_lines(tmp_path):
     measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), "A")
     assert measured.frf.value.shape == (3, 1, 903 // 2 + 1)
     assert any("903 to 912 samples" in note for note in measured.notes)
+
+
+def measured_as_drafted(folder, **filled):
+    """Read what `lamella new` drafts of a folder, with the values of keys that it asks for."""
+    text = draft_file(draft(folder)).text
+    for key, value in filled.items():
+        text = re.sub(rf"(?m)^{key} = .*\?.*$", f"{key} = {value}", text)
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    campaign = read_campaign(folder / "campaign.toml")
+    return read_measurement(campaign, campaign.configurations[0].name)
+
+
+def comma(text):
+    return text.replace(",", "_").replace(".", ",").replace("_", ".")
+
+
+@pytest.mark.parametrize(
+    ("separator", "write"),
+    [
+        (",", lambda x: f'"{x:,.4f}"'),
+        ("\t", lambda x: f"{x:,.4f}"),
+        (";", lambda x: comma(f"{x:,.4f}")),
+        (";", lambda x: f"{x:,.4f}".replace(",", "'")),
+        ("\t", lambda x: comma(f"{x:,.4f}").replace(".", "\u202f")),
+        (";", lambda x: f"{x:.3f}".replace(".", ",")),  # a decimal comma before three digits is no thousand
+    ],
+)
+def test_numbers_with_their_thousands_apart_are_read_whole(tmp_path, separator, write):
+    """Rows from 1,000.0 Hz on once were taken for words below the table, and left out without one."""
+    f = np.arange(990.0, 1090.0, 0.5)
+    value = 1500.0 * np.exp(1j * f / 30.0)
+    rows = [separator.join(map(write, (a, b.real, b.imag))) for a, b in zip(f, value, strict=True)]
+    head = separator.join(["Frequency (Hz)", "Real (m/s2/N)", "Imag (m/s2/N)"])
+    (tmp_path / "FRF_1z_2z.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    measured = measured_as_drafted(tmp_path)
+    np.testing.assert_allclose(measured.frf.frequency, f)
+    np.testing.assert_allclose(measured.frf.value[0, 0], value, atol=6e-4)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("kind", ["mat", "npz", "npy"])
+@pytest.mark.parametrize("polar", [False, True])
+def test_frequency_and_both_parts_in_one_array_are_read(tmp_path, kind, turned, polar):
+    f = np.arange(0.0, 200.0, 0.5)
+    value = np.exp(1j * f / 30.0) * (1.0 + f / 100.0)
+    parts = (np.abs(value), np.degrees(np.angle(value))) if polar else (value.real, value.imag)
+    table = np.column_stack([f, *parts])
+    table = table.T if turned else table
+    path = tmp_path / f"H_1z_2z.{kind}"
+    if kind == "mat":
+        savemat(path, {"FRF": table})
+    elif kind == "npz":
+        np.savez(path, frf=table)
+    else:
+        np.save(path, table)
+    measured = measured_as_drafted(tmp_path, unit='"(m/s2)/N"')
+    np.testing.assert_allclose(measured.frf.frequency, f)
+    np.testing.assert_allclose(measured.frf.value[0, 0], value, atol=1e-9)
+
+
+def test_several_functions_beside_one_frequency_are_read_and_a_time_is_none(tmp_path):
+    f = np.arange(0.0, 200.0, 0.5)
+    value = np.array([np.exp(1j * f / (30.0 + k)) for k in range(3)])
+    savemat(
+        tmp_path / "all.mat",
+        {"FRF": np.column_stack([f, *(part for own in value for part in (own.real, own.imag))])},
+    )
+    dofs = {"output": '["1+z", "2+z", "3+z"]', "input": '["1+z"]'}
+    measured = measured_as_drafted(tmp_path, unit='"(m/s2)/N"', **dofs)
+    np.testing.assert_allclose(measured.frf.value[:, 0], value, atol=1e-12)
+    savemat(tmp_path / "all.mat", {"record": np.column_stack([f / 1000.0, *value[:2].real])})
+    assert "real" not in draft_file(draft(tmp_path)).text.partition("[measurement.variables]")[2]
+
+
+@pytest.mark.parametrize("part", ["[:, 7]", "[:, 1:x]", "[0, 0, 0]"])
+def test_a_part_that_an_array_does_not_have_is_named(tmp_path, part):
+    np.save(tmp_path / "H.npy", np.column_stack([np.arange(50.0), np.ones((50, 2))]))
+    layout = VariableLayout(
+        real=(f"array{part}",), imaginary=("array[:, 2]",), frequency="array[:, 0]", axes=("frequency",)
+    )
+    with pytest.raises(MeasurementError, match=r"no numbers of that name; the file holds array \(50 x 3\)"):
+        read_variables(tmp_path / "H.npy", layout, None, matlab=False)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5])
