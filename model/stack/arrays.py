@@ -29,8 +29,7 @@ def readonly(
     ValueError
         The shape differs from the expected one; the message names both.
     """
-    frozen = isinstance(value, np.ndarray) and value.base is None and not value.flags.writeable
-    array = np.array(value, dtype=dtype, copy=None if frozen else True)
+    array = np.array(value, dtype=dtype, copy=None if _frozen(value) else True)
     fits = array.ndim == len(shape) and all(
         e is None or e == n for e, n in zip(shape, array.shape, strict=True)
     )
@@ -40,3 +39,10 @@ def readonly(
         raise ValueError(message)
     array.flags.writeable = False
     return array
+
+
+def _frozen(value: object) -> bool:
+    """Tell whether nobody writes an array: neither it nor what it is a view of can be written."""
+    if not isinstance(value, np.ndarray) or value.flags.writeable:
+        return False
+    return value.base is None or _frozen(value.base)
