@@ -16,7 +16,7 @@ from model.stack.errors import MatricesError
 Vectors = NDArray[np.float64]
 
 _ABOUT = 27  # nodes about a point: the neighbours of one in a mesh of bricks
-_TERMS = 10  # of a polynomial of second order
+_LOOKED = 1e-3  # share of a direction along an axis that counts
 _SAME = 1e-6  # of the structure's size: a point is on a node
 _SINGULAR = 1e-4  # of the polynomial: directions in which nodes do not spread
 
@@ -90,39 +90,72 @@ def places_on(
             raise MatricesError(message)
         one, none = np.ones((n, 1)), np.zeros((n, 1))
         return Places(node=number[:, None], weight=one, slope=none, distance=none[:, 0], direction=direction)
-    node, first = np.unique(structure.node, return_index=True)
-    place = structure.location[first]
+    k = min(_ABOUT, np.unique(structure.node).size)
+    node, distance = np.zeros((n, k), dtype=np.int64), np.zeros(n)
+    weight, slope = np.zeros((n, k)), np.zeros((n, k))
+    looked = np.abs(direction) > _LOOKED
+    for axes in np.unique(looked, axis=0):
+        rows = np.flatnonzero(np.all(looked == axes, axis=1))
+        moving = _moving(structure, axes)
+        node[rows] = structure.node[0]
+        if not moving.size:  # nothing moves along these axes
+            continue
+        found = _near(structure, moving, location[rows], tolerance)
+        m = found[0].shape[1]
+        node[rows, :m], weight[rows, :m], slope[rows, :m], distance[rows] = found[:4]
+        if (found[4] > 0.0).any():
+            i = int(np.argmax(found[4]))
+            low, high = 1e3 * structure.location.min(axis=0), 1e3 * structure.location.max(axis=0)
+            span = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
+            message = (
+                f"{structure.name}: point {number[rows[i]]} is {1e3 * found[3][i]:.4g} mm from the nearest node; "
+                f"nodes span {span} mm. Points must have the coordinates of the model: check their unit and origin"
+            )
+            raise MatricesError(message)
+    return Places(node=node, weight=weight, slope=slope, distance=distance, direction=direction)
+
+
+def _moving(structure: MatrixStructure, axes: NDArray[np.bool_]) -> Index:
+    """Return the nodes that have a row for each of some axes."""
+    nodes = [structure.node[structure.dof == i + 1] for i in np.flatnonzero(axes)]
+    found = nodes[0]
+    for other in nodes[1:]:
+        found = np.intersect1d(found, other)
+    return np.unique(found)
+
+
+def _near(
+    structure: MatrixStructure, node: Index, location: Vectors, tolerance: float
+) -> tuple[Index, Vectors, Vectors, Vectors, Vectors]:
+    """Return nodes about places, (n, k), their weights and slopes, and how far the nearest is, (n,), and is too far."""
+    first = np.unique(structure.node, return_index=True)
+    place = structure.location[first[1][np.searchsorted(first[0], node)]]
+    n, k = len(location), min(_ABOUT, node.size)
     spacing = _spacing(place)
-    tree, k = KDTree(place / spacing), min(_ABOUT, node.size)
-    near = tree.query(location / spacing, k)[1].reshape(n, k)
+    near = KDTree(place / spacing).query(location / spacing, k)[1].reshape(n, k)
     offset = place[near] - location[:, None]
     distance = np.linalg.norm(offset, axis=2)
     mesh = np.sort(np.linalg.norm(place[near] - place[near[:, :1]], axis=2), axis=1)[:, min(3, k - 1)]
-    far = distance.min(axis=1) - np.maximum(tolerance, mesh)
-    if (far > 0.0).any():
-        i = int(np.argmax(far))
-        low, high = 1e3 * place.min(axis=0), 1e3 * place.max(axis=0)
-        span = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
-        message = (
-            f"{structure.name}: point {number[i]} is {1e3 * distance[i].min():.4g} mm from the nearest node; "
-            f"nodes span {span} mm. Points must have the coordinates of the model: check their unit and origin"
-        )
-        raise MatricesError(message)
+    within = np.clip(location, place.min(axis=0), place.max(axis=0))
+    beyond = np.linalg.norm(location - within, axis=1)
+    cells = np.linalg.norm((place[near] - within[:, None]) / spacing, axis=2).min(
+        axis=1
+    )  # of a mesh of planes
+    allowed = np.where(cells > 1.0, np.maximum(tolerance, mesh), np.inf)
+    far = np.maximum(distance.min(axis=1) - allowed, beyond - np.maximum(tolerance, mesh))
     weight, slope = np.zeros((n, k)), np.zeros((n, k))
     size = float(np.linalg.norm(np.ptp(place, axis=0)))
     for i in range(n):
         away = offset[i] / spacing
         reach = max(float(np.linalg.norm(away, axis=1).max()), 1e-12)
         x, y, z = (away / reach).T
-        powers = np.column_stack([np.ones(k), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x])[:, :_TERMS]
+        powers = np.column_stack([np.ones(k), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x])
         near_more = np.exp(-2.0 * (x * x + y * y + z * z))
         found = np.linalg.pinv(near_more[:, None] * powers, rcond=_SINGULAR) * near_more
         weight[i], slope[i] = found[0], found[1] / (reach * spacing[0])
         if distance[i].min() < _SAME * size:
             weight[i] = np.arange(k) == int(distance[i].argmin())
-    return Places(
-        node=node[near], weight=weight, slope=slope, distance=distance.min(axis=1), direction=direction
-    )
+    return node[near], weight, slope, distance.min(axis=1), far
 
 
 def _spacing(place: Vectors) -> Vectors:

@@ -87,20 +87,24 @@ class CholeskyFactor:
         """Return pieces in the order of elimination, each with its nodes and the number of those below it."""
         if nodes.size <= _LEAF:
             return [(nodes, 0)]
-        spread = np.ptp(place[nodes], axis=0)
-        along = place[nodes, int(np.argmax(spread))]
+        one, two, cut = min(
+            (self._halves(place[nodes, i], nodes) for i in range(3)), key=lambda own: own[2].size
+        )
+        if not two.size or cut.size > _MOST_CUT * nodes.size:
+            return [(nodes, 0)]
+        rest = np.setdiff1d(two, cut, assume_unique=True)
+        parts = [self._pieces(place, part) for part in (one, rest) if part.size]
+        return [*(piece for part in parts for piece in part), (cut, len(parts))]
+
+    def _halves(self, along: Vectors, nodes: Index) -> tuple[Index, Index, Index]:
+        """Return the nodes below and above the middle of an axis, and those above that couple with those below."""
         lower = along < np.median(along)
         if not lower.any():  # most nodes in one plane
             lower = along <= np.median(along)
         one, two = nodes[lower], nodes[~lower]
-        seen = np.zeros(len(place), dtype=bool)
+        seen = np.zeros(len(self._unknowns), dtype=bool)
         seen[self._graph[one].indices] = True
-        cut = two[seen[two]]
-        if not two.size or cut.size > _MOST_CUT * nodes.size:
-            return [(nodes, 0)]
-        rest = two[~seen[two]]
-        parts = [self._pieces(place, part) for part in (one, rest) if part.size]
-        return [*(piece for part in parts for piece in part), (cut, len(parts))]
+        return one, two, two[seen[two]] if two.size else nodes
 
     def _eliminated(self, inside: Index, children: list[tuple[Index, Vectors]]) -> tuple[Index, Vectors]:
         """Eliminate the unknowns of one piece and return those that it leaves coupled, with their matrix."""

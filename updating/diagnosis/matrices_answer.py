@@ -33,6 +33,7 @@ from updating.inference.search import begin
 
 Vector = NDArray[np.float64]
 
+_COMBINED = 4  # terms of a combination that are named, and combinations
 _LEAST_MAC = 0.8  # that makes a pair in what is shown of a diagnosis
 
 
@@ -185,11 +186,13 @@ def modes_at(
     )
 
 
-def _together(model: MatricesModel, own: Explanation, *, told: float = 0.5, most: int = 3) -> tuple[str, ...]:
+def _together(
+    model: MatricesModel, own: Explanation, *, told: float = 0.5, shows: float = 0.9
+) -> tuple[str, ...]:
     """Say which combinations of stated terms the data tell, where they do not tell each of them.
 
-    Of the covariance that the data leave over that of the priors, directions whose deviation fell below `told` are
-    told, all others stay as they were known.
+    A term is told whose deviation fell below `told` of that of its prior. Combinations are the principal directions of
+    what the data leave in units of the priors; those are listed whose deviation fell below `shows`.
     """
     names = [c.name for c in own.coordinates]
     stated = [i for i, n in enumerate(names) if n in {one.name for one in model.structure.factors}]
@@ -199,17 +202,17 @@ def _together(model: MatricesModel, own: Explanation, *, told: float = 0.5, most
     _, jacobian, _ = whitened(own.problem, own.evidence.sizes)
     std = np.array([own.coordinates[i].std for i in stated])
     size, turn = la.eigh(std[:, None] * (jacobian[:, stated].T @ jacobian[:, stated]) * std)
-    shown = np.flatnonzero(1.0 / np.sqrt(1.0 + size) < told)[::-1]
+    left = 1.0 / np.sqrt(1.0 + np.maximum(size, 0.0))
     parts = []
-    for k in shown[:most]:
+    for k in np.flatnonzero(left < shows)[::-1][:_COMBINED]:
         share = turn[:, k] * np.sign(turn[np.argmax(np.abs(turn[:, k])), k])
-        large = [j for j in np.argsort(-np.abs(share)) if abs(share[j]) > 0.25][:6]
+        large = [j for j in np.argsort(-np.abs(share))[:_COMBINED] if abs(share[j]) > 0.1]
         words = " ".join(
             f"{'+' if share[j] > 0 else '-'} {abs(share[j]):.2f} {names[stated[j]]}" for j in large
         )
-        parts.append(f"{words.removeprefix('+ ')} (to {1.0 / np.sqrt(1.0 + size[k]):.2g} of what was known)")
+        parts.append(f"{words.removeprefix('+ ')} (now known to {left[k]:.2g} of before)")
     number = f"{len(model.states[0].frequency)} modes"
-    tell = f"; they tell {'; '.join(parts)}" if parts else ", nor any combination of them"
+    tell = f"; what they tell is mostly {'; '.join(parts)}" if parts else ", nor any combination of them"
     return (f"{model.tested[0].name}: {number} cannot tell these terms apart: {', '.join(untold)}{tell}",)
 
 

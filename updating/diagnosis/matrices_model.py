@@ -141,7 +141,7 @@ class MatricesModel:
             else:
                 found.append(_known(name, known[name], known[name]))
         found += [_known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
-        if self.structure.placed:
+        if any(np.any(own.slope) for own in self.places) and np.ptp(self.structure.location[:, 0]) > 0.0:
             found.append(_known(POINTS_SHIFT, s.points_shift, 1e-3))
         if self.damped:
             found.append(_known(DECAY, 1e-3, 1e-3))
