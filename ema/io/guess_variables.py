@@ -77,7 +77,7 @@ def guess_variables(
 def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mapping[str, int]) -> Contents:
     """Return what the arrays of a file seem to hold."""
     keys, block, guesses = _frfs(arrays, units)
-    if block is None and (table := table_of_frfs(arrays)) is not None:
+    if block is None and (table := _two_parts(arrays) or table_of_frfs(arrays)) is not None:
         keys, parts, guesses = table
         arrays |= parts
         block = parts[next(name for name in parts if name in keys.get("real", keys.get("magnitude", ())))]
@@ -169,6 +169,25 @@ def _frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], ND
     said = f"complex variables {', '.join(map(repr, spectra[:_LISTED]))} look like spectra" if spectra else ""
     said = said or magnitudes_alone(arrays)
     return {"frf": UNKNOWN}, None, [said] if said else []
+
+
+def _two_parts(arrays: _Arrays) -> tuple[dict[str, Any], _Arrays, list[str]] | None:
+    """Return what `table_of_frfs` does, of arrays that are called FRFs and hold both parts in two columns.
+
+    Their frequencies are steps that the file states as numbers.
+    """
+    found = [
+        name for name, value in arrays.items()
+        if _FRF.search(_last(name)) and value.dtype.kind == "f" and value.ndim == 2
+        and value.shape[1] == 2 and value.shape[0] >= _FEWEST_LINES
+    ]  # fmt: skip
+    found = [name for name in found if arrays[name].shape == arrays[found[0]].shape]
+    if not found or not _steps(arrays, arrays[found[0]].shape[0], []):
+        return None
+    parts = {f"{name}[:, {k}]": arrays[name][:, k] for name in found for k in (0, 1)}
+    keys = {key: [f"{name}[:, {k}]" for name in found] for k, key in enumerate(WAYS[1])}
+    said = ", ".join(map(repr, found))
+    return keys, parts, [f"the two columns of {said} are taken as real and imaginary parts"]
 
 
 def _is_spectrum(name: str) -> bool:

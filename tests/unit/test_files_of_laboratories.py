@@ -346,6 +346,15 @@ def test_several_functions_beside_one_frequency_are_read_and_a_time_is_none(tmp_
     assert "real" not in draft_file(draft(tmp_path)).text.partition("[measurement.variables]")[2]
 
 
+def test_two_columns_that_are_both_parts_are_read_with_the_step_that_the_file_states(tmp_path):
+    """As in leekunhwee/Vibration-Signal-Processing, FRFGeneration/H00.mat."""
+    value = np.exp(1j * np.arange(400) / 30.0)
+    savemat(tmp_path / "H00.mat", {"H00": np.column_stack([value.real, value.imag]), "df": 0.5, "f_start": 0})
+    measured = measured_as_drafted(tmp_path, unit='"m/N"', output='["1+z"]', input='["1+z"]')
+    np.testing.assert_allclose(measured.frf.frequency, 0.5 * np.arange(400))
+    np.testing.assert_allclose(measured.frf.value[0, 0], value, atol=1e-12)
+
+
 @pytest.mark.parametrize("part", ["[:, 7]", "[:, 1:x]", "[0, 0, 0]"])
 def test_a_part_that_an_array_does_not_have_is_named(tmp_path, part):
     np.save(tmp_path / "H.npy", np.column_stack([np.arange(50.0), np.ones((50, 2))]))
