@@ -297,6 +297,14 @@ def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
             for name in ("color", "backgroundColor")
         )
         assert (ink > ground) == (scheme == "dark")
+        rest = shown.locator("button.rest:visible")
+        rows = "(table) => [...table.rows].filter((r) => r.getClientRects().length).length"
+        if rest.count():
+            table = rest.first.locator("xpath=preceding-sibling::table[1]")
+            assert table.evaluate(rows) == 4  # long tables of cards show the first ones
+            more = int(re.search(r"\d+", rest.first.text_content())[0])
+            rest.first.click()
+            assert table.evaluate(rows) == 4 + more
         browser.close()
 
 

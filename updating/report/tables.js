@@ -39,6 +39,23 @@
   }
 })();
 
+// Where rows are cards, on a phone, long tables show the first ones and a button for the rest.
+(() => {
+  "use strict";
+  const SHOWN = 4;
+  for (const table of document.querySelectorAll("table")) {
+    const more = (table.tBodies[0]?.rows.length ?? 0) - SHOWN;
+    if (more < 2) continue;
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "rest";
+    button.textContent = `Show ${more} more`;
+    button.addEventListener("click", () => { table.classList.remove("short"); button.remove(); });
+    table.classList.add("short");
+    table.after(button);
+  }
+})();
+
 // What is printed says when; the page itself, made from the same results, is always the same.
 (() => {
   "use strict";
