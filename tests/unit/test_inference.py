@@ -8,8 +8,9 @@ import scipy.linalg as la
 
 from updating.inference.discrepancy import joined, shared_levels
 from updating.inference.equation_error import equation_errors, shape_noise
-from updating.inference.explain import explain, setting
+from updating.inference.explain import converged, explain, setting
 from updating.inference.protocol import Coordinate, Modal, State, Term
+from updating.inference.search import begin
 
 N, M, N_MEASURED = 30, 12, 5
 EVERY = 2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
@@ -181,3 +182,18 @@ def test_the_evidence_tells_what_is_missing(changed):
     whole = explain(model, [TERM], common, np.zeros(3))
     assert whole.log_evidence - base.log_evidence > 10.0
     assert whole.evidence.sizes.stiffness < 0.2 * base.evidence.sizes.stiffness
+
+
+def test_a_measured_mode_that_the_model_lacks_draws_no_fit_away():
+    """One of ten modes, in two states, is of something else: it is taken apart, and all others fit."""
+    stiffness, mass, _ = matrices({"stiffness": 0.1})
+    states = [measured(stiffness, mass, seed=seed, name=name) for seed, name in enumerate("AB")]
+    strange = np.array(states[0].frequency)
+    strange[3] *= 1.15
+    model = Chain([replace(states[0], frequency=strange), states[1]])
+    common, base = begin(model, shares=(0.9, 0.1), starts=[np.zeros(2)])
+    assert base.apart == {(0, 3)}
+    assert base.value("stiffness") == pytest.approx(0.1, abs=3 * base.std[0])
+    drawn = converged(model, [], common, np.zeros(2))
+    assert drawn.log_evidence < base.log_evidence - 10.0
+    assert base.evidence.sizes.stiffness < 0.2 * drawn.evidence.sizes.stiffness

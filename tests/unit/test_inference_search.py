@@ -128,8 +128,9 @@ def test_what_data_say_beside_a_fit_is_what_a_fit_with_it_says():
 
 
 def prediction(frequency, damping=0.1, pull=1.0):
-    nothing = LeftOut(frequency=float("nan"), damping=float("nan"))
-    return Prediction(mode=LeftOut(frequency=frequency, damping=damping), state=nothing, pull=pull)
+    nothing = LeftOut(errors={"frequency": np.full(1, np.nan), "damping": np.full(1, np.nan)})
+    mode = LeftOut(errors={"frequency": np.array([frequency]), "damping": np.array([damping])})
+    return Prediction(mode=mode, state=nothing, pull=pull)
 
 
 @pytest.mark.parametrize(

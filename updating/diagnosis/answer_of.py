@@ -91,11 +91,12 @@ def answer_of(
 
 
 def _lacking(model: Explained, own: Explanation) -> tuple[str, ...]:
-    """Return the measured modes that are farther off than any model to which no mode is missing."""
+    """Return the measured modes that are none of the model's, or farther off than any model leaves them."""
     return tuple(
-        f"{state}, mode {r + 1} at {np.sqrt(e.eigenvalue[r]) / (2.0 * np.pi):.1f} Hz"
-        for state, e in zip((s.name for s in model.states), own.errors, strict=True)
-        for r in np.flatnonzero(np.abs(e.frequency) > STIFFNESS.highest).tolist()
+        f"{state.name}, mode {r + 1} at {state.frequency[r]:.1f} Hz"
+        for c, (state, e) in enumerate(zip(model.states, own.errors, strict=True))
+        for r in range(state.frequency.size)
+        if (c, r) in own.apart or abs(e.frequency[r]) > STIFFNESS.highest
     )
 
 

@@ -66,7 +66,9 @@ def visibility(
         for i, c in enumerate(coordinates):
             if c.name not in have and len(c.starts) > 2:
                 at[i] = c.starts[shift % len(c.starts)]
-        problem = joined(errors_at(model, local, found.setting, at), found.setting.common)
+        problem = joined(
+            errors_at(model, local, replace(found.setting, apart=own.apart), at), found.setting.common
+        )
         mean, std = information(
             problem, at, coordinates, own.evidence.sizes, [c.name in have for c in coordinates]
         )
@@ -100,7 +102,10 @@ def _left(
     at = {**have, **({} if further is None else {further[0].coordinates[0].name: further[1]})}
     x = np.array([at[c.name] for c in coordinates])
     try:
-        problem = joined(errors_at(model, local.of(coordinates), found.setting, x), found.setting.common)
+        problem = joined(
+            errors_at(model, local.of(coordinates), replace(found.setting, apart=own.apart), x),
+            found.setting.common,
+        )
     except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
         return np.inf
     return rise(problem, x, coordinates, own.evidence.sizes, [c.name in have for c in coordinates])

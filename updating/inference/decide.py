@@ -48,11 +48,12 @@ def decide(found: Search) -> Decision:
     own = found.chosen
     large = too_large(own, found.setting.priors)
     if not own.terms:
-        empty: Verdict = "unlike anything" if large or _pulled(found) else "nothing missing"
+        empty: Verdict = "unlike anything" if large or own.apart or _pulled(found) else "nothing missing"
         return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
     left = _left(found)
     large = too_large(left[0], found.setting.priors)
-    verdict: Verdict = "partly explained" if large else "identified" if len(left) == 1 else "one of"
+    partly = large or left[0].apart
+    verdict: Verdict = "partly explained" if partly else "identified" if len(left) == 1 else "one of"
     return Decision(verdict=verdict, left=left, steps=_steps(found, left[0]), too_large=large)
 
 

@@ -10,7 +10,8 @@ the change (modal dynamic residual; Yuen, Beck and Katafygiotis 2006).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -113,6 +114,7 @@ def equation_errors(
     modal: Modal,
     noise: Vector,
     n_coordinate: int,
+    apart: Sequence[int] = (),
     *,
     usual: float = 0.03,
     wide: float = 1.0,
@@ -128,6 +130,9 @@ def equation_errors(
         Standard deviation of a component of each shape of unit length.
     n_coordinate : int
         Number of coordinates of the fit.
+    apart : sequence of int
+        Measured modes that are none of the model's: their equation errors and logarithms of damping ratios may be
+        anything up to `wide`.
     usual : float
         Equation error that models usually have, by which the coordinates that weigh errors are shrunk: noisy ones
         bias the weights. An order above the median discrepancy.
@@ -178,6 +183,7 @@ def equation_errors(
     da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]
     left = (state.shape.T / length[:, None] - a @ modal.rows.T) * np.sqrt(sure)[:, None]
     turned = -(look + da @ modal.rows.T) * np.sqrt(sure)[:, None, None]
+    left[list(apart)], turned[list(apart)] = 0.0, 0.0
     slope = np.einsum("rd,rpd->p", left, turned)
     curvature = np.einsum("rpd,rqd->pq", turned, turned, optimize=True)
     da -= weight[:, None, :] * np.einsum("ri,rpi->rp", weight, da)[:, :, None]
@@ -192,7 +198,7 @@ def equation_errors(
     )
 
     loss, damping_jacobian = _loss(state, modal, weight, n_coordinate)
-    return Errors(
+    errors = Errors(
         value=value,
         weight=weight,
         noise=of_noise,
@@ -207,6 +213,18 @@ def equation_errors(
         modelled=_met(modal, n),
         shape=modal.shape,
     )
+    return apart_from(errors, old=(), new=apart, wide=wide)
+
+
+def apart_from(errors: Errors, *, old: Sequence[int], new: Sequence[int], wide: float = 1.0) -> Errors:
+    """Return errors with other modes apart: `wide` is the standard deviation of theirs."""
+    noise, damping_std = errors.noise.copy(), errors.damping_std.copy()
+    for sign, modes in ((-1.0, old), (1.0, new)):
+        for r in modes:
+            a = errors.weight[r]
+            noise[r] += sign * wide**2 * (np.eye(a.size) + np.outer(a, a))
+            damping_std[r] = np.sqrt(damping_std[r] ** 2 + sign * wide**2)
+    return replace(errors, noise=noise, damping_std=damping_std)
 
 
 def _met(modal: Modal, n: int) -> Vector:

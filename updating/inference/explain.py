@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.inference.algebra import scaled_inverse, scaled_solve
@@ -24,7 +26,8 @@ from updating.inference.discrepancy import (
     spectrum,
     whitened,
 )
-from updating.inference.equation_error import Errors, equation_errors, shape_noise
+from updating.inference.equation_error import Errors, apart_from, equation_errors, shape_noise
+from updating.inference.levels import STRANGE
 from updating.inference.protocol import Coordinate, LocalModel, Model, Term
 
 Vector = NDArray[np.float64]
@@ -44,11 +47,14 @@ class Setting:
         Share of the discrepancy that two states have in common.
     priors : (SizePrior, SizePrior)
         Of its sizes: of equation errors, and of logarithms of damping ratios.
+    apart : frozenset of (int, int)
+        Measured modes, by state and number, with which a fit begins as none of the model's.
     """
 
     noise: tuple[Vector, ...]
     common: Vector
     priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)
+    apart: frozenset[tuple[int, int]] = frozenset()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,6 +77,8 @@ class Explanation:
         By state, at the estimate.
     problem : Problem
         The same joined.
+    apart : frozenset of (int, int)
+        Measured modes, by state and number, that are taken for none of the model's.
     """
 
     terms: tuple[str, ...]
@@ -82,6 +90,7 @@ class Explanation:
     evidence: Evidence
     errors: tuple[Errors, ...]
     problem: Problem
+    apart: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def log_evidence(self) -> float:
@@ -133,7 +142,9 @@ def setting(
 def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> tuple[Errors, ...]:
     """Return the errors of all states at coordinates."""
     return tuple(
-        equation_errors(state, local.modal(x, c), setting.noise[c], x.size)
+        equation_errors(
+            state, local.modal(x, c), setting.noise[c], x.size, [r for d, r in setting.apart if d == c]
+        )
         for c, state in enumerate(model.states)
     )
 
@@ -154,6 +165,102 @@ class _Cost:
 
 
 def explain(
+    model: Model,
+    terms: Sequence[Term],
+    setting: Setting,
+    start: Vector,
+    *,
+    local: LocalModel | None = None,
+    sizes: Sizes = USUAL,
+    rounds: int = 6,
+    steps: int = 8,
+    most_apart: float = 0.2,
+) -> Explanation:
+    """Fit the model with some terms to all states, and take modes that are none of the model's for that.
+
+    A measured mode that the model lacks, of the rig or of what is missing, draws a fit away from all others. It has a
+    prior probability `STRANGE`, and then its equation errors may be anything: the evidence tells which modes are, one
+    after the other, and each time the fit goes on without them.
+
+    Parameters
+    ----------
+    model, terms, setting, start, local, sizes, rounds, steps
+        As `converged` takes them.
+    most_apart : float
+        Share of the measured modes of which that may be so.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The model has no modes at the start.
+    """
+
+    def fit(apart: frozenset[tuple[int, int]], x: Vector, sizes: Sizes) -> Explanation:
+        return converged(
+            model,
+            terms,
+            replace(setting, apart=apart),
+            x,
+            local=local,
+            sizes=sizes,
+            rounds=rounds,
+            steps=steps,
+        )
+
+    best = fit(setting.apart, start, sizes)
+    number = sum(state.frequency.size for state in model.states)
+    for _ in range(int(most_apart * number)):
+        other = _otherwise(best, setting)
+        if other is None:
+            break
+        trial = fit(other, best.x, best.evidence.sizes)
+        if trial.log_evidence < best.log_evidence + math.log(2.0):
+            break
+        best = trial
+    return best
+
+
+def _otherwise(
+    own: Explanation, setting: Setting, *, suspicious: float = 3.0
+) -> frozenset[tuple[int, int]] | None:
+    """Return the modes apart with one more or one fewer, where the evidence of the fit as it stands rises by that.
+
+    More: the mode that the others predict worst, if the square of its error is `suspicious` times what is expected.
+    """
+    precision = np.array([c.std**-2.0 for c in own.coordinates])
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
+    m = own.errors[0].value.shape[1]
+    numbered = [(c, r) for c, e in enumerate(own.errors) for r in range(len(e.value))]
+    covariance = own.evidence.sizes.stiffness**2 * own.problem.discrepancy + own.problem.noise
+    inverse = np.linalg.inv(covariance)
+    pulled = inverse @ own.problem.value
+    square = [
+        float(pulled[b] @ la.solve(inverse[b, b], pulled[b], assume_a="pos")) / m
+        for b in (slice(m * i, m * (i + 1)) for i in range(len(numbered)))
+    ]
+    worst = max((s, one) for s, one in zip(square, numbered, strict=True) if one not in own.apart)
+    trials = [own.apart - {one} for one in own.apart]
+    if worst[0] > suspicious:
+        trials.append(own.apart | {worst[1]})
+    best, found = own.log_evidence, None
+    for apart in trials:
+        errors = tuple(
+            apart_from(e, old=[r for d, r in own.apart if d == c], new=[r for d, r in apart if d == c])
+            for c, e in enumerate(own.errors)
+        )
+        problem = joined(errors, setting.common)
+        log = _evidence(problem, own.x, precision, log_prior + _surprise(apart), setting.priors)[0].log
+        if log > best:
+            best, found = log, apart
+    return found
+
+
+def _surprise(apart: Collection[tuple[int, int]]) -> float:
+    """Return the logarithm of the prior probability that some measured modes are none of the model's."""
+    return len(apart) * math.log(STRANGE)
+
+
+def converged(
     model: Model,
     terms: Sequence[Term],
     setting: Setting,
@@ -199,7 +306,7 @@ def explain(
     coordinates = coordinates_of(model, terms)
     lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
     precision = np.array([c.std**-2.0 for c in coordinates])
-    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + _surprise(setting.apart)
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
     here, made, near = local, x, np.array([c.step for c in coordinates])
@@ -244,6 +351,7 @@ def explain(
             evidence=found,
             errors=errors,
             problem=problem,
+            apart=setting.apart,
         )
         if gain < settled:
             break

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,18 +16,40 @@ from updating.inference.explain import Explanation
 Vector = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
+Kind = Literal["frequency", "damping"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LeftOut:
-    """Root mean square relative errors of what is predicted from all other data; NaN where nothing is.
+    """Relative errors of what is predicted from all other data.
 
     Attributes
     ----------
-    frequency, damping : float
-        Of natural frequencies and of damping ratios.
+    errors : mapping of "frequency" or "damping" to (n,) float
+        Of natural frequencies and of damping ratios, by measured mode; NaN where nothing is predicted, and of modes
+        that are taken for none of the model's.
     """
 
-    frequency: float
-    damping: float
+    errors: Mapping[Kind, Vector]
+
+    @property
+    def frequency(self) -> float:
+        """Root mean square error of natural frequencies; NaN without any."""
+        return self.rms("frequency")
+
+    @property
+    def damping(self) -> float:
+        """Root mean square error of damping ratios; NaN without any."""
+        return self.rms("damping")
+
+    def rms(self, kind: Kind) -> float:
+        """Return the root mean square error of a kind, NaN without any."""
+        return _rms(self.errors[kind])
+
+    def beside(self, other: LeftOut, kind: Kind) -> float:
+        """Return the same of the modes that another predicts; those that only this one does not count as all wrong."""
+        mine = np.where(np.isfinite(self.errors[kind]), self.errors[kind], 1.0)
+        return _rms(np.where(np.isfinite(other.errors[kind]), mine, np.nan))
 
 
 def left_out(
@@ -57,8 +80,8 @@ def left_out(
     damped = np.isfinite(np.concatenate([e.damping for e in own.errors]))
     value = problem.value.reshape(-1, m)
     jacobian = problem.jacobian.reshape(-1, m, own.x.size)
-    frequency: list[float] = []
-    damping: list[float] = []
+    frequency, damping = np.full((2, state.size), np.nan)
+    strange = {int(np.flatnonzero(state == c)[0]) + r for c, r in own.apart}
     for r in range(state.size):
         if by == "state":
             out = state == state[r]
@@ -66,14 +89,17 @@ def left_out(
             out = (np.abs(np.log(eigenvalue / eigenvalue[r])) < near) & (np.abs(weight @ weight[r]) > alike)
             out[r] = True
         if out.all():
-            return LeftOut(frequency=float("nan"), damping=float("nan"))
+            nothing = np.full(state.size, np.nan)
+            return LeftOut(errors={"frequency": nothing, "damping": nothing})
+        if r in strange:
+            continue
         step = _step_without(own, out, m, covariance, of_damping, precision, damped)
         a = own.errors[state[r]].weight[r - int(np.flatnonzero(state == state[r])[0])]
-        frequency.append(0.5 * float((value[r] + jacobian[r] @ step) @ a))
+        frequency[r] = 0.5 * float((value[r] + jacobian[r] @ step) @ a)
         if damped[r]:
             i = int(np.count_nonzero(damped[:r]))
-            damping.append(float(problem.damping[i] + problem.damping_jacobian[i] @ step))
-    return LeftOut(frequency=_rms(frequency), damping=_rms(damping))
+            damping[r] = float(problem.damping[i] + problem.damping_jacobian[i] @ step)
+    return LeftOut(errors={"frequency": frequency, "damping": damping})
 
 
 def _step_without(
@@ -105,5 +131,6 @@ def _step_without(
     return step
 
 
-def _rms(errors: list[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan")
+def _rms(errors: Vector) -> float:
+    known = errors[np.isfinite(errors)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

@@ -28,3 +28,5 @@ RELEASED = 0.6
 """Ratio of the farthest pull, after over before, below which an explanation lets go of it."""
 INADEQUATE = 0.05
 """Probability, by its prior, of a discrepancy as large, below which what is left is more than a right model leaves."""
+STRANGE = 0.01
+"""Prior probability that a measured mode is none of the model's: of the rig, or of what is missing."""

@@ -8,6 +8,7 @@ origin. What comes out best is then asked of the model itself.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -45,8 +46,8 @@ def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes:
         return None
     known = tuple(own for own in screens if own is not None)
     errors = tuple(
-        equation_errors(state, own.modal, noise, x.size)
-        for state, own, noise in zip(model.states, known, setting.noise, strict=True)
+        equation_errors(state, own.modal, setting.noise[c], x.size, [r for d, r in setting.apart if d == c])
+        for c, (state, own) in enumerate(zip(model.states, known, strict=True))
     )
     problem = joined(errors, setting.common)
     roots = tuple(
@@ -117,6 +118,7 @@ def screened(
     sizes: Sizes,
     *,
     asked: int = 16,
+    each: int = 3,
     weak: float = 0.1,
 ) -> dict[str, tuple[float, Vector]]:
     """Return what one step is expected to reach with each further term, minus the cost, and where it leads.
@@ -129,15 +131,18 @@ def screened(
         Terms of the explanation, and those of which each is added alone.
     origins : sequence of mapping of str to float
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
-    asked : int
-        Terms, the best of the screening, of which the model itself is asked.
+    asked, each : int
+        Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these.
     weak : float
         Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
     """
     every = coordinates_of(model, [*present, *further])
     index = {c.name: i for i, c in enumerate(every)}
     points = [np.array([have.get(c.name, 0.0) for c in every]) for have in origins]
-    at = [_origin(model, setting, local, x, sizes) for x in points]
+    at: list[tuple[Vector, _Origin | None]] = []
+    for x in points:
+        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+            at.append((x, _origin(model, setting, local, x, sizes)))
     best: dict[str, list[tuple[float, Vector]]] = {}
     for term in further:
         together = coordinates_of(model, [*present, term])
@@ -145,7 +150,7 @@ def screened(
         new = [c for c in together if c.name not in origins[0]]
         trials = list(itertools.product(*(c.starts for c in new)))
         trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in own) for own in trials if new]
-        for values, (x, origin) in itertools.product(trials, zip(points, at, strict=True)):
+        for values, (x, origin) in itertools.product(trials, at):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
             ahead = _ahead(model, origin, start, columns, together) if origin is not None else None
@@ -158,9 +163,7 @@ def screened(
         if i >= asked and np.isfinite(tried[0][0]):
             break
         near = local.of(coordinates_of(model, [*present, by_name[name]]))
-        for guess, start in tried:
-            if name in found and np.isfinite(guess):
-                break
+        for _, start in tried[:each] if np.isfinite(tried[0][0]) else tried:
             try:
                 one = outlook(model, [*present, by_name[name]], setting, start, near, sizes)
             except (np.linalg.LinAlgError, ValueError):  # no modes at this start

@@ -10,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
-from updating.inference.explain import Explanation, Setting, coordinates_of, explain, outlook, setting
-from updating.inference.left_out import LeftOut, left_out
+from updating.inference.explain import (
+    Explanation,
+    Setting,
+    converged,
+    coordinates_of,
+    explain,
+    outlook,
+    setting,
+)
+from updating.inference.left_out import Kind, LeftOut, left_out
 from updating.inference.levels import (
     DAMPING_MATTERS,
     FALLS,
@@ -28,6 +36,7 @@ from updating.inference.protocol import Coordinate, Model, Term
 from updating.inference.screen import screened
 
 Vector = NDArray[np.float64]
+_MATTERS: tuple[tuple[Kind, float], ...] = (("frequency", FREQUENCY_MATTERS), ("damping", DAMPING_MATTERS))
 _LOG = logging.getLogger(__name__)
 
 
@@ -110,11 +119,11 @@ def better(new: Prediction, old: Prediction) -> bool:
     predicted from one of them: there it is the pull that tells.
     """
     falls = False
-    for now, before in ((new.mode, old.mode), (new.state, old.state)):
-        for kind, matters in (("frequency", FREQUENCY_MATTERS), ("damping", DAMPING_MATTERS)):
-            a, b = getattr(now, kind), getattr(before, kind)
+    for after, before in ((new.mode, old.mode), (new.state, old.state)):
+        for kind, matters in _MATTERS:
+            b, a = before.beside(after, kind), after.rms(kind)
             falls |= bool(a < FALLS * b and b - a > matters)
-    a, b = new.mode.frequency, old.mode.frequency
+    b, a = old.mode.beside(new.mode, "frequency"), new.mode.frequency
     if a > PREDICTS or (a > RISES * b and a - b > 0.1 * FREQUENCY_MATTERS):
         return False
     return falls or (old.pull > PULLED and new.pull < RELEASED * old.pull)
@@ -135,7 +144,7 @@ def begin(
     for start in starts:
         local = model.about(nuisances, [start])
         own = setting(model, local, start, shares=shares, priors=priors)
-        found.append(explain(model, [], own, start, local=local, rounds=1))
+        found.append(converged(model, [], own, start, local=local, rounds=1))
     best = min(found, key=lambda f: float(np.mean([np.mean(e.frequency**2) for e in f.errors])))
     for _ in range(2):
         common = setting(model, model.about(nuisances, [best.x]), best.x, shares=shares, priors=priors)
@@ -194,7 +203,9 @@ def search(
             if near and frozenset(one.terms) not in fitted:
                 may_matter = i < likeliest or one.log_evidence - at.log_evidence > further - behind / 4.0
                 fitted[frozenset(one.terms)] = (
-                    explain(model, [terms[n] for n in one.terms], common, one.x) if may_matter else one
+                    explain(model, [terms[n] for n in one.terms], replace(common, apart=one.apart), one.x)
+                    if may_matter
+                    else one
                 )
         say(f"{len(fitted)} explanations fitted")
 
@@ -202,7 +213,13 @@ def search(
     common, refit = _sharpened(model, common, max(fitted.values(), key=odds))
     if refit:  # the noise was misfit of the base model: all is compared anew, that where it stands
         fitted = {
-            names: explain(model, [terms[n] for n in f.terms], common, f.x, steps=8 if names else 0)
+            names: explain(
+                model,
+                [terms[n] for n in f.terms],
+                replace(common, apart=f.apart),
+                f.x,
+                steps=8 if names else 0,
+            )
             for names, f in fitted.items()
         }
         base = fitted[frozenset()]
@@ -267,6 +284,7 @@ def extended(
     `last` likeliest those that are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it
     by more than `small`.
     """
+    common = replace(common, apart=at.apart)
     present = [model.terms[n] for n in at.terms]
     further = [t for n, t in model.terms.items() if n not in at.terms]
     coordinates = coordinates_of(model, [*present, *further])
@@ -294,7 +312,7 @@ def extended(
         near = local.of(coordinates_of(model, terms))
         try:
             found.append(
-                explain(
+                converged(
                     model,
                     terms,
                     common,
@@ -325,4 +343,4 @@ def _from_parts(
     coordinates = coordinates_of(model, together)
     have = {c.name: value for c, value in zip(at.coordinates, at.x, strict=True)}
     x = np.array([have.get(c.name, c.starts[0]) for c in coordinates])
-    return explain(model, together, common, x)
+    return explain(model, together, replace(common, apart=at.apart), x)
