@@ -10,7 +10,7 @@ import pytest
 from model import Mesh, Observation, catalogue, read_stack, solve_modes
 from model.effects.parts import known_or_usual_instruments
 from updating.diagnosis import evidence
-from updating.diagnosis.candidates import candidate_model
+from updating.diagnosis.candidates import N_MODEL, candidate_model
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.equation_error import equation_errors
@@ -131,3 +131,23 @@ def test_a_screen_turns_modes_of_a_changed_stack_into_errors_that_its_change_tak
     assert step is not None
     slope = (_changed(state, errors, screen.modal, step)[0][:, 0] - value[:, 0]) / (1e-3 * x[i])
     np.testing.assert_allclose(value[:, 1], slope, rtol=0.02, atol=0.02 * np.abs(slope).max())
+
+
+def test_a_finer_mesh_corrects_only_modes_that_its_model_was_reduced_for(whole):
+    """A test at low torque has more modes in its band than the model was reduced for; a finer mesh only softens."""
+    more = StackModel(
+        whole.candidates,
+        whole.tested,
+        whole.observation,
+        whole.scatter,
+        whole.effects,
+        n_equation=N_MODEL + 8,
+    )
+    theta = more.theta({"G_f": -1.0}, 0)[0]
+    change, inertia = more.finer_mesh(theta)
+    vector = np.linalg.solve(more.equations.matrix("M", theta), inertia)
+    eigenvalue = np.einsum("ij,ik,kj->j", vector, more.equations.matrix("K", theta), vector)
+    share = np.diag(change)[6:] / eigenvalue[6:]
+    assert np.all(share < 1e-3)
+    assert np.all(share > -0.2)
+    assert np.any(share < -1e-3)

@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model import Observation, observe
-from updating.diagnosis.candidates import EXTRAPOLATED, CandidateModel
+from updating.diagnosis.candidates import EXTRAPOLATED, N_MODEL, CandidateModel
 
 Vector = NDArray[np.float64]
 
@@ -36,23 +36,34 @@ class FinerMesh:
         self.finer_equations = self.finer.equations
 
     def change(
-        self, theta: Mapping[str, float], eigenvalue: Vector, vectors: Vector, rigid: float
+        self,
+        theta: Mapping[str, float],
+        eigenvalue: Vector,
+        vectors: Vector,
+        rigid: float,
+        *,
+        alike: float = 0.9,
     ) -> Vector | None:
         """Return what an ever finer mesh adds to the modal stiffness, (m, m), of modes (n_basis, m).
 
-        Modes of eigenvalues below `rigid` are rigid-body motion.
+        Nothing is added to rigid-body motion, of eigenvalues below `rigid`, nor to modes that the finer model was not
+        reduced for: those beyond `N_MODEL`, and those of which it has less than `alike`, near the end of its list.
         """
         if self.finer is None:
             return None
         finer = self.finer_equations
         at = {name: theta[name] for name in finer.theta}
         value, vector = la.eigh(finer.matrix("K", at), finer.matrix("M", at))
-        m = eigenvalue.size
-        turn = la.lstsq(self.rows @ vectors, self.finer_rows @ vector[:, :m])[0]
-        u, _, v = la.svd(turn)
+        m, n = eigenvalue.size, min(eigenvalue.size, N_MODEL)
+        raw = la.lstsq(self.rows @ vectors, self.finer_rows @ vector[:, :n])[0][:n]
+        u, _, v = la.svd(raw)
         turn = u @ v
-        found = turn @ np.diag(np.where(value[:m] < rigid, 0.0, value[:m])) @ turn.T
-        change = EXTRAPOLATED * (found - np.diag(np.where(eigenvalue < rigid, 0.0, eigenvalue)))
-        change[eigenvalue < rigid] = 0.0
-        change[:, eigenvalue < rigid] = 0.0
+        found = turn @ np.diag(np.where(value[:n] < rigid, 0.0, value[:n])) @ turn.T
+        change = np.zeros((m, m))
+        change[:n, :n] = EXTRAPOLATED * (
+            found - np.diag(np.where(eigenvalue[:n] < rigid, 0.0, eigenvalue[:n]))
+        )
+        lost = np.append(np.sum(raw**2, axis=1) < alike, np.ones(m - n, dtype=bool)) | (eigenvalue < rigid)
+        change[lost] = 0.0
+        change[:, lost] = 0.0
         return np.asarray((change + change.T) / 2.0)

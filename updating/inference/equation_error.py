@@ -170,14 +170,7 @@ def equation_errors(
     frequency_variance = (2.0 * state.frequency_std / state.frequency) ** 2 + 1e-9
     of_noise[:, np.arange(m), np.arange(m)] += frequency_variance[:, None] * weight**2
 
-    jacobian = np.zeros((n, m, n_coordinate))
-    if modal.moves.size:
-        force = np.einsum("qij,rj->rqi", modal.stiffness, weight)
-        force -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.mass, weight)
-        jacobian[:, :, modal.moves] = -(force / scale[:, None, :]).transpose(0, 2, 1)
-    if modal.of_mode_moves.size:
-        force = np.einsum("srij,rj->rsi", modal.of_mode_change, weight)
-        jacobian[:, :, modal.of_mode_moves] -= (force / scale[:, None, :]).transpose(0, 2, 1)
+    jacobian = _driven(modal, lam, scale, weight, n_coordinate)
     look = _look(modal, lam, weight, n_coordinate)
     sure = (length / noise) ** 2
     da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]
@@ -225,6 +218,20 @@ def apart_from(errors: Errors, *, old: Sequence[int], new: Sequence[int], wide: 
             noise[r] += sign * wide**2 * (np.eye(a.size) + np.outer(a, a))
             damping_std[r] = np.sqrt(damping_std[r] ** 2 + sign * wide**2)
     return replace(errors, noise=noise, damping_std=damping_std)
+
+
+def _driven(modal: Modal, lam: Vector, scale: Vector, weight: Vector, n_coordinate: int) -> Vector:
+    """Return -phi_s' (dK - lambda_r dM) Phi a_r / (omega_s omega_r), (n, m, n_coordinate)."""
+    n, m = weight.shape
+    jacobian = np.zeros((n, m, n_coordinate))
+    if modal.moves.size:
+        force = np.einsum("qij,rj->rqi", modal.stiffness, weight)
+        force -= lam[:, None, None] * np.einsum("qij,rj->rqi", modal.mass, weight)
+        jacobian[:, :, modal.moves] = -(force / scale[:, None, :]).transpose(0, 2, 1)
+    if modal.of_mode_moves.size:
+        force = np.einsum("srij,rj->rsi", modal.of_mode_change, weight)
+        jacobian[:, :, modal.of_mode_moves] -= (force / scale[:, None, :]).transpose(0, 2, 1)
+    return jacobian
 
 
 def _met(modal: Modal, n: int) -> Vector:

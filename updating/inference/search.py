@@ -196,37 +196,28 @@ def search(
     def odds(own: Explanation) -> float:
         return own.log_evidence - fitted[frozenset()].log_evidence - further * len(own.terms)
 
+    def again(one: Explanation, steps: int = 8) -> Explanation:
+        of = [terms[n] for n in one.terms]
+        return explain(model, of, replace(common, apart=one.apart), one.x, steps=steps)
+
     def extend(at: Explanation) -> None:
         further_ones = extended(model, common, at, starts)
         for i, one in enumerate(further_ones[:in_full]):
             near = further_ones[0].log_evidence - one.log_evidence < behind
             if near and frozenset(one.terms) not in fitted:
                 may_matter = i < likeliest or one.log_evidence - at.log_evidence > further - behind / 4.0
-                fitted[frozenset(one.terms)] = (
-                    explain(model, [terms[n] for n in one.terms], replace(common, apart=one.apart), one.x)
-                    if may_matter
-                    else one
-                )
+                fitted[frozenset(one.terms)] = again(one) if may_matter else one
         say(f"{len(fitted)} explanations fitted")
 
     extend(base)
     common, refit = _sharpened(model, common, max(fitted.values(), key=odds))
     if refit:  # the noise was misfit of the base model: all is compared anew, that where it stands
-        fitted = {
-            names: explain(
-                model,
-                [terms[n] for n in f.terms],
-                replace(common, apart=f.apart),
-                f.x,
-                steps=8 if names else 0,
-            )
-            for names, f in fitted.items()
-        }
+        fitted = {names: again(f, steps=8 if names else 0) for names, f in fitted.items()}
         base = fitted[frozenset()]
     else:
-        again = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
-        if again.log_evidence > base.log_evidence:
-            base = fitted[frozenset()] = again
+        other = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
+        if other.log_evidence > base.log_evidence:
+            base = fitted[frozenset()] = other
     chosen = base
     for depth in range(1, deepest + 1):
         pool = sorted((f for f in fitted.values() if len(f.terms) == depth), key=odds, reverse=True)
@@ -247,7 +238,7 @@ def search(
         for at in pool[:beside]:
             if (
                 odds(at) > fewer and odds(pool[0]) - odds(at) < behind
-            ):  # one that raises the odds, and is near the best
+            ):  # it raises the odds, and is near the best
                 extend(at)
     for names in map(frozenset, asked):
         if names and names not in fitted:
