@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -13,6 +15,7 @@ from ema import Campaign, read_campaign
 from model import Stack, catalogue, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
+from updating.commands.changes import changed_names, diagnose_changes
 from updating.commands.options import (
     CampaignFile,
     Cluster,
@@ -46,6 +49,13 @@ from updating.workers.workers import workers
 
 EXAMPLE = "lamella diagnose data/hidden_effect/a/campaign.toml -o out/a"
 _MOST_EXPLANATIONS = 8
+Reference = Annotated[
+    bool,
+    typer.Option(
+        "--reference",
+        help="Where configurations have a reference: diagnose the model beside the references, not what changed.",
+    ),
+]
 
 
 def diagnose(
@@ -56,10 +66,13 @@ def diagnose(
     cluster: Cluster = None,
     keep: Keep = False,
     identify_anew: IdentifyAnew = False,
+    reference: Reference = False,
 ) -> None:
     """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
 
     All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
+    Where configurations have a reference (compare_to), says instead whether each changed, what, and where, and writes
+    what_changed.json beside its modes; --reference asks what the model of the others lacks.
     A campaign that lists specimens is diagnosed as a whole: which effect is the rig's, which specimens are odd, and
     what a treatment changes. Writes pooled_diagnosis.json.
     """
@@ -76,6 +89,14 @@ def diagnose(
             campaign, output, effect_file or [], OUT, scatter_file=scatter, cluster=cluster
         )
         print_pooled(pooled, output, OUT)
+        return
+    if not reference and changed_names(read_campaign(campaign)):
+        diagnose_changes(campaign, output, OUT, scatter_file=scatter, cluster=cluster, keep=keep)
+        OUT.print(
+            f"Results in {output}; make a page of them: lamella report {output}",
+            highlight=False,
+            markup=False,
+        )
         return
     found = diagnose_campaign(
         campaign, output, effect_file or [], OUT, scatter_file=scatter, cluster=cluster, keep=keep
@@ -116,7 +137,8 @@ def diagnose_campaign(
     if is_structure_file(stack_file):
         return _diagnose_matrices(campaign, stack_file, output, scatter_file, asked, keep=keep)
     stack, known = read_stack(stack_file), catalogue(effect_files)
-    states = [stack_in_state(stack, c) for c in campaign.configurations]
+    changed = changed_names(campaign)  # what a change did to a state is nothing that the model lacks
+    states = [stack_in_state(stack, c) for c in campaign.configurations if c.name not in changed]
     heights = {state.height for state in states}
     if len(heights) > 1:
         listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
@@ -124,7 +146,9 @@ def diagnose_campaign(
             f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
         )
         raise FitError(message)
-    assigned = assignments(campaign, output, keep=keep)
+    assigned = [
+        own for own in assignments(campaign, output, keep=keep) if own.configuration.name not in changed
+    ]
     tests = every_identified(assigned, "identify", console, cluster)
     _require_force(campaign_file, tests)
     over = [over_amplitude(own, found) for own, found in zip(assigned, tests, strict=True)]

@@ -137,7 +137,7 @@ def searched(
             evidence.effects,
             start=float(evidence.start[0]) if evidence.touching else 0.0,
         )
-        return model, [_start(model, evidence)]
+        return model, [start_of(model, evidence)]
 
     node = [own.node for own in evidence.observation]
     priors = priors_of(evidence.scatter)
@@ -153,7 +153,7 @@ def priors_of(scatter: DiagnosisScatter) -> tuple[SizePrior, SizePrior]:
     )
 
 
-def _start(model: StackModel, evidence: Evidence) -> NDArray[np.float64]:
+def start_of(model: StackModel, evidence: Evidence) -> NDArray[np.float64]:
     """Return the coordinates of the base model from which its fit starts."""
     known = dict(zip(evidence.nuisances, evidence.start.tolist(), strict=True))
     return np.array([known.get(c.name, 0.0) if c.name in ("G_f", "d_f") else 0.0 for c in model.nuisances])

@@ -13,6 +13,9 @@ from updating.results.store import write_bytes, write_result
 CHANGE = "change.json"
 """File of what differs between a configuration and its reference, in the folder of the configuration."""
 
+WHAT_CHANGED = "what_changed.json"
+"""File of what changed there, and where, by a model."""
+
 
 def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[Change, ...], tuple[str, ...]]:
     """Compare every configuration that has a reference with it; write change.json and change.csv beside its modes.

@@ -1,0 +1,388 @@
+"""What changed, and where: a state and its reference as two states of one model, and every kind of change weighed.
+
+Errors of the model and of the sensors are common to both states and cancel. What remains in a state that has not
+changed is the scatter of assembly: what holds the structure and the contact are a little different each time, and so is
+everything else, by a random perturbation of which only the size is known. Its prior is what the campaign states, raised
+where repeats of the reference scatter more. Each kind of change is tried at every location, size and direction, with
+the amplitude integrated out; kinds are compared by what that gives in the mean over all candidates, and locations
+within them by their shares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+from scipy.special import logsumexp, ndtri
+
+from ema.campaign.references import Reassembly
+from updating.changes.answer import KindOfChange, Verdict, WhatChanged
+from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
+from updating.changes.fields import Fields
+from updating.changes.kinds import kinds
+from updating.changes.levels import (
+    EXPLAINED,
+    IDEAL,
+    IN_FULL,
+    SCATTER_SPREAD,
+)
+from updating.changes.scan import Actions, Weighed, conditional, weigh
+from updating.changes.situation import FittedReference, Situation
+from updating.changes.text import sentences
+from updating.diagnosis.assembly import Campaigned
+from updating.inference.levels import MISSING, NAMED, SEPARATE
+
+Vector = NDArray[np.float64]
+
+_SIZES = np.geomspace(0.25, 6.0, 9)
+"""Sizes of the scatter over its median at which all is weighed."""
+MOST_CELLS = 16
+"""Cells of the coarse grid that are cut in nine, of each kind."""
+LEAST_SHARE = 5e-3
+"""Probability of a cell, within its kind, from which that is done."""
+_NODES = ndtri((np.arange(9) + 0.5) / 9.0)
+
+
+def what_changed(
+    reference: FittedReference,
+    changed: Sequence[Campaigned],
+    reassembly: Reassembly | None = None,
+    *,
+    seen: bool = False,
+    known: Sequence[Kind] | None = None,
+) -> WhatChanged:
+    """Say what changed between a state and its reference, and where.
+
+    Parameters
+    ----------
+    reference : FittedReference
+        The reference.
+    changed : sequence of (str, float, ModalModel)
+        The state and its repeats.
+    reassembly : Reassembly, optional
+        Scatter of a state that is assembled anew.
+    seen : bool
+        Whether the comparison without a model calls the state changed.
+    known : sequence of Kind, optional
+        Kinds of change; all by default.
+
+    Raises
+    ------
+    FitError
+        State or reference have too few modes in common with the model.
+    """
+    stated = float(np.sqrt(2.0)) * (Reassembly() if reassembly is None else reassembly).frequency
+    at = Situation(reference, changed)
+    stack = reference.candidates.stack
+    every = kinds() if known is None else known
+    impossible = {kind.name: why for kind in every if (why := kind.why_not(stack)) is not None}
+    median = _scatter(at, stated)
+    shift = at.shift[np.isfinite(at.shift)]
+    at.idealised = IDEAL * 2.0 * float(np.sqrt(np.mean(shift**2))) if shift.size else 0.0
+    tried = _tried(at, [kind for kind in every if kind.name not in impossible], median)
+    return _concluded(at, tried, impossible, (median, stated), seen=seen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Candidates of one kind with their prior and what they do."""
+
+    kind: Kind
+    candidates: Candidates
+    log_prior: Vector  # of each among all of the kind
+    action: Vector
+    effect: Vector
+
+    def weighed(self, error: Vector, root: Vector) -> Weighed:
+        """Weigh them at one size of the scatter."""
+        flat = self.action.reshape(len(self.action), -1)
+        return weigh(flat, self.effect, self.candidates.upper, error, root)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A kind whose candidates were weighed at all sizes of the scatter."""
+
+    batch: _Batch
+    weighed: tuple[Weighed, ...]
+    log: Vector  # (n_size, n_candidate), over no change, sizes integrated out, with the candidates' prior
+
+    @property
+    def kind(self) -> Kind:
+        """The kind."""
+        return self.batch.kind
+
+    @property
+    def candidates(self) -> Candidates:
+        """Its candidates."""
+        return self.batch.candidates
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the likelihood of the kind over that of no change, in the mean over its candidates."""
+        return float(logsumexp(self.log))
+
+    @property
+    def share(self) -> Vector:
+        """Posterior share of each size and candidate within the kind, (n_size, n_candidate)."""
+        return np.asarray(np.exp(self.log - logsumexp(self.log)))
+
+
+def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
+    """Return all candidates, more closely where they are likely: cells that hold most of it are cut in nine."""
+    actions, (place, step) = Actions(at.ours), places(at.fields)
+    error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
+    root = la.cholesky(covariance, lower=True, check_finite=False)
+    found = []
+    for kind in every:
+        own = kind.candidates(at.fields, place)
+        if not own.n:
+            continue
+        batch = _batch(kind, own, np.full(own.n, -np.log(own.n)), actions)
+        if kind.on_plan:
+            log = batch.weighed(error, root).log
+            cell = np.array([logsumexp(log[own.cell == i]) for i in range(len(place))])
+            cell = np.exp(cell - logsumexp(cell))
+            near = np.argsort(-cell)[:MOST_CELLS]
+            near = near[cell[near] > LEAST_SHARE]
+            keep = np.flatnonzero(~np.isin(own.cell, near))
+            closer = kind.candidates(at.fields, finer(at.fields, place[near], step))
+            found.append(_batch(kind, own.only(keep), np.full(keep.size, -np.log(own.n)), actions))
+            ratio = own.n / len(place) * len(near) / closer.n  # of the prior of a cell that each has
+            batch = _batch(kind, closer, np.full(closer.n, np.log(ratio / own.n)), actions)
+        found.append(batch)
+    return found
+
+
+def _batch(kind: Kind, candidates: Candidates, log_prior: Vector, actions: Actions) -> _Batch:
+    action = actions.of(candidates)
+    return _Batch(kind, candidates, log_prior, action, actions.effect(action))
+
+
+def _concluded(
+    at: Situation,
+    tried: Sequence[_Batch],
+    impossible: Mapping[str, str],
+    scatter: tuple[float, float],
+    *,
+    seen: bool,
+) -> WhatChanged:
+    median, stated = scatter
+    sizes = median * _SIZES
+    none, misfit, weighed = np.zeros(sizes.size), np.zeros(sizes.size), list[list[Weighed]]()
+    for g, size in enumerate(sizes.tolist()):
+        error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
+        root = la.cholesky(covariance, lower=True, check_finite=False)
+        white = la.solve_triangular(root, error, lower=True, check_finite=False)
+        misfit[g] = float(white @ white)
+        none[g] = -0.5 * misfit[g] - float(np.sum(np.log(np.diag(root))))
+        none[g] -= 0.5 * (np.log(size / median) / SCATTER_SPREAD) ** 2
+        weighed.append([batch.weighed(error, root) for batch in tried])
+    whole = float(logsumexp(none))
+    found = _joined(
+        [
+            _Tried(
+                batch,
+                tuple(at_size[i] for at_size in weighed),
+                np.array([none[g] + at_size[i].log - whole for g, at_size in enumerate(weighed)])
+                + batch.log_prior,
+            )
+            for i, batch in enumerate(tried)
+        ]
+    )
+    odds = np.array([own.evidence for own in found]) + np.log(MISSING / len(found)) - np.log(1.0 - MISSING)
+    return _answer(at, found, odds, impossible, (sizes, none, misfit), stated, seen=seen)
+
+
+def _joined(tried: Sequence[_Tried]) -> list[_Tried]:
+    """Join what is of one kind."""
+    found: dict[str, _Tried] = {}
+    for own in tried:
+        before = found.get(own.kind.name)
+        if before is None:
+            found[own.kind.name] = own
+            continue
+        one, other = before.batch, own.batch
+        batch = _Batch(
+            own.kind,
+            joined_candidates(one.candidates, other.candidates),
+            np.concatenate([one.log_prior, other.log_prior]),
+            np.concatenate([one.action, other.action]),
+            np.concatenate([one.effect, other.effect]),
+        )
+        weighed = tuple(
+            Weighed(
+                **{f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Weighed)}
+            )
+            for a, b in zip(before.weighed, own.weighed, strict=True)
+        )
+        found[own.kind.name] = _Tried(batch, weighed, np.concatenate([before.log, own.log], axis=1))
+    return list(found.values())
+
+
+def _scatter(at: Situation, stated: float) -> float:
+    """Return the median of the scatter: what is stated, or what repeats of the reference show where that is more."""
+    if at.n_reference < 2:
+        return stated
+    sizes, log = stated * _SIZES, []
+    for size in sizes.tolist():
+        covariance = at.covariance(size)[np.ix_(~at.is_changed, ~at.is_changed)]
+        root = la.cholesky(covariance, lower=True, check_finite=False)
+        white = la.solve_triangular(root, at.joint.value[~at.is_changed], lower=True, check_finite=False)
+        log.append(-0.5 * float(white @ white) - float(np.sum(np.log(np.diag(root)))))
+    chance = np.array(log) - 0.5 * (np.log(_SIZES) / SCATTER_SPREAD) ** 2
+    share = np.exp(chance - logsumexp(chance))
+    return max(stated, float(np.exp(share @ np.log(sizes))))
+
+
+def _answer(
+    at: Situation,
+    found: Sequence[_Tried],
+    odds: Vector,
+    impossible: Mapping[str, str],
+    weighed: tuple[Vector, Vector, Vector],
+    stated: float,
+    *,
+    seen: bool,
+) -> WhatChanged:
+    sizes, none, misfit = weighed
+    total = float(logsumexp(odds))
+    probability = np.exp(odds - np.logaddexp(total, 0.0))
+    order = np.argsort(-odds)
+    of_kind = {
+        found[i].kind.name: _kind(at, found[i], float(odds[i]), float(probability[i]), misfit) for i in order
+    }
+    verdict, left = _verdict([of_kind[found[i].kind.name] for i in order], total, seen=seen)
+    best = found[int(order[0])]
+    shares = best.share.sum(axis=1) if left else np.exp(none - logsumexp(none))
+    made = _made(at, best)
+    used = [own for own in found if own.kind.local and (own.kind.name in left or not left)]
+    chance = {own.kind.name: float(probability[i]) for i, own in enumerate(found)}
+    x, y, where = _map(at.fields, [(own, chance[own.kind.name]) for own in used])
+    n = at.n_reference
+    answer = WhatChanged(
+        name=at.changed[0][0],
+        repeats=tuple(name for name, _, _ in at.changed),
+        reference=tuple(name for name, _, _ in at.reference.tested),
+        verdict=verdict,
+        left=left,
+        kinds=tuple(of_kind.values()),
+        impossible=dict(impossible),
+        log_odds=total,
+        scatter=float(np.exp(shares @ np.log(sizes))),
+        stated=stated,
+        frequency=at.states[n].frequency,
+        shift=at.shift[: at.states[n].frequency.size],
+        explained_shift=made[: at.states[n].frequency.size],
+        x=x,
+        y=y,
+        map=where,
+        box=np.asarray(at.fields.system.assembly.plan.bounds, dtype=float),
+        sentences=(),
+    )
+    return replace(answer, sentences=sentences(answer))
+
+
+def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tuple[Verdict, tuple[str, ...]]:
+    """Return the verdict, and the kinds that the data cannot tell apart."""
+    if total < NAMED:
+        return ("too little to say" if seen else "unchanged"), ()
+    if ordered[0].explained < EXPLAINED:
+        return "unlike anything", ()
+    top = ordered[0].log_odds
+    left = tuple(own.name for own in ordered if own.log_odds > max(top - SEPARATE, 0.0))
+    if ordered[0].explained < IN_FULL:
+        return "partly explained", left
+    return ("identified" if len(left) == 1 else "one of"), left
+
+
+def _made(at: Situation, own: _Tried) -> Vector:
+    """Return the shifts of the logarithms of frequencies that the likeliest candidate makes."""
+    g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
+    change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
+    return np.asarray(np.arcsinh(-0.5 * np.einsum("nm,nm->n", change, at.ours.weight)))
+
+
+def _explained(own: _Tried, misfit: Vector, n: int) -> float:
+    """Return which share of the misfit, beyond what scatter leaves, the likeliest candidate takes away.
+
+    `misfit` holds that of `n` errors without a change at each size of the scatter; the stated size is in the middle of
+    the prior, and there it is looked at.
+    """
+    i = int(np.argmax(own.log.max(axis=0)))
+    g = int(np.argmin(np.abs(np.log(_SIZES))))
+    beyond = max(float(misfit[g]) - n, 1e-9)
+    left = max(float(misfit[g] - own.weighed[g].fall[i]) - n, 0.0)
+    return 1.0 - left / beyond
+
+
+def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: Vector) -> KindOfChange:
+    """Return what is known of a kind: where and how large it is."""
+    candidates, share = own.candidates, own.share
+    each = share.sum(axis=0)
+    i = int(np.argmax(each))
+    nowhere = (float("nan"),) * 3
+    mean = each @ candidates.place
+    spread = np.sqrt(each @ (candidates.place - mean) ** 2)
+    amplitude = np.array([w.amplitude for w in own.weighed])
+    std = np.array([w.std for w in own.weighed])
+    trial = np.clip(amplitude[..., None] + std[..., None] * _NODES, 0.0, candidates.upper)
+    value = np.array([own.kind.value(candidates, line) for line in trial])
+    lower, middle, upper = _quantiles(value.ravel(), np.repeat(share.ravel(), _NODES.size), (0.05, 0.5, 0.95))
+    sized = candidates.size[np.isfinite(candidates.size)]
+    return KindOfChange(
+        name=own.kind.name,
+        label=own.kind.label,
+        log_odds=odds,
+        probability=probability,
+        local=own.kind.local,
+        place=_three(mean) if own.kind.local else nowhere,
+        place_std=_three(spread) if own.kind.local else nowhere,
+        best=_three(candidates.place[i]) if own.kind.local else nowhere,
+        quantity=own.kind.quantity,
+        unit=own.kind.unit,
+        size=middle,
+        lower=lower,
+        upper=upper,
+        extent=float(each @ candidates.size) if sized.size == candidates.n else float("nan"),
+        angle=float(candidates.angle[i]),
+        layer=at.fields.layers[int(candidates.layer[i])].name,
+        part=_part(at.fields, own.kind, int(candidates.part[i])),
+        explained=_explained(own, misfit, at.ours.weight.size),
+    )
+
+
+def _part(at: Fields, kind: Kind, number: int) -> str:
+    """Return what a clamp or an edge is called."""
+    if number < 0:
+        return ""
+    if "edge" not in kind.name:
+        return f"clamp {number + 1}"
+    return f"the {at.stack.supports[number].edge} edge"  # type: ignore[union-attr]  # patches are no edges
+
+
+def _three(values: Vector) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _quantiles(value: Vector, share: Vector, levels: Sequence[float]) -> list[float]:
+    """Return weighted quantiles."""
+    order = np.argsort(value)
+    passed = np.cumsum(share[order]) / share.sum()
+    return [float(value[order][min(int(np.searchsorted(passed, level)), value.size - 1)]) for level in levels]
+
+
+def _map(grid: Fields, used: Sequence[tuple[_Tried, float]]) -> tuple[Vector, Vector, Vector]:
+    """Return the middles of cells along x and y and the probability of each cell, (n_x, n_y)."""
+    cells, _ = places(grid)
+    x, y = (np.unique(np.round(cells[:, axis], 9)) for axis in (0, 1))
+    found = np.zeros((x.size, y.size))
+    for own, chance in used:
+        i = np.argmin(np.abs(own.candidates.place[:, [0]] - x), axis=1)
+        j = np.argmin(np.abs(own.candidates.place[:, [1]] - y), axis=1)
+        np.add.at(found, (i, j), chance * own.share.sum(axis=0))
+    return x, y, found / max(found.sum(), 1e-300)

@@ -1,0 +1,381 @@
+"""What a structure's modes do everywhere: strains, slips and motions on a grid, as rows in modal coordinates.
+
+Every stiffness of a stack is an integral of squares: of strains and curvatures of the laminas, of slip and opening of
+the interfaces, of motions of what is held. So any local change is a weighted sum of squares of rows at points, and rows
+are computed once, on one grid over the plan for all laminas of a layer at once. Laminas move by few functions over the
+height, so that as many combinations of them do for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Concatenate, ParamSpec
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from model import ReducedSystem, Stack
+from model.contact.pressing import pressure_distribution
+from model.elements.mesh import FIELDS, Derivative, Field
+
+Vector = NDArray[np.float64]
+P = ParamSpec("P")
+
+N_POINT = 2000
+"""Points of the grid on one lamina: 1/45 of a square's side apart, where the highest modes of a test have a tenth of a
+wavelength."""
+N_POINT_STACK = 700
+"""The same on a stack, whose laminas need several rows at each."""
+_OUTSIDE = 1e-6  # of the plan's size: a grid point that is farther from the outline is none
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Layer:
+    """A part of the height of a stack.
+
+    Attributes
+    ----------
+    name : str
+        What it is called: "all over the height", "bottom third".
+    z : float
+        Its middle, m.
+    lamina : (n_lamina,) float
+        1 for the laminas in it, 0 for others.
+    interface : (n_lamina - 1,) float
+        The same of the interfaces.
+    """
+
+    name: str
+    z: float
+    lamina: Vector
+    interface: Vector
+
+
+def layers_of(stack: Stack, *, fewest: int = 12) -> tuple[Layer, ...]:
+    """Return the whole height and, of `fewest` laminas and more, its thirds."""
+    n = stack.n_lamina
+    z = stack.lamina_z
+    between = (z[1:] + z[:-1]) / 2.0
+    found = [Layer(name="", z=0.0, lamina=np.ones(n), interface=np.ones(n - 1))]
+    if n >= fewest:
+        edges = np.linspace(-stack.height / 2.0, stack.height / 2.0, 4)
+        for name, low, high in zip(("bottom", "middle", "top"), edges[:-1], edges[1:], strict=True):
+            found.append(
+                Layer(
+                    name=f"{name} third",
+                    z=float((low + high) / 2.0),
+                    lamina=((z >= low) & (z < high)).astype(float),
+                    interface=((between >= low) & (between < high)).astype(float),
+                )
+            )
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Grid:
+    """A grid of points over the plan of a structure.
+
+    Attributes
+    ----------
+    x, y : (n_x,) and (n_y,) float
+        Its lines, m; the outer ones are the edges of the bounding box.
+    inside : (n_x, n_y) bool
+        Which points the outline holds.
+    """
+
+    x: Vector
+    y: Vector
+    inside: NDArray[np.bool_]
+
+    @property
+    def point(self) -> Vector:
+        """Points within the outline, (n_point, 2) m."""
+        x, y = np.meshgrid(self.x, self.y, indexing="ij")
+        return np.column_stack([x[self.inside], y[self.inside]])
+
+    @property
+    def area(self) -> Vector:
+        """Area that each stands for, (n_point,) m2: half a cell at the edges."""
+        sides = []
+        for line in (self.x, self.y):
+            side = np.full(line.size, line[1] - line[0])
+            side[[0, -1]] /= 2.0
+            sides.append(side)
+        return np.asarray(np.outer(*sides)[self.inside])
+
+    @property
+    def number(self) -> NDArray[np.intp]:
+        """Number of each point among those within the outline, (n_x, n_y); -1 outside."""
+        found = np.full(self.inside.shape, -1, dtype=np.intp)
+        found[self.inside] = np.arange(np.count_nonzero(self.inside))
+        return found
+
+    def shares(self, place: Vector) -> tuple[NDArray[np.intp], Vector]:
+        """Return the four points around each place, (n, 4), and their shares, which are 0 beyond the outline.
+
+        Parameters
+        ----------
+        place : (n, 2)
+            Places, m.
+        """
+        index, weight = [], []
+        for axis, line in enumerate((self.x, self.y)):
+            step = line[1] - line[0]
+            at = (place[:, axis] - line[0]) / step
+            low = np.clip(np.floor(at).astype(int), 0, line.size - 2)
+            part = np.clip(at - low, 0.0, 1.0)
+            beyond = (at < -1e-9) | (at > line.size - 1 + 1e-9)
+            index.append((low, low + 1))
+            weight.append((np.where(beyond, 0.0, 1.0 - part), np.where(beyond, 0.0, part)))
+        number, which, share = self.number, [], []
+        for i, wx in zip(index[0], weight[0], strict=True):
+            for j, wy in zip(index[1], weight[1], strict=True):
+                own = number[i, j]
+                which.append(np.maximum(own, 0))
+                share.append(np.where(own < 0, 0.0, wx * wy))
+        return np.stack(which, axis=1), np.stack(share, axis=1)
+
+
+def grid_of(system: ReducedSystem) -> Grid:
+    """Return the grid over the plan of a structure."""
+    plan = system.assembly.plan
+    (x0, x1), (y0, y1) = plan.bounds
+    n = N_POINT if system.stack.n_lamina == 1 else N_POINT_STACK
+    step = float(np.sqrt((x1 - x0) * (y1 - y0) / n))
+    x, y = (
+        np.linspace(low, high, max(9, round((high - low) / step) + 1)) for low, high in ((x0, x1), (y0, y1))
+    )
+    inside = np.ones((x.size, y.size), dtype=bool)
+    if system.stack.outline is not None:
+        place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        away = np.linalg.norm(plan.nearest(place) - place, axis=1)
+        inside = (away < _OUTSIDE * max(x1 - x0, y1 - y0)).reshape(inside.shape)
+    return Grid(x=x, y=y, inside=inside)
+
+
+def kept(
+    method: Callable[Concatenate[Fields, Layer, P], Vector],
+) -> Callable[Concatenate[Fields, Layer, P], Vector]:
+    """Return a method whose rows are computed once for each layer: kinds share them, and so what they do to errors."""
+
+    def found(self: Fields, layer: Layer, /, *args: P.args, **kwargs: P.kwargs) -> Vector:
+        key = (method.__name__, layer.name, args)
+        if key not in self.kept:
+            self.kept[key] = method(self, layer, *args, **kwargs)
+        return self.kept[key]
+
+    found.__doc__ = method.__doc__
+    return found
+
+
+class Fields:
+    """Rows of a structure's modes on a grid.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The structure.
+    modes : (n_basis, m)
+        Mass-normalised modes in its basis.
+    theta : mapping of str to float
+        Parameters that they were solved for.
+    band : (float, float)
+        Lowest and highest measured natural frequency, Hz.
+    """
+
+    def __init__(
+        self, system: ReducedSystem, modes: Vector, theta: Mapping[str, float], band: tuple[float, float]
+    ) -> None:
+        self.system, self.stack, self.theta, self.band = system, system.stack, theta, band
+        self.grid = grid_of(system)
+        self.n_mode = modes.shape[1]
+        x, where = system.basis @ modes, system.assembly.slices()
+        self.coefficient = {
+            f: x[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2) for f in FIELDS
+        }
+        self.kept: dict[tuple[object, ...], Vector] = {}
+        self._at: dict[tuple[Field, Derivative], Vector] = {}
+
+    @cached_property
+    def layers(self) -> tuple[Layer, ...]:
+        """The whole height, and its thirds."""
+        return layers_of(self.stack)
+
+    def at(self, field: Field, derivative: Derivative = "") -> Vector:
+        """Return a field at all grid points, (n_point, n_function, m)."""
+        key = (field, derivative)
+        if key not in self._at:
+            self._at[key] = self.at_points(self.grid.point, field, derivative)
+        return self._at[key]
+
+    def at_points(self, point: Vector, field: Field, derivative: Derivative = "") -> Vector:
+        """Return a field, or a derivative, at points (n, 2), (n, n_function, m)."""
+        rows = self.system.assembly.plan.point_rows(field, point, derivative)
+        coefficient = self.coefficient[field]
+        return np.asarray(
+            (rows @ coefficient.reshape(coefficient.shape[0], -1)).reshape(len(point), *coefficient.shape[1:])
+        )
+
+    def _compressed(self, parts: Sequence[tuple[Field, Vector]]) -> list[Vector]:
+        """Return matrices (r, n_function) whose squares are those of given ones (n, n_function), together."""
+        basis = la.orth(np.hstack([matrix for _, matrix in parts]), rcond=1e-9)
+        return [basis.T @ matrix for _, matrix in parts]
+
+    def lamina(self, layer: Layer, what: Sequence[tuple[Field, Derivative]]) -> list[Vector]:
+        """Return fields of the laminas of a layer, (n_point, r, m) each: squares over r sum over laminas."""
+        fields = list(dict.fromkeys(f for f, _ in what))
+        over_z = dict(
+            zip(
+                fields,
+                self._compressed([(f, layer.lamina[:, None] * self.system.phi[f]) for f in fields]),
+                strict=True,
+            )
+        )
+        return [np.einsum("rf,pfm->prm", over_z[f], self.at(f, d), optimize=True) for f, d in what]
+
+    def mean(self, layer: Layer, field: Field, derivative: Derivative = "") -> Vector:
+        """Return the mean of a field over the laminas of a layer, (n_point, 1, m)."""
+        row = layer.lamina @ self.system.phi[field] / layer.lamina.sum()
+        return np.einsum("f,pfm->pm", row, self.at(field, derivative))[:, None]
+
+    @cached_property
+    def deflection(self) -> Vector:
+        """Mean deflection of all laminas, (n_point, 1, m)."""
+        return self.mean(self.layers[0], "w")
+
+    @cached_property
+    def _plane_stress(self) -> tuple[float, float, float, float]:
+        young = self.theta.get("young", 1.0)
+        q11, q12, q22, q66 = (young * q for q in self.stack.material.plane_stress())
+        return q11, q12, q22, q66
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of the laminas, kg."""
+        return float(
+            self.theta.get("density", 1.0)
+            * self.stack.material.density
+            * self.stack.pitch
+            * self.stack.n_lamina
+            * self.grid.area.sum()
+        )
+
+    @kept
+    def strain(self, layer: Layer) -> Vector:
+        """Return the strain energy of laminas per area as rows, (n_point, R, m): half their squares is the energy."""
+        q11, q12, q22, q66 = self._plane_stress
+        t = self.stack.pitch
+        root = la.cholesky(np.array([[q11, q12, 0.0], [q12, q22, 0.0], [0.0, 0.0, q66]]))
+        wxx, wyy, wxy = self.lamina(layer, [("w", "xx"), ("w", "yy"), ("w", "xy")])
+        bend = np.sqrt(t**3 / 12.0)
+        rows = _times(root * bend, [wxx, wyy, 2.0 * wxy])
+        if self.stack.n_lamina > 1 or np.any(self.coefficient["u"]):
+            ux, vy, uy, vx = self.lamina(layer, [("u", "x"), ("v", "y"), ("u", "y"), ("v", "x")])
+            rows += _times(root * np.sqrt(t), [ux, vy, uy + vx])
+        return np.concatenate(rows, axis=1)
+
+    @kept
+    def across(self, layer: Layer, angle: float) -> Vector:
+        """Return moment and force of laminas across a line, over the root of their stiffness, (n_point, R, m).
+
+        Parameters
+        ----------
+        layer : Layer
+            Which laminas.
+        angle : float
+            Of the line against the x axis, rad.
+        """
+        q11, q12, q22, q66 = self._plane_stress
+        t, (c, s) = self.stack.pitch, (-np.sin(angle), np.cos(angle))  # normal of the line
+        stiff = c**4 * q11 + s**4 * q22 + 2.0 * c**2 * s**2 * (q12 + 2.0 * q66)
+
+        def normal(x: Vector, y: Vector, xy: Vector) -> Vector:
+            """Stress resultant across the line of strains, the shear as an engineering strain."""
+            return np.asarray(
+                c * c * (q11 * x + q12 * y) + s * s * (q12 * x + q22 * y) + 2.0 * c * s * q66 * xy
+            )
+
+        wxx, wyy, wxy = self.lamina(layer, [("w", "xx"), ("w", "yy"), ("w", "xy")])
+        rows = [normal(wxx, wyy, 2.0 * wxy) * np.sqrt(t**3 / 12.0 / stiff)]
+        if self.stack.n_lamina > 1 or np.any(self.coefficient["u"]):
+            ux, vy, uy, vx = self.lamina(layer, [("u", "x"), ("v", "y"), ("u", "y"), ("v", "x")])
+            rows.append(normal(ux, vy, uy + vx) * np.sqrt(t / stiff))
+        return np.concatenate(rows, axis=1)
+
+    def along(self, angle: float) -> Vector:
+        """Return the curvature of the middle of the stack along a direction, (n_point, 1, m), 1/m."""
+        c, s = np.cos(angle), np.sin(angle)
+        whole = self.layers[0]
+        xx, yy, xy = (self.mean(whole, "w", d) for d in ("xx", "yy", "xy"))
+        return np.asarray(c * c * xx + s * s * yy + 2.0 * c * s * xy)
+
+    @kept
+    def motion(self, layer: Layer) -> Vector:
+        """Return motions of laminas, (n_point, R, m), whose squares have the mean of their squares."""
+        rows = self.lamina(layer, [(f, "") for f in FIELDS])
+        return np.concatenate(rows, axis=1) / np.sqrt(layer.lamina.sum())
+
+    @kept
+    def contact(self, layer: Layer) -> Vector:
+        """Return slip and opening of interfaces as rows, (n_point, R, m), whose squares are their energy per area."""
+        return np.concatenate(self.slip_and_opening(layer), axis=1)
+
+    def slip_and_opening(self, layer: Layer) -> tuple[Vector, Vector]:
+        """Return both apart."""
+        stack, phi = self.stack, self.system.phi
+        n = stack.n_lamina
+        jump, middle = np.diff(np.eye(n), axis=0), (np.eye(n)[1:] + np.eye(n)[:-1]) / 2.0
+        shear, normal = self._moduli
+        spacing = stack.spacing
+        over = shear[0] * layer.interface
+        z_u, z_v, z_w = self._compressed(
+            [
+                ("u", np.sqrt(over / spacing)[:, None] * (jump @ phi["u"])),
+                ("v", np.sqrt(over / spacing)[:, None] * (jump @ phi["v"])),
+                ("w", np.sqrt(over * spacing)[:, None] * (middle @ phi["w"])),
+            ]
+        )
+        directions: tuple[tuple[Vector, Field, Derivative], ...] = ((z_u, "u", "x"), (z_v, "v", "y"))
+        slip = [
+            np.einsum("rf,pfm->prm", z, self.at(f), optimize=True)
+            + np.einsum("rf,pfm->prm", z_w, self.at("w", d), optimize=True)
+            for z, f, d in directions
+        ]
+        (z_n,) = self._compressed(
+            [("w", np.sqrt(normal[0] * layer.interface / spacing)[:, None] * (jump @ phi["w"]))]
+        )
+        opening = np.einsum("rf,pfm->prm", z_n, self.at("w"), optimize=True)
+        return (
+            np.concatenate(slip, axis=1) * np.sqrt(shear[1])[:, None, None],
+            opening * np.sqrt(normal[1])[:, None, None],
+        )
+
+    @cached_property
+    def _moduli(self) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
+        """Return shear and normal modulus, Pa, each over the interfaces and over the plan: nearly their product."""
+        stack, n, point = self.stack, self.stack.n_lamina - 1, self.grid.point
+        distribution = pressure_distribution(stack)
+        if distribution is None:
+            p, normal = (np.full((n, 1), v) for v in (stack.contact.pressure, stack.contact.normal_modulus))
+        else:
+            p, normal = (np.array(field) for field in distribution.at(point))
+        p = p / stack.contact.pressure * self.theta["pressure"]
+        found = []
+        for value, factor in ((p, self.theta["G_f"]), (normal, self.theta.get("normal_modulus", 1.0))):
+            touching = value * factor * stack.touching[:, None]
+            over_plan = np.broadcast_to(
+                touching.mean(axis=0) / max(float(touching.mean()), 1e-300), (len(point),)
+            )
+            found.append((touching.mean(axis=1), np.asarray(over_plan)))
+        return found[0], found[1]
+
+
+def _times(matrix: Vector, rows: Sequence[Vector]) -> list[Vector]:
+    """Return combinations of rows."""
+    return [
+        np.asarray(sum(share * row for share, row in zip(line, rows, strict=True) if share))
+        for line in matrix
+    ]

@@ -1,0 +1,57 @@
+"""What kinds share that change the force of one clamp: the pressure between sheets under and around it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from updating.changes.candidate import Candidates, Part, at_heights, crossed, plain
+from updating.changes.fields import Fields
+
+_SPREAD = np.array([0.5, 1.0, 2.0])
+"""How far the pressure of a clamp spreads along the stack beyond its footprint, over the stack's height: by 45 degrees
+from both faces it is a half."""
+
+
+_RIDES = np.array([np.inf, *np.geomspace(0.5, 3.0, 16)])
+"""Where the clamp's mass then resonates on its footprint, over the band's end: one that presses less rides on a softer
+spring."""
+_TOGETHER = np.array([0.1, 0.3, 1.0])
+"""Share of the contact's stiffness that goes with the whole of the clamp's mass riding so."""
+
+
+def at_clamps(fields: Fields, sign: float, upper: float, *, rides: bool = False) -> Candidates:
+    """Return each clamp with less (sign -1) or more (1) of the contact's stiffness under it.
+
+    With `rides` its mass may also ride on a spring that is not stiff.
+    """
+    stack, point, area = fields.stack, fields.grid.point, fields.grid.area
+    springs, together = (_RIDES, _TOGETHER) if rides else (_RIDES[:1], _TOGETHER[-1:])
+    number, spread, spring, share_of = crossed(
+        np.arange(len(stack.clamps)), _SPREAD * stack.height, springs, together
+    )
+    alone = np.isinf(spring) & (share_of < 1.0)  # the same as with the whole share
+    number, spread, spring, share_of = (each[~alone] for each in (number, spread, spring, share_of))
+    weight, under, place = [], [], []
+    for i, wide in zip(number.tolist(), spread.tolist(), strict=True):
+        clamp = stack.clamps[i]
+        sides = np.array(clamp.footprint) / 2.0
+        away = np.maximum(np.abs(point - np.array([clamp.x, clamp.y])) - sides, 0.0)
+        weight.append(np.exp(-np.sum(away**2, axis=1) / wide**2) * area)
+        inside = np.all(np.abs(point - np.array([clamp.x, clamp.y])) <= sides + 1e-3, axis=1)
+        near = np.zeros(len(point))
+        near[np.argmin(np.sum((point - np.array([clamp.x, clamp.y])) ** 2, axis=1))] = 1.0
+        share = np.where(inside, area, 0.0) if inside.any() else near
+        under.append(clamp.mass * share / share.sum())
+        place.append([clamp.x, clamp.y])
+    whole = fields.layers[0]
+    held = share_of[:, None] * np.array(weight)
+    parts = [Part(rows=fields.contact(whole), target="K", weight=sign * sp.csr_array(held))]
+    if rides:
+        mass = sp.csr_array(np.array(under))
+        resonance = (2.0 * np.pi * fields.band[1] * spring) ** 2
+        parts.append(Part(rows=fields.motion(whole), target="M", weight=mass, resonance=resonance))
+        parts.append(Part(rows=fields.motion(whole), target="M", weight=-mass))
+    return plain(
+        at_heights(np.array(place), 0.0), tuple(parts), size=spread, part=number, extra=share_of, upper=upper
+    )

@@ -1,0 +1,30 @@
+"""A clamp that presses less: a bolt that came loose."""
+
+from __future__ import annotations
+
+from updating.changes.candidate import Candidates, Kind, gone, needs_clamps
+from updating.changes.fields import Fields, Vector
+from updating.changes.kinds.clamp_force import at_clamps
+
+
+def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
+    """Return each clamp with less contact under it, by a share."""
+    return at_clamps(fields, -1.0, 1.5, rides=True)
+
+
+def _gone(own: Candidates, found: Vector) -> Vector:
+    """Return the share of the contact's stiffness that is gone under the clamp, which may go with its mass."""
+    share = own.extra.reshape(-1, *(1,) * (found.ndim - 1))
+    return gone(own, share * found)
+
+
+KIND = Kind(
+    name="loose_clamp",
+    label="a clamp that presses less",
+    quantity="share of the contact's stiffness under it that is gone",
+    unit="1",
+    why_not=needs_clamps,
+    candidates=candidates,
+    on_plan=False,
+    value=_gone,
+)

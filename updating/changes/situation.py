@@ -1,0 +1,275 @@
+"""A state beside its reference in the equations of one model: errors of both, what they share, and what scatters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from updating.changes.candidate import Part
+from updating.changes.errors import Joint, joint_errors
+from updating.changes.fields import Fields
+from updating.changes.kinds.everywhere import edges, whole_contact, whole_laminas
+from updating.changes.levels import (
+    FEWEST,
+    MOUNTING,
+    NEARBY,
+    REACHED,
+    SAME,
+    TEMPERATURE,
+    TWIN,
+    UNSEEN,
+)
+from updating.changes.scan import Actions, Measured
+from updating.correlation.registration import register
+from updating.diagnosis.assembly import Campaigned, assemble_evidence
+from updating.diagnosis.candidates import CandidateModel
+from updating.diagnosis.diagnosis import SHARES, priors_of, start_of
+from updating.diagnosis.evidence import DiagnosisScatter, Tested
+from updating.diagnosis.stack_model import StackModel
+from updating.errors import FitError
+from updating.inference.discrepancy import STIFFNESS
+from updating.inference.explain import Explanation, explain
+from updating.inference.protocol import Modal, State
+from updating.inference.search import begin, extended
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedReference:
+    """A model that was fitted to a reference: about this point changes are looked for.
+
+    Attributes
+    ----------
+    candidates : CandidateModel
+        The reduced model.
+    tested : tuple of (str, float, ModalModel)
+        Name, pressure in Pa and modes of the reference and of its repeats.
+    model : StackModel
+        The model beside the first of them.
+    fit : Explanation
+        Its fit.
+    """
+
+    candidates: CandidateModel
+    tested: tuple[Campaigned, ...]
+    model: StackModel
+    fit: Explanation
+
+
+def fit_reference(
+    candidates: CandidateModel, tested: Sequence[Campaigned], *, scatter: DiagnosisScatter | None = None
+) -> FittedReference:
+    """Fit the base model to a reference; held edges may give way, for no edge is rigid.
+
+    Parameters
+    ----------
+    candidates : CandidateModel
+        The reduced model, with the effects that are fitted where they raise the evidence.
+    tested : sequence of (str, float, ModalModel)
+        The reference and its repeats; the first is fitted, for what it shares with the others cancels.
+    scatter : DiagnosisScatter, optional
+        Priors of what is known of the structure.
+
+    Raises
+    ------
+    FitError
+        No measured mode resembles one of the model.
+    PairingError
+        Measured points do not lie on the stack.
+    """
+    evidence = assemble_evidence(candidates, tested[:1], scatter=scatter)
+    start = float(evidence.start[0]) if evidence.touching else 0.0
+    model = StackModel(
+        candidates, evidence.tested, evidence.observation, evidence.scatter, evidence.effects, start=start
+    )
+    common, fit = begin(
+        model, shares=SHARES, starts=[start_of(model, evidence)], priors=priors_of(evidence.scatter)
+    )
+    for one in extended(model, common, fit)[:1] if model.effects else ():
+        own = explain(model, [model.terms[name] for name in one.terms], common, one.x)
+        fit = own if own.log_evidence > fit.log_evidence else fit
+    return FittedReference(candidates=candidates, tested=tuple(tested), model=model, fit=fit)
+
+
+class Situation:
+    """A state and its reference in the equations of one model."""
+
+    def __init__(self, reference: FittedReference, changed: Sequence[Campaigned]) -> None:
+        self.reference, self.changed = reference, changed
+        before, stack = reference.model, reference.candidates.stack
+        tested = [Tested(name=n, pressure=p, modes=m) for n, p, m in (*reference.tested, *changed)]
+        observation = [
+            register(stack, own.modes.geometry, own.modes.node, own.modes.direction).observation  # type: ignore[attr-defined]
+            for own in tested
+        ]
+        model = StackModel(
+            reference.candidates,
+            tested,
+            observation,
+            before.scatter,
+            before.effects,
+            start=before.start,
+            n_equation=before.n_equation,
+            like=before,
+        )
+        local = model.about(reference.fit.coordinates, [reference.fit.x])
+        modals = [local.modal(reference.fit.x, c) for c in range(len(tested))]
+        pairs = [_distinct(state, modal) for state, modal in zip(model.states, modals, strict=True)]
+        self.n_reference = len(reference.tested)
+        _require_modes([state for state, _ in pairs])
+        states, modals, self.joint = _known(pairs, self.n_reference)
+        _require_modes(states)
+        self.states = states
+        at = dict(zip((c.name for c in reference.fit.coordinates), reference.fit.x.tolist(), strict=True))
+        theta = model.theta(at, self.n_reference)[0]
+        every = np.concatenate([state.frequency for state in states])
+        band = float(every.min()), float(every.max())
+        self.fields = Fields(
+            reference.candidates.system, local.basis @ modals[self.n_reference].shape, theta, band
+        )
+        self.measured = [
+            Measured(weight=own.weight, eigenvalue=own.eigenvalue, scale=scale)
+            for own, scale in zip(self.joint.errors, self.joint.scale, strict=True)
+        ]
+        ours = self.measured[self.n_reference :]
+        self.ours = Measured(
+            weight=np.vstack([own.weight for own in ours]),
+            eigenvalue=np.concatenate([own.eigenvalue for own in ours]),
+            scale=np.vstack([own.scale for own in ours]),
+        )
+        self.is_changed = self.joint.state >= self.n_reference
+        self.nuisance = self._nuisance()
+        self.idealised = 0.0  # size of the scatter that a change brings which is none of the kinds exactly
+
+    def _nuisance(self) -> Vector:
+        """Return the covariance of errors by what is a little different in each assembly, (N, N)."""
+        fields, scatter = self.fields, self.reference.model.scatter
+        varied: list[tuple[Part, float]] = [(whole_laminas(fields), TEMPERATURE)]
+        varied += [(part, MOUNTING) for part in edges(fields)]
+        if fields.stack.n_lamina > 1:
+            varied.append((whole_contact(fields), scatter.stiffness))
+        total = np.zeros((self.joint.value.size,) * 2)
+        for c, measured in enumerate(self.measured):
+            here = self.joint.state == c
+            actions = Actions(measured)
+            for part, std in varied:
+                at = actions.at_points(part)
+                change = std * (part.weight @ at.reshape(len(at), -1)).ravel()
+                total[np.ix_(here, here)] += np.outer(change, change)
+        return total
+
+    def covariance(self, size: float) -> Vector:
+        """Return the covariance of all errors at a size of the scatter between assemblies, (N, N)."""
+        common = max(self.reference.fit.evidence.sizes.stiffness, size, STIFFNESS.median)
+        joint = self.joint
+        total = common**2 * joint.common + size**2 * joint.own + self.nuisance + joint.noise
+        here = np.ix_(self.is_changed, self.is_changed)
+        total[here] += self.idealised**2 * joint.own[here]
+        return np.asarray(total)
+
+    @cached_property
+    def shift(self) -> Vector:
+        """Logarithm of each frequency of the changed state over the reference's, (n_mode,); NaN where that has none.
+
+        A mode of the reference is the same one where most of it is, in the model's modal coordinates.
+        """
+        n, found = self.n_reference, []
+        for own, state in zip(self.joint.errors[n:], self.states[n:], strict=True):
+            each = np.full((n, state.frequency.size), np.nan)
+            for c, (other, before) in enumerate(zip(self.joint.errors[:n], self.states[:n], strict=True)):
+                alike = np.abs(own.weight @ other.weight.T)
+                row, column = _pairs(alike)
+                each[c, row] = np.log(state.frequency[row] / before.frequency[column])
+            seen = np.isfinite(each).any(axis=0)
+            mean = np.full(state.frequency.size, np.nan)
+            mean[seen] = np.nanmean(each[:, seen], axis=0)
+            found.append(mean)
+        return np.concatenate(found)
+
+
+def _require_modes(states: Sequence[State]) -> None:
+    """Refuse states that have too few modes in common with the model or with the reference."""
+    for state in states:
+        if state.frequency.size < FEWEST:
+            message = (
+                f"{state.name}: {state.frequency.size} of its modes are ones of the model and of the reference, and "
+                f"what changed takes {FEWEST}; check points, directions and signs, and that all are of one structure"
+            )
+            raise FitError(message)
+
+
+def _known(pairs: Sequence[tuple[State, Modal]], n_reference: int) -> tuple[list[State], list[Modal], Joint]:
+    """Return states without those modes of the changed one that the reference does not have.
+
+    What the model is wrong by in a mode cancels only there. A resonator splits a mode in two, both of which are that
+    one: such a further mode counts as well, unless the model has one nearby that the sensors do not see. That may then
+    be what shows, by a small part of its motion.
+    """
+    states, modals = [state for state, _ in pairs], [modal for _, modal in pairs]
+    joint = joint_errors(states, modals)
+    shorter = False
+    for c in range(n_reference, len(states)):
+        own = joint.errors[c]
+        alike = [np.abs(own.weight @ other.weight.T) for other in joint.errors[:n_reference]]
+        near = np.abs(own.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
+        unseen = np.any(near & ~_seen(modals[c]), axis=1)
+        keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
+        for r in np.flatnonzero(keep & unseen):
+            keep[r] = any(r in _pairs(one)[0] for one in alike)
+        if not keep.all():
+            states[c], modals[c] = _only(states[c], modals[c], np.flatnonzero(keep))
+            shorter = True
+    return states, modals, joint_errors(states, modals) if shorter else joint
+
+
+def _seen(modal: Modal) -> NDArray[np.bool_]:
+    """Return which modes of a model the sensors see as well as they see most, (m,)."""
+    size = np.linalg.norm(modal.rows, axis=0)
+    return np.asarray(size > UNSEEN * np.median(size))
+
+
+def _pairs(alike: Vector) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return which modes of two states are the same, one for one, by the cosines between their modal coordinates."""
+    row, column = linear_sum_assignment(alike, maximize=True)
+    good = alike[row, column] > SAME
+    return row[good], column[good]
+
+
+def _distinct(state: State, modal: Modal) -> tuple[State, Modal]:
+    """Return a state without modes that the model's do not reach, and without those that were identified twice."""
+    basis = la.orth(modal.rows, rcond=1e-3)
+    rest = np.sum((state.shape - basis @ (basis.T @ state.shape)) ** 2, axis=0)
+    # coordinates in which shapes of modes that the sensors see are orthogonal
+    a = la.lstsq(modal.rows, state.shape, cond=1e-2)[0]
+    a = a / np.maximum(np.linalg.norm(a, axis=0), 1e-300)
+    kept: list[int] = []
+    for r in np.argsort(rest).tolist():
+        near = np.array(
+            [abs(np.log(state.frequency[r] / state.frequency[k])) < 0.02 for k in kept], dtype=bool
+        )
+        twin = np.abs(a[:, kept].T @ a[:, r]) > TWIN if kept else np.zeros(0, dtype=bool)
+        if rest[r] < 1.0 - REACHED and not np.any(twin & near):
+            kept.append(r)
+    return _only(state, modal, np.sort(np.array(kept, dtype=np.intp)))
+
+
+def _only(state: State, modal: Modal, use: NDArray[np.intp]) -> tuple[State, Modal]:
+    """Return a state with some of its modes, without damping, and the model of them."""
+    chosen = replace(
+        state,
+        frequency=state.frequency[use],
+        frequency_std=state.frequency_std[use],
+        damping=np.full(use.size, np.nan),
+        damping_std=state.damping_std[use],
+        shape=state.shape[:, use],
+        shape_std=state.shape_std[use],
+    )
+    of_mode = None if modal.of_mode is None else modal.of_mode[use]
+    return chosen, replace(modal, damping=modal.damping[:1], of_mode=of_mode)
