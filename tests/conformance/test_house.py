@@ -11,8 +11,8 @@ FOLDERS = {
     "ema": ("types", "io", "campaign", "quality", "modal", "identification", "plot"),
     "model": ("stack", "elements", "contact", "solvers", "reduction", "matrices", "modes", "effects", "plot"),
     "updating": (
-        "workers", "inference", "correlation", "fitting", "results", "diagnosis", "pooled", "virtual", "blind",
-        "published", "report", "workbench", "commands",
+        "workers", "inference", "correlation", "fitting", "results", "diagnosis", "changes", "pooled", "virtual",
+        "blind", "published", "report", "workbench", "commands",
     ),
 }  # fmt: skip
 """Folders of each package by the way of the data: each imports only from itself and from those before it."""

@@ -41,7 +41,7 @@ class KindOfChange:
     extent : float
         Mean radius or length of what was tried, m; NaN where a kind has none.
     angle : float
-        Direction of the likeliest, rad against the x axis; NaN where a kind has none.
+        Direction, rad against the x axis; NaN where a kind has none, or no direction is much likelier than others.
     layer : str
         Part of the height of the likeliest; empty where it is all of it.
     part : str

@@ -43,6 +43,8 @@ MOST_CELLS = 16
 """Cells of the coarse grid that are cut in nine, of each kind."""
 LEAST_SHARE = 5e-3
 """Probability of a cell, within its kind, from which that is done."""
+SURE = 0.8
+"""Probability of a direction from which it is said."""
 _NODES = ndtri((np.arange(9) + 0.5) / 9.0)
 
 
@@ -348,7 +350,9 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
         lower=lower,
         upper=upper,
         extent=float(each @ candidates.size) if sized.size == candidates.n else float("nan"),
-        angle=float(candidates.angle[i]),
+        angle=float(candidates.angle[i])
+        if each[candidates.angle == candidates.angle[i]].sum() > SURE
+        else float("nan"),
         layer=at.fields.layers[int(candidates.layer[i])].name,
         part=_part(at.fields, own.kind, int(candidates.part[i])),
         explained=_explained(own, misfit, at.ours.weight.size),

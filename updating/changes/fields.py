@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, update_wrapper
 from typing import Concatenate, ParamSpec
 
 import numpy as np
@@ -167,7 +167,7 @@ def kept(
             self.kept[key] = method(self, layer, *args, **kwargs)
         return self.kept[key]
 
-    found.__doc__ = method.__doc__
+    update_wrapper(found, method)
     return found
 
 

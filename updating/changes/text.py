@@ -97,10 +97,13 @@ def _size(own: KindOfChange) -> str:
     if own.layer:
         details.append(f"in the {own.layer}")
     detail = f" ({', '.join(details)})" if details else ""
-    return (
-        f"{what}{detail}: {own.quantity} {_number(own.size, own.unit)} "
-        f"({_number(own.lower, own.unit)} to {_number(own.upper, own.unit)}), probability {own.probability:.2g}."
-    )
+    return f"{what}{detail}: {size_text(own)}, probability {own.probability:.2g}."
+
+
+def size_text(own: KindOfChange) -> str:
+    """Return the size of a change with its interval of 90 %."""
+    ends = f"{_number(own.lower, own.unit)} to {_number(own.upper, own.unit)}"
+    return f"{own.quantity} {_number(own.size, own.unit)} ({ends})"
 
 
 def _number(value: float, unit: str) -> str:

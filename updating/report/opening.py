@@ -156,7 +156,7 @@ def _of_a_fit(results: Results) -> Opening:
         return Opening(
             badge="changed" if changed else "no change seen",
             tone="found" if changed else "good",
-            sentence=" ".join(change_sentences(results)),
+            sentence=" ".join(_in_short(results)),
         )
     return Opening(
         badge="modes identified",
@@ -167,10 +167,26 @@ def _of_a_fit(results: Results) -> Opening:
     )
 
 
+def _in_short(results: Results) -> list[str]:
+    """Say of every state what changed and where, in two sentences, or whether it changed where no model says more."""
+    found: list[str] = []
+    for tested in results.tested:
+        if tested.what_changed is not None and tested.what_changed.left:
+            found += tested.what_changed.sentences[:2]
+        elif tested.change is not None:
+            found.append(f"{change_sentence(tested.change)}.")
+    return found
+
+
 def change_sentences(results: Results) -> tuple[str, ...]:
-    """Say of every configuration that has a reference whether it changed."""
-    changes = (tested.change for tested in results.tested)
-    return tuple(f"{change_sentence(found)}." for found in changes if found is not None)
+    """Say of every configuration that has a reference whether it changed, and what and where."""
+    found: list[str] = []
+    for tested in results.tested:
+        if tested.change is not None:
+            found.append(f"{change_sentence(tested.change)}.")
+        if tested.what_changed is not None:
+            found += tested.what_changed.sentences
+    return tuple(found)
 
 
 def fit_sentences(results: Results) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from updating.report.shape_part import shape_section
 from updating.report.signature_part import signature_section
 from updating.report.state_part import state_section
 from updating.report.table_part import row_section, table_overview
+from updating.report.what_changed_part import what_changed_section
 from updating.results.store import folder_name, write_bytes
 
 MOST_TOGETHER = 8
@@ -161,6 +162,7 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
     `added` holds the frequency errors of its modes with what was identified (`errors_with_additions`).
     """
     parts = [] if tested.change is None else [state_section(tested.change)]
+    parts += [] if tested.what_changed is None else [what_changed_section(tested.what_changed)]
     parts += [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]
     if tested.stack_fit is not None and tested.stack_fit.pairing.measured.size:
         parts.append(location_section(tested, tested.stack_fit, kind))

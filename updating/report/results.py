@@ -11,13 +11,14 @@ from ema.campaign.campaign import Campaign, Configuration
 from ema.modal.change import Change
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
+from updating.changes.answer import WhatChanged
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.matrices_answer import MatricesFit
 from updating.errors import StoreError
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.ledger import Entry, Ledger
 from updating.fitting.modal_table import ModalTable, TableFit
-from updating.results.changes import CHANGE
+from updating.results.changes import CHANGE, WHAT_CHANGED
 from updating.results.pooled_answer import PooledDiagnosis
 from updating.results.quality import Quality
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
@@ -77,6 +78,8 @@ class Tested:
         G_f by opt_G and d_f by opt_d of this configuration alone, eq. (1).
     change : Change or None
         What differs from its reference, where it has one.
+    what_changed : WhatChanged or None
+        What that was, and where, by a model.
     identified : IdentifiedModel or None
         The model with what was identified, where `identified_model.with_models` added it.
     """
@@ -90,6 +93,7 @@ class Tested:
     fit: ModelFit | None
     opt: Fit | None = None
     change: Change | None = None
+    what_changed: WhatChanged | None = None
     identified: IdentifiedModel | None = None
 
     @property
@@ -334,6 +338,9 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
         fit=fit,
         opt=fit if isinstance(fit, Fit) else None,
         change=reader.optional(folder / CHANGE, Change) if configuration.compare_to else None,
+        what_changed=reader.optional(folder / WHAT_CHANGED, WhatChanged)
+        if configuration.compare_to
+        else None,
     )
 
 

@@ -1,0 +1,174 @@
+"""Local changes: rows whose squares are the model's matrices, the integral over a size, and what is left."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from scipy.integrate import quad
+from scipy.stats import norm
+
+import model
+from model.stack.parts import EdgeSupport
+from updating.changes.answer import KindOfChange
+from updating.changes.candidate import lines, places
+from updating.changes.compare import _verdict
+from updating.changes.fields import Fields
+from updating.changes.kinds import kinds
+from updating.changes.kinds.held_edges import held_edges
+from updating.changes.scan import conditional, weigh
+
+ELASTIC = (EdgeSupport(edge="front", along=1e7, across=1e6, rotation=1e3),)
+
+
+@functools.cache
+def system(n_lamina, held):
+    stack = model.Stack(
+        name="s",
+        length=0.3,
+        width=0.12,
+        height=0.004 * n_lamina,
+        n_lamina=n_lamina,
+        material=model.Material(young=2e11, poisson=0.28, density=7700.0),
+        contact=model.Contact(G_f=1000.0, d_f=1e-11, pressure=2e5, normal_modulus=5e8),
+        mesh=model.Mesh(n_x=8, n_y=4),
+        supports=ELASTIC if held else (),
+    )
+    return model.reduce(stack)
+
+
+def fields(n_lamina, held=False, m=10):
+    own = system(n_lamina, held)
+    stiffness, mass = own.matrix("K", own.theta), own.matrix("M", own.theta)
+    return own, Fields(own, la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
+
+
+def projected(own, made, name):
+    vectors = la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))[1][:, : made.n_mode]
+    term = next(t for t in own.terms if t.name == name)
+    matrix = term.matrix
+    if not isinstance(matrix, np.ndarray):
+        matrix = matrix.range @ matrix.core @ matrix.range.T
+    return term.factor(own.theta) * vectors.T @ matrix @ vectors
+
+
+def squared(rows, weight):
+    return np.einsum("pRi,p,pRj->ij", rows, weight, rows)
+
+
+@pytest.mark.parametrize("n_lamina", [1, 12])
+def test_rows_of_strain_and_motion_make_the_matrices_of_the_model(n_lamina):
+    own, made = fields(n_lamina)
+    whole, area = made.layers[0], made.grid.area
+    for found, name in (
+        (squared(made.strain(whole), area), "laminas"),
+        (made.mass / area.sum() * squared(made.motion(whole), area), "lamina mass"),
+    ):
+        expected = projected(own, made, name)
+        assert np.abs(found - expected).max() < 0.03 * np.abs(expected).max()
+
+
+def test_rows_of_contact_make_the_matrices_of_the_model_and_layers_sum_to_the_whole():
+    own, made = fields(12)
+    area = made.grid.area
+    slip, opening = made.slip_and_opening(made.layers[0])
+    for rows, name in ((slip, "tangential contact"), (opening, "normal contact")):
+        expected = projected(own, made, name)  # openings vary faster than a trapezoidal rule likes
+        assert np.abs(squared(rows, area) - expected).max() < 0.06 * np.abs(expected).max()
+    whole, *thirds = (squared(made.contact(layer), area) for layer in made.layers)
+    np.testing.assert_allclose(sum(thirds), whole, atol=1e-9 * np.abs(whole).max())
+
+
+def test_rows_of_a_held_edge_make_its_stiffness():
+    own, made = fields(1, held=True)
+    (edge,) = held_edges(made)
+    found = squared(edge.moving, edge.weight) + squared(edge.turning, edge.weight)
+    expected = projected(own, made, "support 0")
+    assert np.abs(found - expected).max() < 0.01 * np.abs(expected).max()
+
+
+def test_a_line_has_its_length_where_the_plan_is_and_nothing_beyond():
+    _, made = fields(1)
+    centre = np.array([[0.0, 0.0], [0.15, 0.0]])
+    weight = lines(made.grid, centre, np.zeros(2), np.array([0.1, 0.1]), n=200)
+    assert weight.sum(axis=1) == pytest.approx([0.1, 0.05], rel=0.02)
+
+
+def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
+    for n_lamina, held in ((1, True), (12, False)):
+        own, made = fields(n_lamina, held)
+        at, _ = places(made)
+        for kind in kinds():
+            why = kind.why_not(own.stack)
+            if why is not None:
+                assert len(why) > 10
+                continue
+            found = kind.candidates(made, at)
+            assert found.n > 0
+            assert kind.value(found, np.zeros(found.n)).shape == (found.n,)
+            assert max(abs(part.weight).max() * np.abs(part.rows).max() for part in found.parts) > 0.0
+            some = found.only(np.array([0]))
+            assert some.n == 1
+            assert some.parts[0].weight.shape[0] == 1
+
+
+def test_what_a_structure_does_not_have_cannot_have_changed():
+    plate, stack = system(1, False).stack, system(12, False).stack
+    why = {kind.name: (kind.why_not(plate), kind.why_not(stack)) for kind in kinds()}
+    assert why["lost_contact"][0] is not None
+    assert why["lost_contact"][1] is None
+    assert all(why[name] == why["loose_clamp"] for name in ("tight_clamp",))
+    assert None not in why["loose_clamp"]  # no clamps on either
+    assert None not in why["softer_edge"]  # nothing holds them
+    assert not any("sensor" in name or "orthotropy" in name for name in why)
+
+
+def test_a_size_is_integrated_over_a_half_normal_prior_that_ends_at_what_is_possible():
+    rng = np.random.default_rng(3)
+    root = np.linalg.cholesky(np.diag(rng.uniform(0.5, 2.0, 6)))
+    error = rng.standard_normal(6)
+    for action in (-error + 0.3 * rng.standard_normal(6), error):
+        for upper in (np.inf, 0.7):
+            effects = np.array([0.5, 2.0])
+            found = weigh(action[None], np.ones(1), upper, error, root, effects)
+
+            def density(t, scale, action=action, upper=upper):
+                rest = np.linalg.solve(root, error + t * action)
+                prior = norm.pdf(t, scale=scale) / (norm.cdf(upper, scale=scale) - 0.5)
+                return np.exp(-0.5 * rest @ rest) * prior
+
+            rest = np.linalg.solve(root, error)
+            expected = [quad(density, 0.0, min(upper, 40.0), args=(scale,))[0] for scale in effects]
+            assert found.log[0] == pytest.approx(np.log(np.mean(expected)) + 0.5 * rest @ rest, abs=1e-6)
+            assert 0.0 <= found.amplitude[0] <= upper
+
+
+def test_what_the_reference_shares_cancels():
+    covariance = np.array([[1.0001, 1.0], [1.0, 1.0001]])
+    rest, left, _ = conditional(np.array([3.0, 3.1]), covariance, np.array([False, True]))
+    assert rest[0] == pytest.approx(0.1, abs=1e-3)
+    assert left[0, 0] == pytest.approx(2e-4, rel=0.01)
+
+
+def a_kind(name, log_odds, explained=1.0):
+    nowhere = (0.0, 0.0, 0.0)
+    return KindOfChange(
+        name=name, label=name, log_odds=log_odds, probability=0.5, local=True, place=nowhere, place_std=nowhere,
+        best=nowhere, quantity="", unit="1", size=1.0, lower=0.5, upper=1.5, extent=0.1, angle=0.0, layer="", part="",
+        explained=explained,
+    )  # fmt: skip
+
+
+def test_verdicts():
+    near = [a_kind("a", 20.0), a_kind("b", 17.0), a_kind("c", 12.0)]
+    assert _verdict(near, 20.1, seen=True) == ("one of", ("a", "b"))
+    assert _verdict(near[::2], 20.1, seen=True) == ("identified", ("a",))
+    assert _verdict(near, 1.0, seen=True) == ("too little to say", ())
+    assert _verdict(near, 1.0, seen=False) == ("unchanged", ())
+    half = [dataclasses.replace(near[0], explained=0.7)]
+    assert _verdict(half, 20.0, seen=True)[0] == "partly explained"
+    none = [dataclasses.replace(near[0], explained=0.2)]
+    assert _verdict(none, 20.0, seen=True) == ("unlike anything", ())
