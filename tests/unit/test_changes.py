@@ -13,13 +13,13 @@ from scipy.stats import norm
 
 import model
 from model.stack.parts import EdgeSupport
-from updating.changes.answer import KindOfChange
 from updating.changes.candidate import lines, places
 from updating.changes.compare import _verdict
 from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
 from updating.changes.kinds.held_edges import held_edges
 from updating.changes.scan import conditional, weigh
+from updating.results.what_changed import KindOfChange
 
 ELASTIC = (EdgeSupport(edge="front", along=1e7, across=1e6, rotation=1e3),)
 

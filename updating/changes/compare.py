@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtri
 
 from ema.campaign.references import Reassembly
-from updating.changes.answer import KindOfChange, Verdict, WhatChanged
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
 from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
@@ -31,9 +30,10 @@ from updating.changes.levels import (
 )
 from updating.changes.scan import Actions, Weighed, conditional, weigh
 from updating.changes.situation import FittedReference, Situation
-from updating.changes.text import sentences
 from updating.diagnosis.assembly import Campaigned
 from updating.inference.levels import MISSING, NAMED, SEPARATE
+from updating.results.what_changed import KindOfChange, Verdict, WhatChanged
+from updating.results.what_changed_text import sentences
 
 Vector = NDArray[np.float64]
 

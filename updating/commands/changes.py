@@ -14,7 +14,6 @@ from ema.campaign.references import repeats_of
 from ema.types.threads import single_threaded
 from model import catalogue, read_stack
 from model.stack.stack_file import stack_inputs
-from updating.changes.answer import WhatChanged
 from updating.changes.compare import what_changed
 from updating.changes.situation import FittedReference, fit_reference
 from updating.commands.terminal import progress
@@ -28,6 +27,7 @@ from updating.fitting.target import model_file, stack_in_state
 from updating.results.changes import WHAT_CHANGED, compared
 from updating.results.identified import Identified, assignments, every_identified
 from updating.results.store import kept
+from updating.results.what_changed import WhatChanged
 
 FITTED = ("support_compliance",)
 """Effects that the model of a reference has in any case where the structure can: no edge is held rigidly."""

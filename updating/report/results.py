@@ -11,7 +11,6 @@ from ema.campaign.campaign import Campaign, Configuration
 from ema.modal.change import Change
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from updating.changes.answer import WhatChanged
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.matrices_answer import MatricesFit
 from updating.errors import StoreError
@@ -24,6 +23,7 @@ from updating.results.quality import Quality
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
 from updating.results.stored_campaign import campaign_file
 from updating.results.updated import Updated
+from updating.results.what_changed import WhatChanged
 
 T = TypeVar("T")
 _MADE = ("modal_model.json", "measurement.npz")

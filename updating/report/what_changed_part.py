@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.plot import palette
-from updating.changes.answer import KindOfChange, WhatChanged
-from updating.changes.text import size_text
 from updating.report.chart_part import axis, chart, single
 from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.results.what_changed import KindOfChange, WhatChanged
+from updating.results.what_changed_text import size_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

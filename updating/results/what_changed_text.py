@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from updating.changes.answer import KindOfChange, WhatChanged
+    from updating.results.what_changed import KindOfChange, WhatChanged
 
 SPREAD_OUT = 0.2
 """Standard deviation of a location, over the longer side of the plan, from which it is not said to be one location."""
