@@ -13,6 +13,7 @@ from updating.correlation.tracking import Track, track
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.matrices_answer import MatricesFit, diagnose_matrices, fit_matrices
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fitting.fit import Estimate, Fit, fit
 from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
@@ -40,6 +41,7 @@ __all__ = [
     "FittedParameter",
     "FrfCorrelation",
     "JointFit",
+    "MatricesFit",
     "Pairing",
     "PairingError",
     "PointCorrelation",
@@ -56,10 +58,12 @@ __all__ = [
     "correlate_points",
     "cross_orthogonality",
     "diagnose",
+    "diagnose_matrices",
     "expand",
     "expanded_modes",
     "fdac",
     "fit",
+    "fit_matrices",
     "frequency_error",
     "joint_fit",
     "ledger",

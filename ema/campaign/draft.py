@@ -103,14 +103,19 @@ def draft(folder: Path) -> Draft:
             f"NumPy and text files ({', '.join((*SUFFIXES, *_TEXT_SUFFIXES))})"
         )
         raise CampaignError(message)
-    stack = folder / "stack.toml"
     return Draft(
         folder=folder,
         points=_points(folder, configurations),
-        stack=stack if stack.exists() else None,
+        stack=model_file(folder),
         configurations=configurations,
         left_out=tuple(left_out),
     )
+
+
+def model_file(folder: Path) -> Path | None:
+    """Return the file of the model in a folder, of a stack or of matrices; None without one."""
+    files = (folder / name for name in ("stack.toml", "structure.toml"))
+    return next((file for file in files if file.exists()), None)
 
 
 def _shortened(left_out: list[str]) -> list[str]:

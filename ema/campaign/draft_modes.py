@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.campaign.draft import Draft, PointsFound
+from ema.campaign.draft import Draft, PointsFound, model_file
 from ema.campaign.draft_file import DraftFile
 from ema.campaign.named_files import format_of, natural
 from ema.io.modes_numpy import is_shape_array
@@ -77,11 +77,10 @@ def draft_modes(folder: Path) -> ModesDraft | None:
         return None  # other tables, which may hold functions
     files: dict[str, tuple[Path, ...]] = {_name(folder, f): (f,) for f in whole}
     files |= {_name(folder, f): (f, *_beside(f, modes, shapes)) for f in modes}
-    stack = folder / "stack.toml"
     found = Draft(
         folder=folder,
         points=listed,
-        stack=stack if stack.exists() else None,
+        stack=model_file(folder),
         configurations={},
         left_out=(),
     )

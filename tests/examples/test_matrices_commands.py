@@ -51,6 +51,24 @@ def test_what_needs_a_stack_says_so(tmp_path, command):
     assert "is a structure of matrices" in " ".join(found.stderr.split())
 
 
+def test_a_first_structure_file_is_written(tmp_path):
+    for name in ("plate.sti.gz", "plate.mas.gz", "plate.dof", "plate.inp", "plate.uff", "points.csv"):
+        shutil.copy(EXAMPLE / name, tmp_path / name)
+    found = lamella("new", tmp_path)
+    assert found.returncode == 0, found.stderr
+    file = tmp_path / "structure.toml"
+    assert 'stack = "structure.toml"' in (tmp_path / "campaign.toml").read_text()
+    asked = lamella("model", file, "-o", tmp_path / "out")
+    assert "matrices.units = '?'" in asked.stderr or "band_Hz" in asked.stderr
+    filled = (
+        file.read_text().replace('units = "?"', 'units = "mm-t-s"').replace('band_Hz = "?"', "band_Hz = 400")
+    )
+    file.write_text(filled)
+    solved = lamella("model", file, "-o", tmp_path / "out")
+    assert solved.returncode == 0, solved.stderr
+    assert "6 modes of a rigid" in solved.stdout
+
+
 def test_a_damaged_structure_file_is_named(tmp_path):
     for file in EXAMPLE.iterdir():
         if file.is_file():

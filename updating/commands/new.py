@@ -10,6 +10,7 @@ import typer
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, write_draft
 from ema.campaign.draft_modes import draft_modes, modes_draft_file
+from model.matrices.draft import write_structure
 from updating.commands.terminal import OUT
 
 EXAMPLE = "lamella new my_test"
@@ -25,8 +26,12 @@ def new(
     Format, columns, points, directions and units come from the files, their headers and their names; each subfolder
     with measurements is one configuration, and in a folder that holds modes alone each file of them. A comment stands
     wherever something is guessed, and "?" where it cannot be known: fill it in, and reading the campaign names what is
-    left. A campaign file that is there is not overwritten.
+    left. A campaign file that is there is not overwritten. Where the folder has stiffness and mass matrices of another
+    program, and no model yet, a first structure file is written, too.
     """
+    structure = write_structure(folder) if folder.is_dir() else None
+    if structure is not None:
+        OUT.print(f"Structure: {structure}; fill in units and reduction.band_Hz, and what may vary.")
     modes = draft_modes(folder)
     found = draft(folder) if modes is None else modes.found
     file = draft_file(found) if modes is None else modes_draft_file(modes)

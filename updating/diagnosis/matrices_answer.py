@@ -162,7 +162,8 @@ def _modes(local: LocalModel, x: Vector, measured: ModalModel, state: int = 0) -
     value, shape = modal.eigenvalue[modal.n_rigid :], modal.rows[:, modal.n_rigid :]
     frequency = np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi)
     loss = np.einsum("ii->i", modal.damping[0])[modal.n_rigid :]
-    return modes_at(frequency, loss / (4.0 * np.pi * frequency), shape, measured.node, measured.direction)
+    damping = loss / (4.0 * np.pi * frequency) if np.any(loss) else np.full(loss.size, np.nan)
+    return modes_at(frequency, damping, shape, measured.node, measured.direction)
 
 
 def modes_at(

@@ -170,7 +170,7 @@ def pair_table(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> Tab
         rows=tuple(
             (
                 str(m + 1), uncertain(f, fs), f"{g:.2f}", f"{round(e, 2) + 0.0:+.2f}", with_it,
-                uncertain(x, xs), f"{y:.3g}", f"{a:.3f}",
+                uncertain(x, xs), "" if np.isnan(y) else f"{y:.3g}", f"{a:.3f}",
             )
             for m, f, fs, g, e, with_it, x, xs, y, a in columns
         ),
