@@ -14,8 +14,8 @@ import ema
 import model
 import updating
 
-DATA = Path(ema.__file__).parents[1] / "data/matrices_example"
-structure = model.read_matrices(DATA / "structure.toml")
+DATA = Path(ema.__file__).parents[1] / "data"
+structure = model.read_matrices(DATA / "matrices_example/structure.toml")
 print("\n".join(structure.notes))
 
 # %%
@@ -26,11 +26,12 @@ print(reduced.size, {name: f"{error:.1e}" for name, error in reduced.left.freque
 
 # %%
 # The terms of the file alone cannot make up for what is missing.
-(identified,) = ema.identify(ema.read_campaign(DATA / "campaign.toml"))
+(identified,) = ema.identify(ema.read_campaign(DATA / "matrices_example/campaign.toml"))
 fit = updating.fit_matrices(structure, identified.modal_model, threshold=0.7)
 for own in fit.moved:
+    pulled = own.deviations or 0.0
     print(
-        f"{own.label}: {own.value:.3g}, stated {own.stated:.3g}, {own.deviations or 0.0:+.1f} deviations of the prior"
+        f"{own.label}: {own.value:.3g}, stated {own.stated:.3g}, pulled by {pulled:+.1f} deviations of its prior"
     )
 print("\n".join(fit.findings))
 
