@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -138,14 +140,28 @@ def begin(
 ) -> tuple[Setting, Explanation]:
     """Fit the base model from the best of several starts, and return what all fits share and the fit.
 
-    The noise of shapes is that beside the model where it fits: beside one that is far off, it would be misfit.
+    Where that is far off, fits start from either side of the first start as well, in what nothing is known of. The
+    noise of shapes is that beside the model where it fits: beside one that is far off, it would be misfit.
     """
-    nuisances, found = model.nuisances, []
-    for start in starts:
+    nuisances = model.nuisances
+
+    def first(start: Vector) -> Explanation:
         local = model.about(nuisances, [start])
         own = setting(model, local, start, shares=shares, priors=priors)
-        found.append(converged(model, [], own, start, local=local, rounds=1))
-    best = min(found, key=lambda f: float(np.mean([np.mean(e.frequency**2) for e in f.errors])))
+        return converged(model, [], own, start, local=local, rounds=1)
+
+    def off(one: Explanation) -> float:
+        return float(np.mean([np.mean(e.frequency**2) for e in one.errors]))
+
+    best = min(map(first, starts), key=off)
+    if best.evidence.sizes.stiffness > priors[0].quantile(1.0 - INADEQUATE):
+        for i, sign in itertools.product(
+            [i for i, c in enumerate(nuisances) if np.isinf(c.std) and np.isfinite(c.longest)], (-1.0, 1.0)
+        ):
+            start = np.array(starts[0], float)
+            start[i] = np.clip(start[i] + sign * nuisances[i].longest, nuisances[i].lower, nuisances[i].upper)
+            with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+                best = min(best, first(start), key=off)
     for _ in range(2):
         common = setting(model, model.about(nuisances, [best.x]), best.x, shares=shares, priors=priors)
         best = explain(model, [], common, best.x)
