@@ -58,7 +58,7 @@ def rooms(page: Any, address: str, folder: Path) -> None:
     take(page, folder / "tutorial_diagnosis.png")
     page.get_by_role("tab", name="What if").click()
     page.wait_for_selector(".slider input", state="attached")
-    page.locator("#set-to-found").click()
+    page.locator("#set-to-answer").click()
     page.wait_for_function("document.querySelectorAll('.slider').length > 3")
     take(page, folder / "tutorial_what_if.png")
 

@@ -150,7 +150,11 @@ def show(server: Any) -> None:
     html.P("No model is fitted yet: run a fit in the room Diagnosis.", v_if="!has_fit")
     with vuetify3.VRow(v_show="has_fit"):
         with vuetify3.VCol(cols=12, md=6):
-            html.P("Click a cell to see both shapes move.", classes="text-body-2")
+            html.P(
+                "The model has G_f and d_f of this configuration alone, by opt_G and opt_d, eq. (1). Click a cell to "
+                "see both shapes move.",
+                classes="text-body-2",
+            )
             plot("mac", 420, clicked)
             plot("frequencies", 380)
         with vuetify3.VCol(cols=12, md=6):
