@@ -300,7 +300,7 @@ def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
         rest = shown.locator("button.rest:visible")
         rows = "(table) => [...table.rows].filter((r) => r.getClientRects().length).length"
         if rest.count():
-            table = rest.first.locator("xpath=preceding-sibling::table[1]")
+            table = rest.first.locator("xpath=preceding-sibling::table[1]").element_handle()
             assert table.evaluate(rows) == 4  # long tables of cards show the first ones
             more = int(re.search(r"\d+", rest.first.text_content())[0])
             rest.first.click()

@@ -281,10 +281,13 @@ def test_sliders_move_the_model(page, folder):
 def test_fit_these_ends_at_the_numbers_of_the_diagnosis_and_the_sliders_follow(page, folder):
     enter(page, "What if")
     page.wait_for_selector(".slider input", state="attached")
-    page.locator("#effects").click()
-    page.keyboard.type("clamp mass")
-    page.get_by_role("option", name="clamp mass").click()
-    page.keyboard.press("Escape")
+    if (
+        "clamp_added_mass" not in page.locator(".slider").all_text_contents()[-1]
+    ):  # a test before may have chosen it
+        page.locator("#effects").click()
+        page.keyboard.type("clamp mass")
+        page.get_by_role("option", name="clamp mass").click()
+        page.keyboard.press("Escape")
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
     page.locator("#fit-these").click()
     says(page, "#what-if-text", "lamella fit")
