@@ -128,8 +128,12 @@ def test_what_data_say_beside_a_fit_is_what_a_fit_with_it_says():
 
 
 def prediction(frequency, damping=0.1, pull=1.0):
-    nothing = LeftOut(errors={"frequency": np.full(1, np.nan), "damping": np.full(1, np.nan)})
-    mode = LeftOut(errors={"frequency": np.array([frequency]), "damping": np.array([damping])})
+    nothing = LeftOut(
+        errors={"frequency": np.full(1, np.nan), "damping": np.full(1, np.nan)}, state=np.zeros(1)
+    )
+    mode = LeftOut(
+        errors={"frequency": np.array([frequency]), "damping": np.array([damping])}, state=np.zeros(1)
+    )
     return Prediction(mode=mode, state=nothing, pull=pull)
 
 

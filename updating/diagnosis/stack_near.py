@@ -209,7 +209,15 @@ class StackNear:
         self._whole_matrices: list[dict[str, Vector]] = []
         self.mesh: list[Vector | None] = []
         self._inertia: list[Vector] = []
+        first: dict[tuple[float, ...], int] = {}
         for c, theta in enumerate(thetas):
+            alike = first.setdefault(tuple(theta.values()), c)
+            if alike < c:  # such as another stack at the same torque
+                if c < n_state:
+                    self._whole_matrices.append(self._whole_matrices[alike])
+                    self.mesh.append(self.mesh[alike])
+                    self._inertia.append(self._inertia[alike])
+                continue
             stiffness, mass = (whole.equations.matrix(t, theta) for t in ("K", "M"))
             value, vector = la.eigh(stiffness, mass)
             floor = value[value > whole.rigid][0]
@@ -309,7 +317,7 @@ class StackNear:
         for i, name in enumerate(self.sized, len(self.near)):
             for c, theta in enumerate(thetas):
                 for target, change in self.whole.dimension(name, theta).items():
-                    self.linear[target][c, i] = self.basis.T @ change @ self.basis
+                    self.linear[target][c, i] = project(change)
         for c, finer in enumerate(self.mesh):
             if finer is not None:
                 forces = self.basis.T @ self._inertia[c]

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from updating.inference.discrepancy import SizePrior
 from updating.inference.explain import Explanation
 from updating.inference.levels import INADEQUATE, NAMED, PULLED, SEPARATE
-from updating.inference.search import Search, better
+from updating.inference.search import Search
+
+_USUAL = 25  # coordinates of the base model of one stack
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
@@ -58,10 +60,14 @@ def decide(found: Search) -> Decision:
 
 
 def _pulled(found: Search) -> bool:
-    """Tell whether the base model pulls a prior far that no term could widen: where one could, odds have decided."""
+    """Tell whether the base model pulls a prior far that no term could widen: where one could, odds have decided.
+
+    Of more coordinates than one stack has some are pulled farther by chance.
+    """
     base = found.base
+    far = -float(ndtri(ndtr(-PULLED) * min(1.0, _USUAL / base.n_nuisance)))
     return any(
-        abs(x) > PULLED * c.std
+        abs(x) > far * c.std
         for c, x in zip(base.coordinates[: base.n_nuisance], base.x, strict=False)
         if c.name not in found.freed
     )
@@ -96,7 +102,7 @@ def _left(found: Search) -> tuple[Explanation, ...]:
         and 0 < len(f.terms) <= len(own.terms)
         and found.odds(f) > NAMED
         and found.odds(own) - found.odds(f) < SEPARATE
-        and better(found.prediction(f), found.prediction(base))
+        and found.helps(f, base)
         and not set(f.terms) < set(own.terms)
     ]
     kept = [f for f in near if not any(set(g.terms) < set(f.terms) for g in (*near, own))]

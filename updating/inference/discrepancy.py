@@ -10,7 +10,7 @@ share is common to states that lie in the same part of the tree. Damping is pert
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -47,6 +47,12 @@ class SizePrior:
         """Points, (n,), evenly spaced in the logarithm."""
         return np.geomspace(self.lowest, self.highest, self.n)
 
+    def near(self, size: float, width: float, n: int) -> SizePrior:
+        """Return the same prior on a grid of `n` points about a size, `width` of the logarithm to either side."""
+        if self.n == 1:
+            return self
+        return replace(self, lowest=size * np.exp(-width), highest=size * np.exp(width), n=n)
+
     def quantile(self, share: float) -> float:
         """Return the size that is not exceeded with some probability."""
         return float(self.median * np.exp(self.spread * ndtri(share)))
@@ -55,6 +61,13 @@ class SizePrior:
     def exactly(cls, size: float) -> SizePrior:
         """Return the prior of a size that is known."""
         return cls(median=size, spread=0.0, lowest=size, highest=size, n=1)
+
+    def log_density_at(self, size: float) -> float:
+        """Return the logarithm of the density of the logarithm of a size; 0 where the size is known."""
+        if self.n == 1:
+            return 0.0
+        away = float(np.log(size / self.median)) / self.spread
+        return -0.5 * away**2 - float(np.log(self.spread * np.sqrt(2.0 * np.pi)))
 
     @property
     def log_density(self) -> Vector:
@@ -72,6 +85,50 @@ STIFFNESS = SizePrior(median=0.004, spread=SPREAD, lowest=3e-4, highest=0.1, n=1
 """Of equation errors: models of laminated stacks and plates that lack nothing leave 0.1 to 1 % of an eigenvalue."""
 DAMPING = SizePrior(median=0.1, spread=SPREAD, lowest=4e-3, highest=1.2, n=10)
 """Of the logarithm of a damping ratio: 2 to 50 %; the damping of reassembled stacks repeats to some 10 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Errors over their covariance, all that a fit asks of them.
+
+    Attributes
+    ----------
+    misfit : float
+        Their square.
+    slope, hessian : (n_coordinate,) and (n_coordinate, n_coordinate) float
+        Half its gradient by the coordinates, and Gauss and Newton's half of its Hessian.
+    log : float
+        Half the logarithm of the determinant of the covariance.
+    """
+
+    misfit: float
+    slope: Vector
+    hessian: Vector
+    log: float
+
+    def __add__(self, other: Weighed) -> Weighed:
+        """Return both together, for errors that have nothing in common."""
+        return Weighed(
+            self.misfit + other.misfit,
+            self.slope + other.slope,
+            self.hessian + other.hessian,
+            self.log + other.log,
+        )
+
+    @classmethod
+    def nothing(cls, n: int) -> Weighed:
+        """Return what no errors say of `n` coordinates."""
+        return cls(0.0, np.zeros(n), np.zeros((n, n)), 0.0)
+
+    @classmethod
+    def of(cls, value: Vector, jacobian: Vector, covariance: Vector) -> Weighed:
+        """Return errors (N,) with derivatives (N, n_coordinate) over a covariance (N, N)."""
+        root = la.cholesky(covariance, lower=True, check_finite=False)
+        white = la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True, check_finite=False)
+        product = white.T @ white
+        return cls(
+            float(product[0, 0]), product[1:, 0], product[1:, 1:], float(np.sum(np.log(np.diag(root))))
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,6 +160,11 @@ class Problem:
     log_map: float
     slope: Vector
     curvature: Vector
+
+    def weighed(self, sizes: Sizes) -> Weighed:
+        """Return misfit and derivatives over noise and a discrepancy of given sizes."""
+        value, jacobian, log = whitened(self, sizes)
+        return Weighed(float(value @ value), jacobian.T @ value, jacobian.T @ jacobian, log)
 
 
 def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> Vector:
@@ -263,17 +325,20 @@ class Evidence:
         The likeliest sizes.
     probability : (n_stiffness, n_damping) float
         Posterior probability of the sizes of the two grids.
+    grids : (SizePrior, SizePrior), optional
+        These, where they are not those of the priors.
     """
 
     log: float
     sizes: Sizes
     probability: Vector
+    grids: tuple[SizePrior, SizePrior] | None = None
 
     def moments(self, priors: tuple[SizePrior, SizePrior]) -> tuple[Sizes, Sizes]:
         """Return the posterior medians of the sizes, and the standard deviations of their logarithms."""
         found = []
         for prior, chance in zip(
-            priors, (self.probability.sum(axis=1), self.probability.sum(axis=0)), strict=True
+            self.grids or priors, (self.probability.sum(axis=1), self.probability.sum(axis=0)), strict=True
         ):
             mean = float(np.log(prior.grid) @ chance)
             found.append(

@@ -53,6 +53,15 @@ class Errors:
         The model's, as each measured mode meets them.
     shape : (n_basis, m) float
         The model's modes, as `Modal` has them.
+    touched : (n_coordinate,) int, optional
+        Which coordinates of the fit these are, where a state depends on a few of many.
+    log_gap, log_stretch : (n, m) float
+        Derivatives by the model's eigenvalues of the logarithms of what each coordinate is multiplied by to give e,
+        where shapes and not what is possible beforehand tell it, and of the last factor of the map from lambda_r to e.
+    eigenvalue_jacobian : (m, n_coordinate) float
+        Derivatives of the model's eigenvalues.
+    frequency_noise : (n, m) float
+        What of the diagonal of `noise` is that of frequencies.
     """
 
     value: Vector
@@ -68,6 +77,30 @@ class Errors:
     eigenvalue: Vector
     modelled: Vector
     shape: Vector
+    log_gap: Vector
+    log_stretch: Vector
+    eigenvalue_jacobian: Vector
+    frequency_noise: Vector
+    touched: NDArray[np.intp] | None = None
+
+    def scatter_slope(self, covariance: Vector) -> Vector:
+        """Return what the gradient of the cost has beside that of given scatter, (n_coordinate,).
+
+        The normalisation of the density depends on the model, and so does the part of the scatter that is due to
+        shapes: it follows the factor by which a coordinate is multiplied to give an error.
+
+        Parameters
+        ----------
+        covariance : (n m, n m) float
+            Of the errors in all.
+        """
+        root = la.cholesky(covariance, lower=True, check_finite=False)
+        of_shapes = la.block_diag(*self.noise) - np.diag(self.frequency_noise.ravel())
+        share = np.diag(la.cho_solve((root, True), of_shapes, check_finite=False))
+        pull = la.cho_solve((root, True), self.value.ravel(), check_finite=False)
+        share = np.clip(share, 0.0, 1.0) - pull * (of_shapes @ pull)
+        by_gap = (share - 1.0).reshape(self.value.shape) * self.log_gap
+        return np.asarray(np.sum(by_gap - self.log_stretch, axis=0) @ self.eigenvalue_jacobian)
 
     @property
     def frequency(self) -> Vector:
@@ -142,26 +175,18 @@ def equation_errors(
         Relative standard deviation of a damping ratio that no identification is better than.
     """
     m, n = modal.eigenvalue.size, state.frequency.size
+    n_coordinate = n_coordinate if modal.touched is None else modal.touched.size
     lam, omega = (2.0 * np.pi * state.frequency) ** 2, 2.0 * np.pi * state.frequency
     gap, scale = _gaps(modal, omega)
 
     gram, seen = modal.rows.T @ modal.rows, (modal.rows.T @ state.shape).T  # (m, m), (n, m)
     length = np.linalg.norm(la.lstsq(modal.rows, state.shape, cond=1e-3)[0], axis=0)  # alpha
 
-    def coordinates(width: float) -> tuple[Vector, Vector, Vector]:
-        """Return a, its inverse covariance and covariance where equation errors have a standard deviation."""
-        prior = np.clip(width / np.abs(gap), 0.02, 3.0) ** -2.0
-        sure = (length / noise) ** 2
-        inverse = gram * sure[:, None, None] + prior[:, :, None] * np.eye(m)
-        covariance = np.linalg.inv(inverse)
-        a = np.einsum("rij,rj->ri", covariance, seen) * (length / noise**2)[:, None]
-        return a, inverse, covariance
-
     for _ in range(2):
-        weight, _, _ = coordinates(usual)
+        weight, _, _ = _coordinates(gram, seen, length, noise, gap, usual)
         size = np.linalg.norm(weight, axis=1)
         length, weight = length * size, weight / size[:, None]
-    a, inverse, covariance = coordinates(wide)
+    a, inverse, covariance = _coordinates(gram, seen, length, noise, gap, wide)
 
     value = gap * a
     of_noise = gap[:, :, None] * covariance * gap[:, None, :]
@@ -190,6 +215,8 @@ def equation_errors(
         + 0.5 * np.sum(np.linalg.slogdet(covariance)[1] - misfit)
     )
 
+    held = np.einsum("rss->rs", covariance) * np.clip(wide / np.abs(gap), 0.02, 3.0) ** -2.0
+    log_gap, log_stretch, eigenvalue_jacobian = _map_slopes(modal, weight, gap * scale, n_coordinate)
     loss, damping_jacobian = _loss(state, modal, weight, n_coordinate)
     errors = Errors(
         value=value,
@@ -205,6 +232,11 @@ def equation_errors(
         eigenvalue=lam,
         modelled=_met(modal, n),
         shape=modal.shape,
+        touched=modal.touched,
+        log_gap=(1.0 - np.clip(held, 0.0, 1.0)) * log_gap,
+        log_stretch=log_stretch,
+        eigenvalue_jacobian=eigenvalue_jacobian,
+        frequency_noise=frequency_variance[:, None] * weight**2,
     )
     return apart_from(errors, old=(), new=apart, wide=wide)
 
@@ -240,6 +272,37 @@ def _met(modal: Modal, n: int) -> Vector:
     if modal.of_mode is not None:
         found[:, modal.n_rigid :] += np.einsum("rii->ri", modal.of_mode)[:, modal.n_rigid :]
     return found
+
+
+def _coordinates(
+    gram: Vector, seen: Vector, length: Vector, noise: Vector, gap: Vector, width: float
+) -> tuple[Vector, Vector, Vector]:
+    """Return a, its inverse covariance and covariance where equation errors have a standard deviation `width`."""
+    prior = np.clip(width / np.abs(gap), 0.02, 3.0) ** -2.0
+    sure = (length / noise) ** 2
+    inverse = gram * sure[:, None, None] + prior[:, :, None] * np.eye(len(gram))
+    covariance = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
+    a = np.einsum("rij,rj->ri", covariance, seen) * (length / noise**2)[:, None]
+    return a, inverse, covariance
+
+
+def _map_slopes(
+    modal: Modal, weight: Vector, apart: Vector, n_coordinate: int
+) -> tuple[Vector, Vector, Vector]:
+    """Return derivatives by eigenvalues of logarithms of the map's factors, (n, m) each, and those of eigenvalues.
+
+    `apart` (n, m) are the differences of measured and modelled eigenvalues.
+    """
+    m = modal.eigenvalue.size
+    elastic = np.arange(m) >= modal.n_rigid
+    log_gap = np.where(elastic, -1.0 / apart - 0.5 / np.where(elastic, modal.eigenvalue, 1.0), 0.0)
+    along = weight**2 / apart
+    log_stretch = np.where(elastic, along / apart / np.sum(along, axis=1)[:, None], 0.0)
+    jacobian = np.zeros((m, n_coordinate))
+    if modal.moves.size:
+        own = np.einsum("qss->sq", modal.stiffness)
+        jacobian[:, modal.moves] = own - modal.eigenvalue[:, None] * np.einsum("qss->sq", modal.mass)
+    return log_gap, log_stretch, jacobian
 
 
 def _gaps(modal: Modal, omega: Vector) -> tuple[Vector, Vector]:

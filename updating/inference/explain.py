@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import scipy.linalg as la
@@ -20,15 +21,17 @@ from updating.inference.discrepancy import (
     SizePrior,
     Sizes,
     Spectrum,
+    Weighed,
     evidence,
     joined,
     shared_levels,
     spectrum,
-    whitened,
 )
 from updating.inference.equation_error import Errors, apart_from, equation_errors, shape_noise
 from updating.inference.levels import STRANGE
 from updating.inference.protocol import Coordinate, LocalModel, Model, Term
+from updating.inference.tree import Tree, TreeProblem, tree_problem
+from updating.inference.tree_evidence import tree_evidence
 
 Vector = NDArray[np.float64]
 
@@ -49,12 +52,24 @@ class Setting:
         Of its sizes: of equation errors, and of logarithms of damping ratios.
     apart : frozenset of (int, int)
         Measured modes, by state and number, with which a fit begins as none of the model's.
+    tree : Tree, optional
+        The same shares as a tree, by which many states are solved.
+    loose : float
+        What the rise of the evidence and the fall of the cost that end a fit are multiplied by.
     """
 
     noise: tuple[Vector, ...]
     common: Vector
     priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)
     apart: frozenset[tuple[int, int]] = frozenset()
+    tree: Tree | None = None
+    loose: float = 1.0
+
+    def join(self, errors: Sequence[Errors], n_coordinate: int) -> Problem | TreeProblem:
+        """Join the errors of all states."""
+        if self.tree is None:
+            return joined(errors, self.common)
+        return tree_problem(errors, self.tree, n_coordinate)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -156,12 +171,9 @@ class _Cost:
     precision: Vector
     sizes: Sizes
 
-    def whitened(self, problem: Problem) -> tuple[Vector, Vector, float]:
-        value, jacobian, log = whitened(problem, self.sizes)
-        return value, jacobian, log - problem.log_map
-
-    def total(self, white: tuple[Vector, Vector, float], x: Vector) -> float:
-        return 0.5 * float(white[0] @ white[0] + np.sum(self.precision * x**2)) + white[2]
+    def total(self, problem: Problem | TreeProblem, weighed: Weighed, x: Vector) -> float:
+        prior = float(np.sum(self.precision * x**2))
+        return 0.5 * (weighed.misfit + prior) + weighed.log - problem.log_map
 
 
 def explain(
@@ -227,6 +239,8 @@ def _otherwise(
 
     More: the mode that the others predict worst, if the square of its error is `suspicious` times what is expected.
     """
+    if isinstance(own.problem, TreeProblem):  # of many states, no mode is taken apart yet
+        return None
     precision = np.array([c.std**-2.0 for c in own.coordinates])
     log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
     m = own.errors[0].value.shape[1]
@@ -249,7 +263,8 @@ def _otherwise(
             for c, e in enumerate(own.errors)
         )
         problem = joined(errors, setting.common)
-        log = _evidence(problem, own.x, precision, log_prior + _surprise(apart), setting.priors)[0].log
+        prior = log_prior + _surprise(apart)
+        log = _evidence(problem, own.x, precision, prior, setting.priors, own.evidence.sizes)[0].log
         if log > best:
             best, found = log, apart
     return found
@@ -309,54 +324,65 @@ def converged(
     log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + _surprise(setting.apart)
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
+    at_end: LocalModel | None = None
     here, made, near = local, x, np.array([c.step for c in coordinates])
     for _ in range(rounds):
         if here is None or (local is None and np.any(np.abs(x - made) > near)):
             here, made = model.about(coordinates, [x]), x
-        errors = errors_at(model, here, setting, x)
-        problem = joined(errors, setting.common)
-        if best is not None:
-            sizes = _evidence(problem, x, precision, log_prior, setting.priors)[0].sizes
+        errors, problem, white = _weighed_at(model, here, setting, x, sizes)
+        if best is not None and here is not at_end:  # the model is another
+            sizes = _evidence(problem, x, precision, log_prior, setting.priors, sizes)[0].sizes
+            white = problem.weighed(sizes)
         cost = _Cost(precision, sizes)
-        white = cost.whitened(problem)
-        at, damp = cost.total(white, x), 1e-3
+        at, damp = cost.total(problem, white, x), 1e-3
         for _ in range(steps):
             after = np.inf
+            slope, hessian = _newton(white, problem, x, precision)
+            if isinstance(problem, TreeProblem):
+                slope = slope + problem.scatter_slope(sizes.stiffness)
             while after >= at and damp < _STUCK:
-                trial = step_within(*_newton(white, problem, x, precision), x, coordinates, damp=damp)
+                trial = step_within(slope, hessian, x, coordinates, damp=damp)
                 try:
-                    trial_errors = errors_at(model, here, setting, trial)
-                    trial_problem = joined(trial_errors, setting.common)
-                    trial_white = cost.whitened(trial_problem)
-                    after = cost.total(trial_white, trial)
+                    tried = _weighed_at(model, here, setting, trial, sizes)
+                    after = cost.total(tried[1], tried[2], trial)
                 except (np.linalg.LinAlgError, ValueError):  # the model has no modes there: step less far
                     after = np.inf
                 damp = damp if after < at else max(8.0 * damp, 1e-2)
             if after >= at:
                 break
             fall = at - after
-            x, errors, problem, white = trial, trial_errors, trial_problem, trial_white
+            x, (errors, problem, white) = trial, tried
             at, damp = after, damp / 5.0
-            if fall < small:
+            if fall < small * setting.loose:
                 break
-        found, spectra = _evidence(problem, x, precision, log_prior, setting.priors)
+        found, std = _evidence(problem, x, precision, log_prior, setting.priors, sizes)
         gain = np.inf if best is None else abs(found.log - best.log_evidence)
         best = Explanation(
             terms=tuple(term.name for term in terms),
             coordinates=coordinates,
             n_nuisance=len(model.nuisances),
             x=x,
-            std=_std(spectra, found, problem, x, precision, setting.priors),
+            std=std,
             at_bound=(x <= lower + 1e-9) | (x >= upper - 1e-9),
             evidence=found,
             errors=errors,
-            problem=problem,
+            problem=cast(Problem, problem),  # one on a tree answers what is asked of many states
             apart=setting.apart,
         )
-        if gain < settled:
+        at_end, sizes = here, found.sizes
+        if gain < settled * setting.loose:
             break
     assert best is not None
     return best
+
+
+def _weighed_at(
+    model: Model, local: LocalModel, setting: Setting, x: Vector, sizes: Sizes
+) -> tuple[tuple[Errors, ...], Problem | TreeProblem, Weighed]:
+    """Return the errors of all states at coordinates, joined, and over their covariance."""
+    errors = errors_at(model, local, setting, x)
+    problem = setting.join(errors, x.size)
+    return errors, problem, problem.weighed(sizes)
 
 
 def outlook(
@@ -383,27 +409,32 @@ def outlook(
     """
     coordinates = coordinates_of(model, terms)
     precision = np.array([c.std**-2.0 for c in coordinates])
-    problem = joined(errors_at(model, local, setting, x), setting.common)
+    problem = setting.join(errors_at(model, local, setting, x), x.size)
     cost = _Cost(precision, sizes)
-    white = cost.whitened(problem)
+    white = problem.weighed(sizes)
     slope, hessian = _newton(white, problem, x, precision)
     to = step_within(slope, hessian, x, coordinates, damp=1e-3)
     step = to - x
-    return -cost.total(white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
+    return -cost.total(problem, white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
 
 
 def _evidence(
-    problem: Problem,
+    problem: Problem | TreeProblem,
     x: Vector,
     precision: Vector,
     log_prior: float,
     priors: tuple[SizePrior, SizePrior],
-) -> tuple[Evidence, tuple[Spectrum, Spectrum]]:
+    sizes: Sizes,
+) -> tuple[Evidence, Vector]:
+    """Return the evidence, and the standard deviations of the coordinates; `sizes` are near the likeliest."""
+    if isinstance(problem, TreeProblem):
+        return tree_evidence(problem, x, precision, log_prior, priors, sizes)
     stiffness = spectrum(problem.value, problem.jacobian, problem.noise, problem.discrepancy)
     damping = spectrum(
         problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy
     )
-    return evidence(stiffness, damping, problem, x, precision, log_prior, priors), (stiffness, damping)
+    found = evidence(stiffness, damping, problem, x, precision, log_prior, priors)
+    return found, _std((stiffness, damping), found, problem, x, precision, priors)
 
 
 def step_within(
@@ -433,12 +464,11 @@ def step_within(
 
 
 def _newton(
-    white: tuple[Vector, Vector, float], problem: Problem, x: Vector, precision: Vector
+    white: Weighed, problem: Problem | TreeProblem, x: Vector, precision: Vector
 ) -> tuple[Vector, Vector]:
     """Return the gradient of the cost and Gauss and Newton's approximation of its Hessian."""
-    value, jacobian, _ = white
-    hessian = jacobian.T @ jacobian + np.diag(precision) + problem.curvature
-    return jacobian.T @ value + precision * x + problem.slope, hessian
+    hessian = white.hessian + np.diag(precision) + problem.curvature
+    return white.slope + precision * x + problem.slope, hessian
 
 
 def _std(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,10 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from updating.inference.algebra import scaled_solve
+from updating.inference.discrepancy import Problem
 from updating.inference.explain import Explanation
+from updating.inference.tree import TreeProblem
+from updating.inference.tree_left_out import tree_left_out
 
 Vector = NDArray[np.float64]
 
@@ -28,9 +31,19 @@ class LeftOut:
     errors : mapping of "frequency" or "damping" to (n,) float
         Of natural frequencies and of damping ratios, by measured mode; NaN where nothing is predicted, and of modes
         that are taken for none of the model's.
+    state : (n,) int
+        The state of each.
     """
 
     errors: Mapping[Kind, Vector]
+    state: NDArray[np.intp]
+
+    def among(self, states: Sequence[int] | None) -> LeftOut:
+        """Return the errors of some states alone; of all where none are named."""
+        if states is None:
+            return self
+        here = np.isin(self.state, list(states))
+        return replace(self, errors={kind: np.where(here, own, np.nan) for kind, own in self.errors.items()})
 
     @property
     def frequency(self) -> float:
@@ -53,7 +66,11 @@ class LeftOut:
 
 
 def left_out(
-    own: Explanation, by: Literal["mode", "state"] = "mode", *, near: float = 0.3, alike: float = 0.5
+    own: Explanation,
+    by: Literal["mode", "state", "specimen"] = "mode",
+    *,
+    near: float = 0.3,
+    alike: float = 0.5,
 ) -> LeftOut:
     """Predict each mode of the structure, in all states at once, or each state, from all other data.
 
@@ -63,13 +80,19 @@ def left_out(
     ----------
     own : Explanation
         A fit.
-    by : "mode" or "state"
-        What is left out at a time.
+    by : "mode", "state" or "specimen"
+        What is left out at a time; specimens where there are several.
     near, alike : float
         Difference of the logarithm of eigenvalues, and cosine between modal coordinates, within which two measured
         modes of different states are one of the structure.
     """
     problem, sizes = own.problem, own.evidence.sizes
+    if isinstance(problem, TreeProblem):
+        precision = np.array([c.std**-2.0 for c in own.coordinates])
+        both = (sizes.stiffness, sizes.damping)
+        found = tree_left_out(own.errors, problem, both, own.x, precision, ~own.at_bound, by, own.n_nuisance)
+        state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(own.errors)])
+        return LeftOut(errors={"frequency": found[0], "damping": found[1]}, state=state)
     m = own.errors[0].value.shape[1]
     state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(own.errors)])
     weight = np.vstack([e.weight @ (own.errors[0].shape.T @ e.shape).T for e in own.errors])
@@ -90,7 +113,7 @@ def left_out(
             out[r] = True
         if out.all():
             nothing = np.full(state.size, np.nan)
-            return LeftOut(errors={"frequency": nothing, "damping": nothing})
+            return LeftOut(errors={"frequency": nothing, "damping": nothing}, state=state)
         if r in strange:
             continue
         step = _step_without(own, out, m, covariance, of_damping, precision, damped)
@@ -99,7 +122,7 @@ def left_out(
         if damped[r]:
             i = int(np.count_nonzero(damped[:r]))
             damping[r] = float(problem.damping[i] + problem.damping_jacobian[i] @ step)
-    return LeftOut(errors={"frequency": frequency, "damping": damping})
+    return LeftOut(errors={"frequency": frequency, "damping": damping}, state=state)
 
 
 def _step_without(
@@ -113,6 +136,7 @@ def _step_without(
 ) -> Vector:
     """Return the step of the coordinates that the errors of all other modes ask for, (n_coordinate,)."""
     problem = own.problem
+    assert isinstance(problem, Problem)
     hessian, slope = np.diag(precision), precision * own.x
     for value, jacobian, matrix, keep in (
         (problem.value, problem.jacobian, covariance, ~np.repeat(out, m)),

@@ -84,11 +84,17 @@ class Term:
         Its own coordinates; none where it only frees nuisances.
     frees : mapping of str to float
         Nuisances whose prior it widens, with their standard deviation then.
+    log_prior : float, optional
+        Logarithm of its probability before anything was measured; by default all terms of a model are as probable.
+    states : tuple of int, optional
+        The states that it changes; all by default.
     """
 
     name: str
     coordinates: tuple[Coordinate, ...] = ()
     frees: Mapping[str, float] = field(default_factory=dict)
+    log_prior: float | None = None
+    states: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -130,6 +136,9 @@ class Modal:
         amplitude.
     of_mode_moves, of_mode_change : (s,) int and (s, n_measured, m, m) float
         Coordinates on which it depends, and its derivatives.
+    touched : (n_own,) int, optional
+        The coordinates of the fit that this state depends on, where these are a few of many: `moves`, `damps`, `looks`
+        and `of_mode_moves` count among them.
     """
 
     eigenvalue: Vector
@@ -151,6 +160,7 @@ class Modal:
     of_mode: Vector | None = None
     of_mode_moves: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     of_mode_change: Vector = field(default_factory=lambda: np.zeros(0))
+    touched: NDArray[np.intp] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -7,6 +7,7 @@ import itertools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,10 @@ class Prediction:
     state: LeftOut
     pull: float
 
+    def among(self, states: Sequence[int] | None) -> Prediction:
+        """Return the same of some states alone; of all by default."""
+        return replace(self, mode=self.mode.among(states), state=self.state.among(states))
+
 
 @dataclass(frozen=True, eq=False)
 class Search:
@@ -67,21 +72,24 @@ class Search:
     ----------
     setting : Setting
         What their fits share.
-    n_term : int
-        Number of terms that could be missing.
+    priors : mapping of str to float
+        Logarithms of the probabilities of the terms that could be missing, before anything was measured.
     freed : frozenset of str
         Nuisances whose prior some term widens.
     fitted : mapping of frozenset of str to Explanation
         By their terms; the base model has none.
     chosen : Explanation
         The last of the way from the base model on which every step is told apart and predicts better.
+    states : mapping of str to tuple of int or None
+        The states that each term changes; all where it is None or not there.
     """
 
     setting: Setting
-    n_term: int
+    priors: Mapping[str, float]
     freed: frozenset[str]
     fitted: Mapping[frozenset[str], Explanation]
     chosen: Explanation
+    states: Mapping[str, tuple[int, ...] | None] = field(default_factory=dict)
     _seen: dict[int, Prediction] = field(default_factory=dict, repr=False)
 
     @property
@@ -91,12 +99,30 @@ class Search:
 
     def odds(self, own: Explanation) -> float:
         """Return the logarithm of the posterior odds against the base model."""
-        prior = len(own.terms) * float(np.log(MISSING / self.n_term))
+        prior = sum(self.priors[name] for name in own.terms)
         return own.log_evidence - self.base.log_evidence + prior
+
+    def helps(self, new: Explanation, old: Explanation) -> bool:
+        """Tell whether an explanation predicts better than another, see `better`, the states that its terms change."""
+        among = _changed(self.states, new, old)
+        return better(self.prediction(new).among(among), self.prediction(old).among(among))
 
     def prediction(self, own: Explanation) -> Prediction:
         """Return how an explanation predicts what is left out."""
         return predicted(own, self._seen)
+
+
+def _changed(
+    states: Mapping[str, tuple[int, ...] | None], new: Explanation, old: Explanation
+) -> tuple[int, ...] | None:
+    """Return the states that terms change which one of two explanations has alone; None of all."""
+    found = set[int]()
+    for name in set(new.terms) ^ set(old.terms):
+        own = states.get(name)
+        if own is None:
+            return None
+        found |= set(own)
+    return tuple(sorted(found)) or None
 
 
 def predicted(own: Explanation, seen: dict[int, Prediction]) -> Prediction:
@@ -180,6 +206,8 @@ def search(
     beside: int = 3,
     deepest: int = 3,
     behind: float = 12.0,
+    extend_by: Callable[..., list[Explanation]] | None = None,
+    sharpen: Callable[..., tuple[Any, Setting, bool]] | None = None,
     say: Callable[[str], None] = _LOG.info,
 ) -> Search:
     """Fit every term alone, then further ones beside the best, and look back for what is no longer needed.
@@ -202,31 +230,43 @@ def search(
         Most terms.
     behind : float
         Logarithm of the odds by which an explanation beside which a further term is looked for may be behind the best.
+    extend_by : callable
+        Fits each further term beside an explanation, and returns the likeliest fits; `extended` by default.
+    sharpen : callable
+        Returns the model, what fits share and whether they are to be made anew, from what is best after the first
+        extension; by default the noise of the shapes is made that beside it.
     say : callable
         Takes progress.
     """
     terms, seen = model.terms, dict[int, Prediction]()
     fitted: dict[frozenset[str], Explanation] = {frozenset(): base}
-    further = float(np.log(len(terms) / MISSING))  # what one more term must overcome of its prior
+    alike = float(np.log(MISSING / len(terms)))
+    priors = {name: alike if t.log_prior is None else t.log_prior for name, t in terms.items()}
+    states = {name: t.states for name, t in terms.items()}
 
     def odds(own: Explanation) -> float:
-        return own.log_evidence - fitted[frozenset()].log_evidence - further * len(own.terms)
+        prior = sum(priors[name] for name in own.terms)
+        return own.log_evidence - fitted[frozenset()].log_evidence + prior
+
+    def helps(new: Explanation, old: Explanation) -> bool:
+        among = _changed(states, new, old)
+        return better(predicted(new, seen).among(among), predicted(old, seen).among(among))
 
     def again(one: Explanation, steps: int = 8) -> Explanation:
         of = [terms[n] for n in one.terms]
         return explain(model, of, replace(common, apart=one.apart), one.x, steps=steps)
 
     def extend(at: Explanation) -> None:
-        further_ones = extended(model, common, at, starts)
+        further_ones = (extend_by or extended)(model, common, at, starts)
         for i, one in enumerate(further_ones[:in_full]):
             near = further_ones[0].log_evidence - one.log_evidence < behind
             if near and frozenset(one.terms) not in fitted:
-                may_matter = i < likeliest or one.log_evidence - at.log_evidence > further - behind / 4.0
+                may_matter = i < likeliest or odds(one) - odds(at) > -behind / 4.0
                 fitted[frozenset(one.terms)] = again(one) if may_matter else one
         say(f"{len(fitted)} explanations fitted")
 
     extend(base)
-    common, refit = _sharpened(model, common, max(fitted.values(), key=odds))
+    model, common, refit = (sharpen or _sharpened)(model, common, max(fitted.values(), key=odds))
     if refit:  # the noise was misfit of the base model: all is compared anew, that where it stands
         fitted = {names: again(f, steps=8 if names else 0) for names, f in fitted.items()}
         base = fitted[frozenset()]
@@ -237,40 +277,34 @@ def search(
     chosen = base
     for depth in range(1, deepest + 1):
         pool = sorted((f for f in fitted.values() if len(f.terms) == depth), key=odds, reverse=True)
-        top = next(
-            (
-                f
-                for f in pool[:in_full]
-                if odds(f) - odds(chosen) > NAMED and better(predicted(f, seen), predicted(chosen, seen))
-            ),
-            None,
-        )
+        rising = (f for f in pool[:in_full] if odds(f) - odds(chosen) > NAMED)
+        top = next((f for f in rising if helps(f, chosen)), None)
         if top is None and depth > 1:
             break
         chosen = top if top is not None else chosen
         if depth == deepest or not pool:
             break
         fewer = max(odds(f) for f in fitted.values() if len(f.terms) < depth)
-        for at in pool[:beside]:
-            if (
-                odds(at) > fewer and odds(pool[0]) - odds(at) < behind
-            ):  # it raises the odds, and is near the best
+        for at in pool[:beside]:  # one that raises the odds, and is near the best
+            if odds(at) > fewer and odds(pool[0]) - odds(at) < behind:
                 extend(at)
     for names in map(frozenset, asked):
         if names and names not in fitted:
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
     freed = frozenset(name for term in terms.values() for name in term.frees)
-    return Search(common, len(terms), freed, fitted, chosen, seen)
+    return Search(common, priors, freed, fitted, chosen, states, seen)
 
 
 def _sharpened(
     model: Model, common: Setting, best: Explanation, *, less: float = 0.7
-) -> tuple[Setting, bool]:
-    """Return the setting with the noise of shapes beside an explanation where that is less, and whether it matters."""
+) -> tuple[Model, Setting, bool]:
+    """Return model and setting, the noise of shapes being that beside an explanation where less, and if it matters."""
     beside = setting(model, model.about(best.coordinates, [best.x]), best.x, shares=(1.0, 0.0, 0.0))
     noise = tuple(np.minimum(*pair) for pair in zip(common.noise, beside.noise, strict=True))
     ratio = np.concatenate(noise) / np.concatenate(common.noise)
-    return (replace(common, noise=noise), True) if np.any(ratio < less) else (common, False)
+    if np.any(ratio < less):
+        return model, replace(common, noise=noise), True
+    return model, common, False
 
 
 def extended(

@@ -1,0 +1,128 @@
+"""How well an explanation of many states predicts what it has not seen: messages on the tree without that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.inference.algebra import scaled_solve
+from updating.inference.equation_error import Errors
+from updating.inference.tree import Passing, TreeProblem
+
+Vector = NDArray[np.float64]
+Without = Mapping[int, NDArray[np.bool_] | None]
+
+
+def tree_left_out(
+    errors: tuple[Errors, ...],
+    problem: TreeProblem,
+    sizes: tuple[float, float],
+    x: Vector,
+    precision: Vector,
+    free: NDArray[np.bool_],
+    by: str,
+    n_nuisance: int,
+) -> Vector:
+    """Predict each mode of the structure in all states at once, each state or each specimen, from all other data.
+
+    Parameters
+    ----------
+    errors, problem, x, precision, free
+        Of a fit: of each state, of all, its coordinates, the precision of their priors, and which of them may step.
+    sizes : (float, float)
+        Of the discrepancies of equation errors and of damping ratios.
+    by : "mode", "state" or "specimen"
+        What is left out at a time. Of a specimen, nuisances of its own are fitted to it: no other tells them.
+    n_nuisance : int
+        Number of coordinates that are of the base model, the first ones.
+
+    Returns
+    -------
+    (2, n) float
+        Errors of frequencies and of damping ratios, by measured mode; NaN where nothing is predicted.
+    """
+    passing = Passing(problem, sizes[0])
+    first = np.cumsum([0, *(len(e.value) for e in errors)])
+    found = np.full((2, int(first[-1])), np.nan)
+    of_state = [np.flatnonzero(problem.damping_at == c) for c in range(len(errors))]
+    seen = [np.flatnonzero(np.isfinite(e.damping)) for e in errors]
+    groups = list(_modes(problem) if by == "mode" else _states(problem, deep=by == "state"))
+    for out in groups:
+        if all(c in out and out[c] is None for c in range(len(errors))):
+            return np.full_like(found, np.nan)
+        damped = np.ones(problem.damping.size, dtype=bool)
+        for c, rows in out.items():
+            gone = slice(None) if rows is None else np.isin(seen[c], _gone(problem, c, rows))
+            damped[of_state[c][gone]] = False
+        own = problem.whole(passing.root(out)) + problem.of_damping(sizes[1], damped)
+        hessian = own.hessian + np.diag(precision + 1e-12)
+        slope = own.slope + precision * x
+        step = np.zeros(x.size)
+        step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
+        if by == "specimen":
+            _own_fitted(step, passing, problem, sizes[1], precision, x, out, n_nuisance)
+        for c, rows in out.items():
+            e, leaf = errors[c], problem.leaves[c]
+            n, m = e.value.shape
+            k = leaf.touched.size
+            value = (leaf.columns[:, 0] + leaf.columns[:, 1 : 1 + k] @ step[leaf.touched]).reshape(n, m)
+            modes = np.arange(n) if rows is None else _gone(problem, c, rows)
+            found[0, first[c] + modes] = (0.5 * np.sum(value * e.weight, axis=1))[modes]
+            there = np.isin(seen[c], modes)
+            which = of_state[c][there]
+            predicted = problem.damping[which] + problem.damping_jacobian[which] @ step
+            found[1, first[c] + seen[c][there]] = predicted
+    return found
+
+
+def _own_fitted(
+    step: Vector,
+    passing: Passing,
+    problem: TreeProblem,
+    size: float,
+    precision: Vector,
+    x: Vector,
+    out: Without,
+    n_nuisance: int,
+) -> None:
+    """Set the steps of nuisances that the states left out have alone to what these ask for, all others being given."""
+    others = {c: None for c in range(len(problem.leaves)) if c not in out}
+    elsewhere = np.unique(np.concatenate([problem.leaves[c].touched for c in others]))
+    here = np.unique(np.concatenate([problem.leaves[c].touched for c in out]))
+    own = np.setdiff1d(here[here < n_nuisance], elsewhere)
+    damped = np.isin(problem.damping_at, list(out))
+    found = problem.whole(passing.root(others)) + problem.of_damping(size, damped)
+    rest = np.setdiff1d(here, own)
+    slope = found.slope[own] + precision[own] * x[own] + found.hessian[np.ix_(own, rest)] @ step[rest]
+    step[own] = -scaled_solve(found.hessian[np.ix_(own, own)] + np.diag(precision[own] + 1e-12), slope)
+
+
+def _gone(problem: TreeProblem, c: int, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the measured modes of a state of which no error is kept."""
+    return np.setdiff1d(problem.leaves[c].mode, problem.leaves[c].mode[kept]).astype(np.intp)
+
+
+def _states(problem: TreeProblem, *, deep: bool) -> Iterator[Without]:
+    """Yield each state alone, or the states of each specimen."""
+    paths = problem.tree.paths
+    for node in dict.fromkeys(path if deep else path[:-1] for path in paths):
+        yield {c: None for c, path in enumerate(paths) if path[: len(node)] == node}
+
+
+def _modes(problem: TreeProblem, *, alike: float = 0.7) -> Iterator[Without]:
+    """Yield the errors that are kept where one mode of the structure is left out of all states that have it."""
+    left = [set(range(len(own))) for own in problem.turned]
+    unit = [own / np.linalg.norm(own, axis=1, keepdims=True) for own in problem.turned]
+    for c in range(len(unit)):
+        while left[c]:
+            first = unit[c][min(left[c])]
+            out: dict[int, NDArray[np.bool_] | None] = {}
+            for d in range(c, len(unit)):
+                same = [r for r in left[d] if abs(unit[d][r] @ first) > alike]
+                if same:
+                    best = max(same, key=lambda r, d=d: abs(unit[d][r] @ first))  # type: ignore[misc]  # bound now
+                    left[d].discard(best)
+                    out[d] = problem.leaves[d].mode != best
+            yield out
