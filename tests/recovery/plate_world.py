@@ -33,9 +33,16 @@ class Edge:
 
 
 def plate_modes(
-    n_mode: int, edge: Edge | None, places: Array, mesh: tuple[int, int] = (6, 4)
+    n_mode: int,
+    edge: Edge | None,
+    places: Array,
+    mesh: tuple[int, int] = (6, 4),
+    mass: tuple[float, float, float] | None = None,
 ) -> tuple[Array, Array]:
-    """Return frequencies (n_mode,), Hz, and deflections (n_place, n_mode) at places (n_place, 2), m."""
+    """Return frequencies (n_mode,), Hz, and deflections (n_place, n_mode) at places (n_place, 2), m.
+
+    `mass` adds so many kg at a place, as (x, y, kg).
+    """
     grid = skfem.MeshTri.init_tensor(
         np.linspace(0.0, LENGTH, mesh[0] + 1), np.linspace(0.0, WIDTH, mesh[1] + 1)
     )
@@ -64,9 +71,11 @@ def plate_modes(
 
         stiffness = stiffness + skfem.asm(springs, held)
     first = 3 if edge is None else 0
-    values, vectors = la.eigh(
-        stiffness.toarray(), skfem.asm(inertia, basis).toarray(), subset_by_index=[first, first + n_mode - 1]
-    )
+    heavy = skfem.asm(inertia, basis).toarray()
+    if mass is not None:
+        row = basis.probes(np.array([[mass[0] + LENGTH / 2.0], [mass[1] + WIDTH / 2.0]])).toarray()
+        heavy += mass[2] * row.T @ row
+    values, vectors = la.eigh(stiffness.toarray(), heavy, subset_by_index=[first, first + n_mode - 1])
     inside = np.clip(
         places.T + np.array([[LENGTH], [WIDTH]]) / 2.0, 1e-9, np.array([[LENGTH], [WIDTH]]) - 1e-9
     )
@@ -80,10 +89,16 @@ def grid_of_points(n_x: int = 7, n_y: int = 5) -> Array:
     return np.array([(a, b) for a in x for b in y])
 
 
-def measured(edge: Edge | None, n_mode: int = 10, seed: int = 0, damping: float = 2e-3) -> ModalModel:
+def measured(
+    edge: Edge | None,
+    n_mode: int = 10,
+    seed: int = 0,
+    damping: float = 2e-3,
+    mass: tuple[float, float, float] | None = None,
+) -> ModalModel:
     """Return what a test of the plate identifies, with noise."""
     places = grid_of_points()
-    frequency, deflection = plate_modes(n_mode, edge, places)
+    frequency, deflection = plate_modes(n_mode, edge, places, mass=mass)
     random, n = np.random.default_rng(seed), len(places)
     largest = np.abs(deflection).max(axis=0)
     frequency = frequency * (1.0 + FREQUENCY_STD * random.standard_normal(n_mode))

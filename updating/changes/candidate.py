@@ -135,6 +135,8 @@ class Kind:
         Whether it sits at one location; otherwise it is all over.
     on_plan : bool
         Whether that location may be anywhere on the plan; otherwise it is a clamp or an edge.
+    splits : bool
+        Whether it makes two modes of one, so that a state without a further mode cannot have it.
     """
 
     name: str
@@ -146,6 +148,7 @@ class Kind:
     value: Callable[[Candidates, Vector], Vector]
     local: bool = True
     on_plan: bool = True
+    splits: bool = False
 
 
 def amplitude(candidates: Candidates, found: Vector) -> Vector:  # noqa: ARG001

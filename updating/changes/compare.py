@@ -81,6 +81,9 @@ def what_changed(
     stack = reference.candidates.stack
     every = kinds() if known is None else known
     impossible = {kind.name: why for kind in every if (why := kind.why_not(stack)) is not None}
+    if np.isfinite(at.shift).all():
+        no_split = "it splits a mode in two, and this state has no further mode"
+        impossible |= {kind.name: no_split for kind in every if kind.splits}
     median = _scatter(at, stated)
     shift = at.shift[np.isfinite(at.shift)]
     at.idealised = IDEAL * 2.0 * float(np.sqrt(np.mean(shift**2))) if shift.size else 0.0

@@ -35,4 +35,5 @@ KIND = Kind(
     why_not=always,
     candidates=candidates,
     value=amplitude,
+    splits=True,
 )
