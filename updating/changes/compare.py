@@ -308,7 +308,10 @@ def _made(at: Situation, own: _Tried) -> Vector:
     """Return the shifts of the logarithms of frequencies that the likeliest candidate makes."""
     g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
     change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
-    return np.asarray(np.arcsinh(-0.5 * np.einsum("nm,nm->n", change, at.ours.weight)))
+    work = (
+        np.einsum("nm,nm,nm->n", change, at.ours.scale, at.ours.weight) / at.ours.eigenvalue
+    )  # Rayleigh's quotient
+    return np.asarray(np.arcsinh(-0.5 * work))
 
 
 def _explained(own: _Tried, misfit: Vector, n: int) -> float:
