@@ -81,10 +81,9 @@ def test_edited_modes_are_an_error_of_a_report(results):
         read_results(out)
     remarks = read_results(out, keep=True).remarks
     assert (
-        remarks[0]
-        == "C1/modal_model.json was changed after it was written, and is used all the same (--keep)."
+        "C1/modal_model.json was changed after it was written, and is used all the same (--keep)." in remarks
     )
-    assert remarks[1].startswith("C1/fit.json comes from another modal_model.json than is here")
+    assert any(r.startswith("C1/fit.json comes from another modal_model.json than is here") for r in remarks)
 
 
 FILES = ["quality.json", "modes.json", "fit.json", "modal_model.json", "measurement.npz"]
@@ -154,7 +153,10 @@ def test_every_document_says_what_it_is_and_where_it_comes_from(results):
 
 
 def test_no_code_comes_from_a_file():
-    """Pickles are read from the pipe of a process that asks, nowhere else; arrays are read without objects."""
+    """Pickles are read from the pipe of a process that asks, nowhere else; arrays are read without objects.
+
+    The help of a command runs the signature in the package's module of that command, and nothing else is run.
+    """
     found = set()
     for package in ("ema", "model", "updating"):
         for path in (ROOT / package).rglob("*.py"):
@@ -170,10 +172,13 @@ def test_no_code_comes_from_a_file():
                     "eval", "exec", "read_pickle",
                 ):  # fmt: skip
                     found.add((path.relative_to(ROOT).as_posix(), name))
-    assert {place for place, name in found if "dump" not in name} == {"updating/workers/workers.py"}
-    assert {name for _, name in found} == {
+    assert {place for place, name in found if "dump" not in name} == {
+        "updating/workers/workers.py", "updating/commands/command_line.py",
+    }  # fmt: skip
+    assert {name for place, name in found if place != "updating/commands/command_line.py"} == {
         "cloudpickle.dumps", "cloudpickle.loads", "pickle.loads",
     }  # fmt: skip
+    assert {name for place, name in found if place == "updating/commands/command_line.py"} == {"exec"}
 
 
 def test_the_file_of_a_task_holds_numbers_alone(tmp_path):

@@ -84,6 +84,8 @@ def diagnosis(verdict, *left, steps=(), **given):
         "ranking": (BASE, INERTIA, STINGER, BOTH, *left),
         "errors": (mode_error(1, 0.02), mode_error(2, -0.012), mode_error(3, 0.001)),
         "n_used": {"M1": (9, 10), "M2": (10, 10)},
+        "stack": None,
+        "models": {},
     }
     return Diagnosis(**(default | given))
 

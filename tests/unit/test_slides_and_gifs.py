@@ -115,8 +115,8 @@ def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_
         monkeypatch.setattr(slides, name, made)
     tested = [
         SimpleNamespace(
-            name=name, fit=fitted(0.03, 0.9), identified=SimpleNamespace(fit=fitted(0.002, 0.99)),
-            has_functions=False,
+            name=name, fit=fitted(0.03, 0.9), stack_fit=fitted(0.03, 0.9),
+            identified=SimpleNamespace(fit=fitted(0.002, 0.99)), has_functions=False,
         )
         for name in ("M1", "M2")
     ]  # fmt: skip

@@ -109,7 +109,12 @@ def map_figure(found: WhatChanged) -> Figure:
     axes = figure.subplots()
     (x0, x1), (y0, y1) = 1e3 * found.box
     drawn = axes.imshow(
-        100.0 * found.map.T, origin="lower", extent=(x0, x1, y0, y1), cmap="OrRd", vmin=0.0, aspect="equal"
+        100.0 * found.map.T,
+        origin="lower",
+        extent=(x0, x1, y0, y1),
+        cmap=palette.PLACE,
+        vmin=0.0,
+        aspect="equal",
     )
     axes.set(xlabel="x [mm]", ylabel="y [mm]")
     figure.colorbar(drawn, ax=axes, label="probability [%]", shrink=0.7)
