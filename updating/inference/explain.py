@@ -28,7 +28,7 @@ from updating.inference.discrepancy import (
     spectrum,
 )
 from updating.inference.equation_error import Errors, apart_from, equation_errors, shape_noise
-from updating.inference.levels import STRANGE
+from updating.inference.levels import INADEQUATE, STRANGE
 from updating.inference.protocol import Coordinate, LocalModel, Model, Term
 from updating.inference.tree import Tree, TreeProblem, tree_problem
 from updating.inference.tree_evidence import tree_evidence
@@ -191,8 +191,8 @@ def explain(
     """Fit the model with some terms to all states, and take modes that are none of the model's for that.
 
     A measured mode that the model lacks, of the rig or of what is missing, draws a fit away from all others. It has a
-    prior probability `STRANGE`, and then its equation errors may be anything: the evidence tells which modes are, one
-    after the other, and each time the fit goes on without them.
+    prior probability `STRANGE`, and then its equation errors may be anything: where all modes together leave more than
+    right models do, the evidence tells which modes are, one after the other, and the fit goes on without each of them.
 
     Parameters
     ----------
@@ -222,6 +222,8 @@ def explain(
     best = fit(setting.apart, start, sizes)
     number = sum(state.frequency.size for state in model.states)
     for _ in range(int(most_apart * number)):
+        if not best.apart and _usual(best, setting.priors):
+            break
         other = _otherwise(best, setting)
         if other is None:
             break
@@ -230,6 +232,15 @@ def explain(
             break
         best = trial
     return best
+
+
+def _usual(own: Explanation, priors: tuple[SizePrior, SizePrior]) -> bool:
+    """Tell whether an explanation leaves no more than right models do."""
+    sizes = own.evidence.sizes
+    return all(
+        size <= prior.quantile(1.0 - INADEQUATE)
+        for size, prior in zip((sizes.stiffness, sizes.damping), priors, strict=True)
+    )
 
 
 def _otherwise(
