@@ -38,9 +38,7 @@ from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers
 
 QUIET = Console(quiet=True)
-ANSWER = diagnosis(
-    "nothing missing", signatures={}, second_level=None, sentences=("Nothing is missing.",)
-)
+ANSWER = diagnosis("nothing missing", signatures={}, second_level=None, sentences=("Nothing is missing.",))
 KILLED, FULL = 9, 28
 DRAWN = shutil.ignore_patterns("figures", "report.html")
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
