@@ -17,8 +17,8 @@ from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import prepare
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import target_of_table
-from updating.pooled.beside import MESSAGES
 from updating.pooled.diagnosis import diagnose_specimens
+from updating.pooled.groups import MESSAGES
 from updating.workers.workers import distribute, workers
 
 pytestmark = pytest.mark.benchmark

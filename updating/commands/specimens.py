@@ -12,9 +12,9 @@ from model import catalogue, find_effects
 from updating.commands.terminal import progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.scatter_file import read_scatter
-from updating.pooled.beside import MESSAGES
 from updating.pooled.campaign_file import SpecimenCampaign, read_specimens, specimens_of
 from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
+from updating.pooled.groups import MESSAGES
 from updating.pooled.specimen import Specimen
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled_answer import PooledDiagnosis
