@@ -356,11 +356,13 @@ class StackNear:
         part.whole = whole
         return part
 
-    def modal(self, x: Vector, state: int) -> Modal:
-        """Return the model of a state at coordinates."""
+    def modal(
+        self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None
+    ) -> Modal:
+        """Return the model of a state at coordinates; `solved` is what that returns there, where it is known."""
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
-        value, every, matrix = self.solved(x, state)
+        value, every, matrix = solved or self.solved(x, state)
         vector, beyond = every[:, : self.n_equation], value[self.n_equation :]
         value = value[: self.n_equation]
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))

@@ -26,8 +26,10 @@ class Near(Protocol):
     n_equation: int
     whole: Any
 
-    def modal(self, x: Vector, state: int) -> Modal:
-        """Return the model of a state at coordinates."""
+    def modal(
+        self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None
+    ) -> Modal:
+        """Return the model of a state at coordinates; `solved` is what that returns there, where it is known."""
 
     def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
         """Return all eigenvalues and modes of the local equations at coordinates, and K, M and C."""
@@ -53,8 +55,8 @@ class StackScreen:
 
     def __init__(self, near: Near, x: Vector, state: int) -> None:
         self.near, self.x, self.state = near, x, state
-        self.modal = near.modal(x, state)
-        every = near.solved(x, state)[1]
+        solved = near.solved(x, state)
+        self.modal, every = near.modal(x, state, solved), solved[1]
         m = near.n_equation
         self._blocks, self._beyond = dict[str, Vector](), dict[str, Vector]()
         for t in "KMC":

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 from scipy.special import ndtr, ndtri
 
-from updating.inference.discrepancy import SizePrior
-from updating.inference.explain import Explanation
-from updating.inference.levels import INADEQUATE, NAMED, PULLED, SEPARATE
+from updating.inference.explain import Explanation, too_large
+from updating.inference.levels import NAMED, PULLED, SEPARATE
 from updating.inference.search import Search
 
 _USUAL = 25  # coordinates of the base model of one stack
@@ -71,25 +69,6 @@ def _pulled(found: Search) -> bool:
         for c, x in zip(base.coordinates[: base.n_nuisance], base.x, strict=False)
         if c.name not in found.freed
     )
-
-
-def too_large(
-    own: Explanation, priors: tuple[SizePrior, SizePrior]
-) -> tuple[Literal["frequency", "damping"], ...]:
-    """Return the kinds of data of which an explanation leaves more than a right model does."""
-    sizes, found = own.evidence.moments(priors)[0], list[Literal["frequency", "damping"]]()
-    if p_value(sizes.stiffness, priors[0]) < INADEQUATE:
-        found.append("frequency")
-    if own.problem.damping.size and p_value(sizes.damping, priors[1]) < INADEQUATE:
-        found.append("damping")
-    return tuple(found)
-
-
-def p_value(size: float, prior: SizePrior) -> float:
-    """Return the probability, by its prior, of a discrepancy as large; 1 where a laboratory states its size."""
-    if prior.n == 1:
-        return 1.0
-    return float(ndtr(-np.log(size / prior.median) / prior.spread))
 
 
 def _left(found: Search) -> tuple[Explanation, ...]:

@@ -257,31 +257,36 @@ class Spectrum:
         )
 
 
-def whitened(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector, float]:
+def roots(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector]:
+    """Return Cholesky's lower factors of the covariances of equation errors and of damping at given sizes."""
+    stiffness, damping = (
+        la.cholesky(noise + size**2 * common, lower=True, check_finite=False)
+        for noise, common, size in (
+            (problem.noise, problem.discrepancy, sizes.stiffness),
+            (problem.damping_noise, problem.damping_discrepancy, sizes.damping),
+        )
+    )
+    return stiffness, damping
+
+
+def whitened(
+    problem: Problem, sizes: Sizes, factors: tuple[Vector, Vector] | None = None
+) -> tuple[Vector, Vector, float]:
     """Return errors (N,) and derivatives (N, n_coordinate) over their noise and a discrepancy of given sizes.
 
-    Last comes half the logarithm of the determinant of the covariance.
+    Last comes half the logarithm of the determinant of the covariance. `factors` are `roots`, where these are known.
     """
-    values, jacobians, log = [], [], 0.0
-    for value, jacobian, noise, common, size in (
-        (problem.value, problem.jacobian, problem.noise, problem.discrepancy, sizes.stiffness),
-        (
-            problem.damping,
-            problem.damping_jacobian,
-            problem.damping_noise,
-            problem.damping_discrepancy,
-            sizes.damping,
-        ),
-    ):
-        if value.size:
-            root = la.cholesky(noise + size**2 * common, lower=True, check_finite=False)
-            white = la.solve_triangular(
-                root, np.column_stack([value, jacobian]), lower=True, check_finite=False
+    factors = roots(problem, sizes) if factors is None else factors
+    white = np.vstack(
+        [
+            la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True, check_finite=False)
+            for root, value, jacobian in (
+                (factors[0], problem.value, problem.jacobian),
+                (factors[1], problem.damping, problem.damping_jacobian),
             )
-            values.append(white[:, 0])
-            jacobians.append(white[:, 1:])
-            log += float(np.sum(np.log(np.diag(root))))
-    return np.concatenate(values), np.vstack(jacobians), log
+        ]
+    )
+    return white[:, 0], white[:, 1:], sum(float(np.sum(np.log(np.diag(root)))) for root in factors)
 
 
 def spectrum(value: Vector, jacobian: Vector, noise: Vector, discrepancy: Vector) -> Spectrum:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from updating.inference.algebra import scaled_inverse, scaled_solve
 from updating.inference.discrepancy import (
@@ -222,7 +223,7 @@ def explain(
     best = fit(setting.apart, start, sizes)
     number = sum(state.frequency.size for state in model.states)
     for _ in range(int(most_apart * number)):
-        if not best.apart and _usual(best, setting.priors):
+        if not best.apart and not too_large(best, setting.priors):
             break
         other = _otherwise(best, setting)
         if other is None:
@@ -234,13 +235,23 @@ def explain(
     return best
 
 
-def _usual(own: Explanation, priors: tuple[SizePrior, SizePrior]) -> bool:
-    """Tell whether an explanation leaves no more than right models do."""
-    sizes = own.evidence.sizes
-    return all(
-        size <= prior.quantile(1.0 - INADEQUATE)
-        for size, prior in zip((sizes.stiffness, sizes.damping), priors, strict=True)
-    )
+def too_large(
+    own: Explanation, priors: tuple[SizePrior, SizePrior]
+) -> tuple[Literal["frequency", "damping"], ...]:
+    """Return the kinds of data of which an explanation leaves more than a right model does."""
+    sizes, found = own.evidence.moments(priors)[0], list[Literal["frequency", "damping"]]()
+    if p_value(sizes.stiffness, priors[0]) < INADEQUATE:
+        found.append("frequency")
+    if own.problem.damping.size and p_value(sizes.damping, priors[1]) < INADEQUATE:
+        found.append("damping")
+    return tuple(found)
+
+
+def p_value(size: float, prior: SizePrior) -> float:
+    """Return the probability, by its prior, of a discrepancy as large; 1 where a laboratory states its size."""
+    if prior.n == 1:
+        return 1.0
+    return float(ndtr(-np.log(size / prior.median) / prior.spread))
 
 
 def _otherwise(

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.discrepancy import Problem, Sizes, joined
+from updating.inference.discrepancy import Problem, Sizes, joined, roots, whitened
 from updating.inference.equation_error import Errors, equation_errors, scales
 from updating.inference.explain import Setting, coordinates_of, outlook, step_within
 from updating.inference.protocol import Change, Coordinate, LocalModel, Modal, Model, Screen, State, Term
@@ -50,23 +50,9 @@ def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes:
         for c, (state, own) in enumerate(zip(model.states, known, strict=True))
     )
     problem = joined(errors, setting.common)
-    roots = tuple(
-        la.cholesky(noise + size**2 * common, lower=True, check_finite=False)
-        for noise, common, size in (
-            (problem.noise, problem.discrepancy, sizes.stiffness),
-            (problem.damping_noise, problem.damping_discrepancy, sizes.damping),
-        )
-    )
-    stiffness, damping = (
-        la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True, check_finite=False)
-        for root, value, jacobian in (
-            (roots[0], problem.value, problem.jacobian),
-            (roots[1], problem.damping, problem.damping_jacobian),
-        )
-    )
-    white = np.vstack([stiffness, damping])
-    log = sum(float(np.sum(np.log(np.diag(root)))) for root in roots) - problem.log_map
-    return _Origin(x, known, errors, problem, (roots[0], roots[1]), white[:, 0], white[:, 1:], log)
+    factors = roots(problem, sizes)
+    value, jacobian, log = whitened(problem, sizes, factors)
+    return _Origin(x, known, errors, problem, factors, value, jacobian, log - problem.log_map)
 
 
 def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tuple[Vector, Vector]:
