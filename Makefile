@@ -7,6 +7,11 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
+# Bytecode is kept in .venv, even where the environment says that none is written: else each process of the tests and each
+# worker of a command compiles every module anew.
+unexport PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
+
 .PHONY: demo test test-all test-lowest test-newest lint docs picture benchmark blind fuzz published clean
 
 demo: $(READY)
@@ -40,7 +45,6 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy tests/examples/scripted_updating.py docs/pictures/story.py docs/pictures/tutorial.py docs/pictures/scraper.py docs/conf.py
 
 # A build that was stopped leaves an index that the next one stumbles over.
 docs: $(READY)

@@ -1,5 +1,6 @@
 """Damaged files and the watch over whoever reads them."""
 
+import os
 import re
 import signal
 import time
@@ -62,6 +63,23 @@ class TooSlowError(BaseException):
 def _status(key: str) -> float:
     """What the system says of this process, in MB."""
     return int(re.search(rf"{key}:\s+(\d+)", Path("/proc/self/status").read_text())[1]) / 1024
+
+
+@pytest.fixture(scope="session", autouse=True)
+def share_of_processors():
+    """Let each process of the tests use its share of the processors: pools of each beside the others only wait."""
+    from updating.workers import workers
+
+    share = workers.n_processor() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workers, "n_processor", lambda: max(share, 1))
+        yield
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave pictures white where a test asks for words and numbers alone: drawing takes longer than all else."""
+    monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda *_: None)
 
 
 @pytest.fixture

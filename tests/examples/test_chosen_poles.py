@@ -45,7 +45,7 @@ def results(chosen, tmp_path):
     return folder / "campaign.toml", folder / "out"
 
 
-def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results):
+def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results, undrawn):
     campaign, out = results
     done = lamella("fit", campaign, "-o", out)
     assert done.returncode == 0, done.stderr
@@ -58,7 +58,7 @@ def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results):
 
 
 @pytest.mark.parametrize("command", ["ema", "fit"])
-def test_identify_anew_undoes_the_choice(results, command):
+def test_identify_anew_undoes_the_choice(results, undrawn, command):
     campaign, out = results
     done = lamella(command, campaign, "-o", out, "--identify-anew")
     assert done.returncode == 0, done.stderr

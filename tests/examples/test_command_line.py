@@ -76,7 +76,7 @@ def test_ema_prints_a_table_and_writes_results(write_small_campaign, tmp_path):
         assert (tmp_path / name / "frf.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_edited_poles_are_given_back(write_small_campaign, tmp_path):
+def test_edited_poles_are_given_back(write_small_campaign, tmp_path, undrawn):
     """A pole taken out of poles.txt is gone from the result of the second run, and only that one."""
     campaign = write_small_campaign(tmp_path, 1)
     assert lamella("ema", campaign, "-o", tmp_path / "first").returncode == 0

@@ -65,7 +65,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder):
+def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder, undrawn):
     done = lamella("diagnose", folder / "campaign.toml", "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())

@@ -16,7 +16,7 @@ def done(tmp_path_factory):
     return folder, [lamella(name, EXAMPLE / "campaign.toml", "-o", folder) for name in ("fit", "diagnose")]
 
 
-def test_the_hidden_mass_is_found(done):
+def test_the_hidden_mass_is_found(done, undrawn):
     folder, (fitted, diagnosed) = done
     assert (fitted.returncode, diagnosed.returncode) == (0, 0), fitted.stderr + diagnosed.stderr
     assert "root_springs" in fitted.stdout

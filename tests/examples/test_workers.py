@@ -75,7 +75,8 @@ def run(tasks):
     ],
     ids=["killed", "raises"],
 )
-def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(tasks, error, words):
+def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(monkeypatch, tasks, error, words):
+    monkeypatch.setattr(workers_module, "n_processor", lambda: 2)
     with pytest.raises(error, match=words):
         run(tasks)
 

@@ -476,7 +476,9 @@ def test_what_can_be_done_without_is_left_out_and_said(folder, monkeypatch, caps
 
 
 @pytest.mark.parametrize("command", ["ema", "fit"])
-def test_a_configuration_that_cannot_be_used_does_not_end_the_others(folder, monkeypatch, capsys, command):
+def test_a_configuration_that_cannot_be_used_does_not_end_the_others(
+    folder, monkeypatch, capsys, undrawn, command
+):
     text = (folder / "campaign.toml").read_text(encoding="utf-8")
     first = text.index("[[configuration]]")
     end = text.index("[identification]")

@@ -13,7 +13,7 @@ from model.reduction.through_thickness import N_RIGID
 from updating.diagnosis.candidates import N_MODEL, candidate_model
 
 STACK = dataclasses.replace(
-    read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=40, mesh=Mesh(n_x=8, n_y=2)
+    read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=12, mesh=Mesh(n_x=8, n_y=2)
 )
 N_MEASURED = 10
 
