@@ -25,6 +25,7 @@ TERM = Term(
     name="spot", coordinates=(Coordinate(name="loss", std=1.0, lower=-0.9, upper=0.9, starts=(0.2,)),)
 )
 CLOSE = 1e-3
+LOSSY = 1e-4  # damping over stiffness, s
 
 
 def matrices(at):
@@ -60,10 +61,10 @@ class Chain:
         low = every[:, :M]
         moved = [[every.T @ part @ low for part in change[name]] for name in names]
         k, m = (np.array([pair[i] for pair in moved]) for i in (0, 1))
-        loss = 2.0 * 0.01 * np.diag(np.sqrt(value[:M]))[None]
         return Modal(
             eigenvalue=value[:M], n_rigid=0, shape=low, rows=ROWS @ low, moves=np.arange(len(names)),
-            stiffness=k[:, :M], mass=m[:, :M], damping=loss, damps=np.arange(0), damping_change=np.zeros((0, 1, M, M)),
+            stiffness=k[:, :M], mass=m[:, :M], damping=LOSSY * np.diag(value[:M])[None],
+            damps=np.arange(len(names)), damping_change=LOSSY * k[:, None, :M],
             looks=np.arange(0), row_change=np.zeros((0, len(ROWS), M)), beyond=value[M:],
             beyond_rows=ROWS @ every[:, M:], beyond_stiffness=k[:, M:], beyond_mass=m[:, M:],
         )  # fmt: skip
@@ -81,8 +82,8 @@ def measured(stiffness, mass, *, noise=1e-3, seed=0, name="A"):
         path=("chain", name),
         frequency=frequency,
         frequency_std=1e-5 * frequency,
-        damping=np.full(N_MEASURED, 0.01),
-        damping_std=np.full(N_MEASURED, 1e-4),
+        damping=0.5 * LOSSY * np.sqrt(value),
+        damping_std=0.5e-2 * LOSSY * np.sqrt(value),
         shape=shape / np.linalg.norm(shape, axis=0),
         shape_std=np.full(N_MEASURED, noise / np.sqrt(len(ROWS))),
     )

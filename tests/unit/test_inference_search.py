@@ -41,9 +41,12 @@ class Choice(Chain):
         chain = Chain(self.states, [c for c in (*BASE, *TERM.coordinates) if c.name in at])
         modal = chain.modal(np.array([at[c.name] for c in chain.coordinates]), state)
         pick = [[c.name for c in chain.coordinates].index(acting.get(n, n)) for n in names]
-        of = ("stiffness", "mass", "beyond_stiffness", "beyond_mass")
+        of = ("stiffness", "mass", "beyond_stiffness", "beyond_mass", "damping_change")
         return replace(
-            modal, moves=np.arange(len(names)), **{name: getattr(modal, name)[pick] for name in of}
+            modal,
+            moves=np.arange(len(names)),
+            damps=np.arange(len(names)),
+            **{name: getattr(modal, name)[pick] for name in of},
         )
 
 

@@ -72,17 +72,16 @@ def test_coordinates_of_single_states_stand_among_all(every):
     wide = []
     for e in own:
         jacobian, damping = np.zeros((*e.value.shape, n)), np.zeros((len(e.damping), n))
-        slope, curvature = np.zeros(n), np.zeros((n, n))
+        curvature = np.zeros((n, n))
         jacobian[:, :, e.touched], damping[:, e.touched] = e.jacobian, e.damping_jacobian
-        slope[e.touched], curvature[np.ix_(e.touched, e.touched)] = e.slope, e.curvature
+        curvature[np.ix_(e.touched, e.touched)] = e.curvature
         wide.append(
-            replace(e, jacobian=jacobian, damping_jacobian=damping, slope=slope, curvature=curvature, touched=None)
+            replace(e, jacobian=jacobian, damping_jacobian=damping, curvature=curvature, touched=None)
         )  # fmt: skip
     full, found = tree_problem(wide, tree, n), tree_problem(own, tree, n)
     np.testing.assert_allclose(
         found.weighed(SIZES).hessian, full.weighed(SIZES).hessian, rtol=1e-9, atol=1e-6
     )
-    np.testing.assert_allclose(found.slope, full.slope)
     np.testing.assert_allclose(found.curvature, full.curvature)
 
 

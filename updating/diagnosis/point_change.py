@@ -105,7 +105,6 @@ def _with(problem: Problem, columns: Vector) -> Problem:
         problem,
         jacobian=np.hstack([problem.jacobian, columns]),
         damping_jacobian=np.hstack([problem.damping_jacobian, np.zeros((problem.damping.size, n))]),
-        slope=np.append(problem.slope, np.zeros(n)),
         curvature=curvature,
     )
 
@@ -117,7 +116,8 @@ def stepped(
     value, jacobian, _ = whitened(problem, own.evidence.sizes)
     precision = np.array([c.std**-2.0 for c in coordinates])
     hessian = jacobian.T @ jacobian + problem.curvature + np.diag(precision + 1e-12)
-    step = -la.solve(hessian, jacobian.T @ value + problem.slope + precision * x, assume_a="pos")
+    slope = jacobian.T @ value + problem.beside(own.evidence.sizes).sum(axis=0) + precision * x
+    step = -la.solve(hessian, slope, assume_a="pos")
     moved = replace(
         problem,
         value=problem.value + problem.jacobian @ step,

@@ -145,8 +145,10 @@ class Problem:
         The same of the logarithms of damping ratios that are compared.
     log_map : float
         Logarithm of the density of what was measured over that of equation errors.
-    slope, curvature : (n_coordinate,) and (n_coordinate, n_coordinate) float
-        Gradient and Hessian of what of it shapes are off by beyond all modes, as in `Errors`.
+    curvature : (n_coordinate, n_coordinate) float
+        Hessian of what of it shapes are off by beyond all modes, as in `Errors`.
+    errors : tuple of Errors
+        By state, what was joined.
     """
 
     value: Vector
@@ -158,8 +160,24 @@ class Problem:
     damping_noise: Vector
     damping_discrepancy: Vector
     log_map: float
-    slope: Vector
     curvature: Vector
+    errors: tuple[Errors, ...]
+
+    def beside(self, sizes: Sizes) -> Vector:
+        """Return what the cost's gradient has beside that at a given covariance, by measured mode, (n, n_coordinate).
+
+        See `gradient`: the noise of shapes follows the model, and so does the normalisation of the density.
+        """
+        inverse = la.inv(self.noise + sizes.stiffness**2 * self.discrepancy, check_finite=False)
+        pull, first, found = inverse @ self.value, 0, list[Vector]()
+        for own in self.errors:
+            n, m = own.value.shape
+            here = slice(first, first + n * m)
+            blocks = inverse[here, here].reshape(n, m, n, m)[np.arange(n), :, np.arange(n)]
+            found.append(np.zeros((n, self.jacobian.shape[1])))
+            found[-1][:, : own.jacobian.shape[2]] = own.beside(pull[here].reshape(n, m), blocks)
+            first += n * m
+        return np.vstack(found)
 
     def weighed(self, sizes: Sizes) -> Weighed:
         """Return misfit and derivatives over noise and a discrepancy of given sizes."""
@@ -222,8 +240,8 @@ def joined(errors: Sequence[Errors], common: Vector) -> Problem:
         damping_noise=np.diag(np.concatenate([own.damping_std for own in errors])[seen] ** 2),
         damping_discrepancy=(of_damping + 1e-6 * np.eye(n))[np.ix_(seen, seen)],
         log_map=sum(own.log_map for own in errors),
-        slope=np.sum([own.slope for own in errors], axis=0),
         curvature=np.sum([own.curvature for own in errors], axis=0),
+        errors=tuple(errors),
     )
 
 

@@ -18,6 +18,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from updating.inference.gradient import Latent
 from updating.inference.protocol import Modal, State
 
 Vector = NDArray[np.float64]
@@ -39,8 +40,8 @@ class Errors:
         Derivatives of e.
     log_map : float
         Logarithm of the density of (lambda_r, u_r) over that of e; what shapes are off by beyond all modes is in it.
-    slope, curvature : (n_coordinate,) and (n_coordinate, n_coordinate) float
-        Gradient of half the square of that, over the noise, and Gauss and Newton's approximation of its Hessian.
+    curvature : (n_coordinate, n_coordinate) float
+        Gauss and Newton's approximation of the Hessian of half the square of that, over the noise.
     damping : (n,) float
         Logarithm of measured over modelled damping ratio; NaN where damping is not compared.
     damping_std : (n,) float
@@ -55,13 +56,8 @@ class Errors:
         The model's modes, as `Modal` has them.
     touched : (n_coordinate,) int, optional
         Which coordinates of the fit these are, where a state depends on a few of many.
-    log_gap, log_stretch : (n, m) float
-        Derivatives by the model's eigenvalues of the logarithms of what each coordinate is multiplied by to give e,
-        where shapes and not what is possible beforehand tell it, and of the last factor of the map from lambda_r to e.
-    eigenvalue_jacobian : (m, n_coordinate) float
-        Derivatives of the model's eigenvalues.
-    frequency_noise : (n, m) float
-        What of the diagonal of `noise` is that of frequencies.
+    latent : Latent
+        What shapes alone say of the modal coordinates, from which the gradient of the cost follows.
     """
 
     value: Vector
@@ -69,7 +65,6 @@ class Errors:
     noise: Vector
     jacobian: Vector
     log_map: float
-    slope: Vector
     curvature: Vector
     damping: Vector
     damping_std: Vector
@@ -77,30 +72,24 @@ class Errors:
     eigenvalue: Vector
     modelled: Vector
     shape: Vector
-    log_gap: Vector
-    log_stretch: Vector
-    eigenvalue_jacobian: Vector
-    frequency_noise: Vector
+    latent: Latent
     touched: NDArray[np.intp] | None = None
 
-    def scatter_slope(self, covariance: Vector) -> Vector:
-        """Return what the gradient of the cost has beside that of given scatter, (n_coordinate,).
-
-        The normalisation of the density depends on the model, and so does the part of the scatter that is due to
-        shapes: it follows the factor by which a coordinate is multiplied to give an error.
+    def beside(self, pull: Vector, inverse: Vector) -> Vector:
+        """Return what the gradient of the cost has beside the slope of errors at a given covariance, by mode.
 
         Parameters
         ----------
-        covariance : (n m, n m) float
-            Of the errors in all.
+        pull, inverse : (n, m) and (n, m, m)
+            As `updating.inference.gradient.Latent` takes them.
+
+        Returns
+        -------
+        (n, n_coordinate) float
+            The difference.
         """
-        root = la.cholesky(covariance, lower=True, check_finite=False)
-        of_shapes = la.block_diag(*self.noise) - np.diag(self.frequency_noise.ravel())
-        share = np.diag(la.cho_solve((root, True), of_shapes, check_finite=False))
-        pull = la.cho_solve((root, True), self.value.ravel(), check_finite=False)
-        share = np.clip(share, 0.0, 1.0) - pull * (of_shapes @ pull)
-        by_gap = (share - 1.0).reshape(self.value.shape) * self.log_gap
-        return np.asarray(np.sum(by_gap - self.log_stretch, axis=0) @ self.eigenvalue_jacobian)
+        whole = self.latent.gradient(pull, inverse, self.jacobian.shape[2])
+        return np.asarray(whole - np.einsum("rs,rsp->rp", pull, self.jacobian))
 
     @property
     def frequency(self) -> Vector:
@@ -199,32 +188,33 @@ def equation_errors(
     look = _look(modal, lam, weight, n_coordinate)
     sure = (length / noise) ** 2
     da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]
-    left = (state.shape.T / length[:, None] - a @ modal.rows.T) * np.sqrt(sure)[:, None]
     turned = -(look + da @ modal.rows.T) * np.sqrt(sure)[:, None, None]
-    left[list(apart)], turned[list(apart)] = 0.0, 0.0
-    slope = np.einsum("rd,rpd->p", left, turned)
+    turned[list(apart)] = 0.0
     curvature = np.einsum("rpd,rqd->pq", turned, turned, optimize=True)
     da -= weight[:, None, :] * np.einsum("ri,rpi->rp", weight, da)[:, :, None]
     jacobian += (gap[:, None, :] * da).transpose(0, 2, 1)
 
-    misfit = np.sum(state.shape**2, axis=0) / noise**2 - np.einsum("ri,rij,rj->r", a, inverse, a)
-    stretch = np.abs(np.sum(weight**2 / (gap * scale), axis=1) * lam)
-    log_map = float(
-        np.sum(np.log(np.abs(gap)))
-        + np.sum(np.log(stretch))
-        + 0.5 * np.sum(np.linalg.slogdet(covariance)[1] - misfit)
+    looked = np.ones(n, dtype=bool)
+    looked[list(apart)] = False
+    latent = Latent(
+        modal=modal,
+        eigenvalue=lam,
+        mean=a,
+        covariance=covariance,
+        weight=weight,
+        gap=gap,
+        scale=scale,
+        shape=state.shape.T / length[:, None],
+        sure=sure,
+        looked=looked,
     )
-
-    held = np.einsum("rss->rs", covariance) * np.clip(wide / np.abs(gap), 0.02, 3.0) ** -2.0
-    log_gap, log_stretch, eigenvalue_jacobian = _map_slopes(modal, weight, gap * scale, n_coordinate)
     loss, damping_jacobian = _loss(state, modal, weight, n_coordinate)
     errors = Errors(
         value=value,
         weight=weight,
         noise=of_noise,
         jacobian=jacobian,
-        log_map=log_map,
-        slope=slope,
+        log_map=_log_map(latent, inverse, state, noise),
         curvature=curvature,
         damping=np.log(state.damping / (loss / (2.0 * omega))),
         damping_std=np.hypot(state.damping_std / state.damping, rest),
@@ -233,12 +223,21 @@ def equation_errors(
         modelled=_met(modal, n),
         shape=modal.shape,
         touched=modal.touched,
-        log_gap=(1.0 - np.clip(held, 0.0, 1.0)) * log_gap,
-        log_stretch=log_stretch,
-        eigenvalue_jacobian=eigenvalue_jacobian,
-        frequency_noise=frequency_variance[:, None] * weight**2,
+        latent=latent,
     )
     return apart_from(errors, old=(), new=apart, wide=wide)
+
+
+def _log_map(own: Latent, inverse: Vector, state: State, noise: Vector) -> float:
+    """Return the logarithm of the density of (lambda_r, u_r) over that of e; `inverse` is that of the covariance."""
+    misfit = np.sum(state.shape**2, axis=0) / noise**2
+    misfit -= np.einsum("ri,rij,rj->r", own.mean, inverse, own.mean)
+    stretch = np.abs(np.sum(own.weight**2 / (own.gap * own.scale), axis=1) * own.eigenvalue)
+    return float(
+        np.sum(np.log(np.abs(own.gap)))
+        + np.sum(np.log(stretch))
+        + 0.5 * np.sum(np.linalg.slogdet(own.covariance)[1] - misfit)
+    )
 
 
 def apart_from(errors: Errors, *, old: Sequence[int], new: Sequence[int], wide: float = 1.0) -> Errors:
@@ -286,25 +285,6 @@ def _coordinates(
     return a, inverse, covariance
 
 
-def _map_slopes(
-    modal: Modal, weight: Vector, apart: Vector, n_coordinate: int
-) -> tuple[Vector, Vector, Vector]:
-    """Return derivatives by eigenvalues of logarithms of the map's factors, (n, m) each, and those of eigenvalues.
-
-    `apart` (n, m) are the differences of measured and modelled eigenvalues.
-    """
-    m = modal.eigenvalue.size
-    elastic = np.arange(m) >= modal.n_rigid
-    log_gap = np.where(elastic, -1.0 / apart - 0.5 / np.where(elastic, modal.eigenvalue, 1.0), 0.0)
-    along = weight**2 / apart
-    log_stretch = np.where(elastic, along / apart / np.sum(along, axis=1)[:, None], 0.0)
-    jacobian = np.zeros((m, n_coordinate))
-    if modal.moves.size:
-        own = np.einsum("qss->sq", modal.stiffness)
-        jacobian[:, modal.moves] = own - modal.eigenvalue[:, None] * np.einsum("qss->sq", modal.mass)
-    return log_gap, log_stretch, jacobian
-
-
 def _gaps(modal: Modal, omega: Vector) -> tuple[Vector, Vector]:
     """Return how far each measured mode is from each equation, never quite 0, and what it is relative to, (n, m)."""
     elastic = np.arange(modal.eigenvalue.size) >= modal.n_rigid
@@ -320,7 +300,10 @@ def scales(state: State, modal: Modal) -> Vector:
 
 
 def _loss(state: State, modal: Modal, weight: Vector, n_coordinate: int) -> tuple[Vector, Vector]:
-    """Return a' C a of each measured mode, (n,), and minus the derivatives of its logarithm, (n, n_coordinate)."""
+    """Return a' C a of each measured mode, (n,), and minus the derivatives of its logarithm, (n, n_coordinate).
+
+    Of unit length by the modal mass, a gets shorter as that grows.
+    """
     n, m = weight.shape
     omega = 2.0 * np.pi * state.frequency
     damping = np.broadcast_to(modal.damping, (n, m, m))
@@ -331,6 +314,8 @@ def _loss(state: State, modal: Modal, weight: Vector, n_coordinate: int) -> tupl
     if modal.damps.size:
         change = np.broadcast_to(modal.damping_change, (modal.damps.size, n, m, m))
         jacobian[:, modal.damps] = -np.einsum("ri,prij,rj->rp", weight, change, weight) / loss[:, None]
+    if modal.moves.size:
+        jacobian[:, modal.moves] += np.einsum("ri,qij,rj->rq", weight, modal.mass, weight, optimize=True)
     return loss, jacobian
 
 

@@ -359,9 +359,7 @@ def converged(
         at, damp = cost.total(problem, white, x), 1e-3
         for _ in range(steps):
             after = np.inf
-            slope, hessian = _newton(white, problem, x, precision)
-            if isinstance(problem, TreeProblem):
-                slope = slope + problem.scatter_slope(sizes.stiffness)
+            slope, hessian = _newton(white, problem, x, cost)
             while after >= at and damp < _STUCK:
                 trial = step_within(slope, hessian, x, coordinates, damp=damp)
                 try:
@@ -434,7 +432,7 @@ def outlook(
     problem = setting.join(errors_at(model, local, setting, x), x.size)
     cost = _Cost(precision, sizes)
     white = problem.weighed(sizes)
-    slope, hessian = _newton(white, problem, x, precision)
+    slope, hessian = _newton(white, problem, x, cost)
     to = step_within(slope, hessian, x, coordinates, damp=1e-3)
     step = to - x
     return -cost.total(problem, white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
@@ -485,12 +483,10 @@ def step_within(
     return np.clip(x + step, lower, upper)
 
 
-def _newton(
-    white: Weighed, problem: Problem | TreeProblem, x: Vector, precision: Vector
-) -> tuple[Vector, Vector]:
+def _newton(white: Weighed, problem: Problem | TreeProblem, x: Vector, cost: _Cost) -> tuple[Vector, Vector]:
     """Return the gradient of the cost and Gauss and Newton's approximation of its Hessian."""
-    hessian = white.hessian + np.diag(precision) + problem.curvature
-    return white.slope + precision * x + problem.slope, hessian
+    hessian = white.hessian + np.diag(cost.precision) + problem.curvature
+    return white.slope + problem.beside(cost.sizes).sum(axis=0) + cost.precision * x, hessian
 
 
 def _std(
@@ -509,7 +505,7 @@ def _std(
     variance).
     """
     known = np.diag(precision + 1e-12) + problem.curvature
-    pull = precision * x + problem.slope
+    pull = precision * x + problem.beside(found.sizes).sum(axis=0)
     total, middle, square, chance = np.zeros(x.size), np.zeros(x.size), np.zeros(x.size), 0.0
     for i, j in np.argwhere(found.probability > likely):
         share, hessian, slope = found.probability[i, j], known, pull

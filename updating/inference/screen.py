@@ -36,6 +36,7 @@ class _Origin:
     roots: tuple[Vector, Vector]
     value: Vector
     jacobian: Vector
+    beside: Vector
     log: float
 
 
@@ -52,7 +53,8 @@ def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes:
     problem = joined(errors, setting.common)
     factors = roots(problem, sizes)
     value, jacobian, log = whitened(problem, sizes, factors)
-    return _Origin(x, known, errors, problem, factors, value, jacobian, log - problem.log_map)
+    beside = problem.beside(sizes).sum(axis=0)
+    return _Origin(x, known, errors, problem, factors, value, jacobian, beside, log - problem.log_map)
 
 
 def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tuple[Vector, Vector]:
@@ -185,7 +187,7 @@ def _ahead(
         jacobian[:, [columns.tolist().index(i) for i in moved.tolist()]] = change_white[:, 1:]
     x = start[columns]
     precision = np.array([c.std**-2.0 for c in coordinates])
-    slope = jacobian.T @ value + precision * x + origin.problem.slope[columns]
+    slope = jacobian.T @ value + precision * x + origin.beside[columns]
     hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
     step = step_within(slope, hessian, x, coordinates, damp=1e-3) - x
     total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log

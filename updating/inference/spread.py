@@ -31,7 +31,7 @@ def rise(
     value, jacobian, _ = whitened(problem, sizes)
     have = np.array(fitted, dtype=bool)
     precision = np.array([c.std**-2.0 for c in coordinates])[have]
-    slope = jacobian[:, have].T @ value + problem.slope[have] + precision * x[have]
+    slope = jacobian[:, have].T @ value + problem.beside(sizes).sum(axis=0)[have] + precision * x[have]
     hessian = (
         jacobian[:, have].T @ jacobian[:, have]
         + problem.curvature[np.ix_(have, have)]
@@ -66,7 +66,7 @@ def information(
     precision = np.array([c.std**-2.0 for c in coordinates])
     have = np.array(fitted, dtype=bool)
     hessian = jacobian.T @ jacobian + problem.curvature
-    slope = jacobian.T @ value + problem.slope
+    slope = jacobian.T @ value + problem.beside(sizes).sum(axis=0)
     inner = hessian[np.ix_(have, have)] + np.diag(precision[have] + 1e-12)
     towards = scaled_solve(inner, hessian[np.ix_(have, ~have)])
     mean, std = np.array(x, float), np.full(x.size, np.inf)

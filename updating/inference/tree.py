@@ -166,7 +166,7 @@ class TreeProblem:
         Logarithms of damping ratios that are compared, as `discrepancy.Problem` has them.
     damping_at : (N,) int
         The state of each.
-    log_map, slope, curvature
+    log_map, curvature
         As `discrepancy.Problem` has them.
     turned : tuple of (n, m) float
         Modal coordinates of the measured modes of each state, in those of the reference.
@@ -183,7 +183,6 @@ class TreeProblem:
     damping_discrepancy: Vector
     damping_at: NDArray[np.intp]
     log_map: float
-    slope: Vector
     curvature: Vector
     turned: tuple[Vector, ...]
     errors: tuple[Errors, ...]
@@ -192,15 +191,14 @@ class TreeProblem:
         """Return misfit and derivatives over noise and a discrepancy of given sizes."""
         return self.of_stiffness(sizes.stiffness) + self.of_damping(sizes.damping)
 
-    def scatter_slope(self, size: float) -> Vector:
-        """Return what the gradient of the cost has beside that of given scatter, (n_coordinate,), at a size.
-
-        What states tell of each other's discrepancy is passed over.
-        """
-        found = np.zeros(self.n_coordinate)
-        for leaf, own in zip(self.leaves, self.errors, strict=True):
-            found[leaf.touched] += own.scatter_slope(leaf.noise + size**2 * leaf.discrepancy)
-        return found
+    def beside(self, sizes: Sizes) -> Vector:
+        """Return what the cost's gradient has beside that at a given covariance, by measured mode."""
+        found = []
+        pulled = pulls(self, sizes.stiffness)
+        for leaf, errors, pull in zip(self.leaves, self.errors, pulled, strict=True):
+            found.append(np.zeros((len(errors.value), self.n_coordinate)))
+            found[-1][:, leaf.touched] = errors.beside(*pull)
+        return np.vstack(found)
 
     def of_stiffness(self, size: float) -> Weighed:
         """Return the same of equation errors alone."""
@@ -294,6 +292,55 @@ class Passing:
         return Message(own.touched, product, log)
 
 
+def pulls(problem: TreeProblem, size: float) -> list[tuple[Vector, Vector]]:
+    """Return the errors of each state over their covariance, (n, m), and the inverse's blocks by mode, (n, m, m).
+
+    What is known of each shared discrepancy comes down from the root (Rauch, Tung and Striebel 1965).
+    """
+    tree, depths = problem.tree, range(1, len(problem.tree.shares))
+    state_size = size * float(np.sqrt(tree.shares[-1]))
+    white, said = [], dict[Path, tuple[Vector, Vector]]()
+    for path, leaf in zip(tree.paths, problem.leaves, strict=True):
+        inverse = la.inv(leaf.noise + state_size**2 * leaf.discrepancy, check_finite=False)
+        follows = leaf.columns[:, 1 + leaf.touched.size :]
+        heard = inverse @ follows
+        white.append((inverse, heard, inverse @ leaf.columns[:, 0]))
+        _hear(said, path[:-1], follows.T @ heard, heard.T @ leaf.columns[:, 0])
+    inner = dict[Path, Vector]()
+    for depth in reversed(depths):
+        for node in dict.fromkeys(path[:depth] for path in tree.paths):
+            precision, pull = said[node]
+            inner[node] = la.inv(np.eye(pull.size) + size**2 * tree.shares[depth - 1] * precision)
+            _hear(said, node[:-1], precision @ inner[node], inner[node] @ pull)
+    p = said[()][1].size
+    known: dict[Path, tuple[Vector, Vector]] = {(): (np.zeros(p), np.zeros((p, p)))}
+    for depth in depths:
+        variance = size**2 * tree.shares[depth - 1]
+        for node in dict.fromkeys(path[:depth] for path in tree.paths):
+            mean, covariance = known[node[:-1]]
+            known[node] = (
+                inner[node] @ (mean + variance * said[node][1]),
+                variance * inner[node] + inner[node] @ covariance @ inner[node],
+            )
+    found = []
+    for (inverse, heard, pull), path, own in zip(white, tree.paths, problem.errors, strict=True):
+        mean, covariance = known[path[:-1]]
+        n, m = own.value.shape
+        mode = np.arange(n)
+        by_mode = heard.reshape(n, m, p)
+        blocks = inverse.reshape(n, m, n, m)[mode, :, mode] - by_mode @ covariance @ by_mode.transpose(
+            0, 2, 1
+        )
+        found.append(((pull - heard @ mean).reshape(n, m), blocks))
+    return found
+
+
+def _hear(said: dict[Path, tuple[Vector, Vector]], node: Path, precision: Vector, pull: Vector) -> None:
+    """Add what one more says of the discrepancy of a node."""
+    known = said.get(node)
+    said[node] = (precision, pull) if known is None else (known[0] + precision, known[1] + pull)
+
+
 def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> TreeProblem:
     """Join the errors of all states.
 
@@ -308,7 +355,7 @@ def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> Tre
     """
     leaves, turned = [], []
     everything = np.arange(n_coordinate)
-    slope, curvature = np.zeros(n_coordinate), np.zeros((n_coordinate, n_coordinate))
+    curvature = np.zeros((n_coordinate, n_coordinate))
     damping_jacobian = []
     for own in errors:
         touched = everything if own.touched is None else own.touched
@@ -318,7 +365,6 @@ def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> Tre
             turn = u @ v
         turned.append(own.weight @ turn.T)
         leaves.append(_leaf_of(own, turn, turned[-1], touched))
-        slope[touched] += own.slope
         curvature[np.ix_(touched, touched)] += own.curvature
         jacobian = np.zeros((len(own.damping), n_coordinate))
         jacobian[:, touched] = own.damping_jacobian
@@ -341,7 +387,6 @@ def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> Tre
         damping_discrepancy=of_damping[np.ix_(seen, seen)],
         damping_at=at[seen].astype(np.intp),
         log_map=sum(own.log_map for own in errors),
-        slope=slope,
         curvature=curvature,
         turned=tuple(turned),
         errors=tuple(errors),

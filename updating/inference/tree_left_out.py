@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.inference.algebra import scaled_solve
+from updating.inference.discrepancy import Sizes
 from updating.inference.equation_error import Errors
 from updating.inference.tree import Passing, TreeProblem
 
@@ -48,6 +49,7 @@ def tree_left_out(
     found = np.full((2, int(first[-1])), np.nan)
     of_state = [np.flatnonzero(problem.damping_at == c) for c in range(len(errors))]
     seen = [np.flatnonzero(np.isfinite(e.damping)) for e in errors]
+    beside = problem.beside(Sizes(stiffness=sizes[0], damping=sizes[1]))
     groups = list(_modes(problem) if by == "mode" else _states(problem, deep=by == "state"))
     for out in groups:
         if all(c in out and out[c] is None for c in range(len(errors))):
@@ -58,11 +60,11 @@ def tree_left_out(
             damped[of_state[c][gone]] = False
         own = problem.whole(passing.root(out)) + problem.of_damping(sizes[1], damped)
         hessian = own.hessian + np.diag(precision + 1e-12)
-        slope = own.slope + precision * x
+        slope = own.slope + precision * x + beside[_kept(problem, out)].sum(axis=0)
         step = np.zeros(x.size)
         step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
         if by == "specimen":
-            _own_fitted(step, passing, problem, sizes[1], precision, x, out, n_nuisance)
+            _own_fitted(step, passing, problem, sizes[1], precision, x, out, n_nuisance, beside)
         for c, rows in out.items():
             e, leaf = errors[c], problem.leaves[c]
             n, m = e.value.shape
@@ -86,6 +88,7 @@ def _own_fitted(
     x: Vector,
     out: Without,
     n_nuisance: int,
+    beside: Vector,
 ) -> None:
     """Set the steps of nuisances that the states left out have alone to what these ask for, all others being given."""
     others = {c: None for c in range(len(problem.leaves)) if c not in out}
@@ -95,8 +98,22 @@ def _own_fitted(
     damped = np.isin(problem.damping_at, list(out))
     found = problem.whole(passing.root(others)) + problem.of_damping(size, damped)
     rest = np.setdiff1d(here, own)
-    slope = found.slope[own] + precision[own] * x[own] + found.hessian[np.ix_(own, rest)] @ step[rest]
+    slope = found.slope[own] + precision[own] * x[own] + beside[_kept(problem, others)].sum(axis=0)[own]
+    slope += found.hessian[np.ix_(own, rest)] @ step[rest]
     step[own] = -scaled_solve(found.hessian[np.ix_(own, own)] + np.diag(precision[own] + 1e-12), slope)
+
+
+def _kept(problem: TreeProblem, without: Without) -> NDArray[np.bool_]:
+    """Return which measured modes are not left out, (n,)."""
+    found = []
+    for c, leaf in enumerate(problem.leaves):
+        kept = np.ones(leaf.mode[-1] + 1, dtype=bool)
+        if c in without:
+            rows = without[c]
+            kept[:] = False
+            kept[np.unique(leaf.mode[rows]) if rows is not None else []] = True
+        found.append(kept)
+    return np.concatenate(found)
 
 
 def _gone(problem: TreeProblem, c: int, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
