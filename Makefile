@@ -7,12 +7,11 @@ READY  := $(VENV)/.ready
 # The dense blocks are small: more BLAS threads wait for each other longer than they work.
 export OPENBLAS_NUM_THREADS ?= 1
 
-# Bytecode is kept in .venv, even where the environment says that none is written: else each process of the tests and each
-# worker of a command compiles every module anew.
+# Bytecode is written even where the environment says otherwise: else each process of the tests, each worker of a command
+# and each command compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
-export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
-.PHONY: demo test test-all test-lowest test-newest lint docs picture benchmark blind fuzz published clean
+.PHONY: demo test test-all test-lowest test-newest lint docs picture house benchmark blind fuzz published clean
 
 demo: $(READY)
 	$(BIN)/lamella demo -o out/demo
@@ -56,6 +55,9 @@ picture: $(READY)
 	$(BIN)/python docs/pictures/story.py out/demo docs/pictures/story.png
 	$(BIN)/python docs/pictures/tutorial.py out/demo docs/pictures
 
+house: $(READY)
+	$(BIN)/python docs/pictures/house.py docs/pictures/house.svg
+
 benchmark: $(READY)
 	$(BIN)/python -m pip install --quiet --quiet --editable ".[dev,peers]"
 	$(BIN)/python -m pytest -m benchmark -s
@@ -76,10 +78,11 @@ clean:
 	rm -rf $(VENV) build dist out docs/auto_examples docs/reference *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Modules are compiled where they are first imported, which takes less than all of them at once.
+# What the commands import is compiled once; the rest where it is first imported, which takes less than all at once.
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Lamella needs Python 3.11 or newer: make PYTHON=python3.12 ...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --quiet --no-compile --editable ".[dev]"
+	$(BIN)/python -c "from updating.commands.command_line import COMMANDS, load; [load(name) for name in COMMANDS]"
 	touch $(READY)

@@ -667,14 +667,12 @@ class ReachedError(Exception):
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if file.slow else n for n, file in FILES.items()]
 )
-def test_a_command_takes_every_key(folder, monkeypatch, name):
+def test_a_command_takes_every_key(folder, monkeypatch, undrawn, name):
     def reached(*_, **__):
         raise ReachedError
 
     monkeypatch.setattr(diagnose, "diagnose_stack", reached)  # they take minutes
     monkeypatch.setattr(specimens, "diagnose_specimens", reached)
-    monkeypatch.setattr("updating.workers.workers.n_processor", lambda: 1)  # to be quick
-    monkeypatch.setattr("updating.commands.ema.as_png", lambda _: b"")
     if name == "specimens":
         done = CliRunner().invoke(app, ["ema", "campaign.toml", "-o", "earlier"])
         assert done.exit_code == 0, done.output

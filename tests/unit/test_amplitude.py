@@ -202,7 +202,9 @@ def test_amplitude_is_a_result_of_the_identification(campaign_file, tmp_path, ca
     assert (tmp_path / "out/M1/amplitude.json").stat().st_mtime_ns == written  # read back, not made anew
 
 
-def test_without_a_force_of_its_own_a_configuration_says_what_is_missing(campaign_file, tmp_path, capsys):
+def test_without_a_force_of_its_own_a_configuration_says_what_is_missing(
+    campaign_file, tmp_path, capsys, undrawn
+):
     campaign_file.write_text(campaign_file.read_text().replace("force_N = 0.1\n", ""))
     ema(campaign_file, tmp_path / "out")
     assert "M1: with its own force_N, its modes over amplitude would be shown" in capsys.readouterr().out

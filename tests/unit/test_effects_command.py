@@ -11,6 +11,7 @@ from model.effects.conformance import effect_faults
 from tests.command import lamella
 from updating.commands.effect_option import with_named_effects
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "data/effects_example/gap_spring.py"
 STACK = """

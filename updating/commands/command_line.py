@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import signal
 import sys
 from importlib import import_module
-from pathlib import Path
 from threading import current_thread, main_thread
 from typing import Annotated, Any
 
@@ -61,56 +59,18 @@ class _Commands(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         if name is None:
             return name, command, rest
-        return name, described(name) if "--help" in rest else load(name), rest
+        return name, load(name), rest
 
 
 def load(name: str) -> Any:
     """Import the module of a command and return it with its options, as `typer` runs it."""
     from ema.types.threads import single_threaded
 
-    function = _function_of(name)
+    function = "open_" if name == "open" else name.replace("-", "_")
     module = import_module(f"updating.commands.{function}")
-    # only now: threads are limited in what is imported
-    return _command(name, single_threaded(getattr(module, function)), module.EXAMPLE)
-
-
-def described(name: str) -> Any:
-    """Return a command that prints its help, without the modules that it runs with: importing these takes seconds.
-
-    Of its module only the signature, the sentences below it, and the names that these use are run.
-    """
-    function = _function_of(name)
-    file = Path(__file__).with_name(f"{function}.py")
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    own = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
-    own.body = own.body[:1]  # the docstring
-    used = {n.id for n in ast.walk(own) if isinstance(n, ast.Name)} | {"EXAMPLE"}
-    kept: list[ast.stmt] = []
-    for node in reversed(tree.body):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            future = isinstance(node, ast.ImportFrom) and node.module == "__future__"
-            node.names = [n for n in node.names if future or (n.asname or n.name) in used]
-            kept += [node] if node.names else []
-        elif isinstance(node, ast.Assign | ast.AnnAssign):
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if used & {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}:
-                used |= {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
-                kept.append(node)
-        elif node is own:
-            kept.append(node)
-    space: dict[str, Any] = {"__name__": f"updating.commands.{function}"}
-    exec(compile(ast.Module(body=kept[::-1], type_ignores=[]), file, "exec"), space)
-    return _command(name, space[function], space["EXAMPLE"])
-
-
-def _function_of(name: str) -> str:
-    return "open_" if name == "open" else name.replace("-", "_")
-
-
-def _command(name: str, function: Any, example: str) -> Any:
-    """Return a function as a command with all of its options."""
     one = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
-    one.command(name, epilog=f"Example: {example}")(function)
+    # only now: threads are limited in what is imported
+    one.command(name, epilog=f"Example: {module.EXAMPLE}")(single_threaded(getattr(module, function)))
     return typer.main.get_command(one)
 
 
