@@ -202,13 +202,6 @@ def test_a_forbidden_import_is_seen():
     assert not set(imported_on_load(tree))
 
 
-@pytest.mark.parametrize("module", ["arrays.py", "lazy.py", "shown.py"])
-def test_both_packages_freeze_arrays_and_show_results_alike(module):
-    """Neither may import the other, so each has the same small module."""
-    ema, model = ((ROOT / name / module).read_text(encoding="utf-8") for name in ("ema/types", "model/stack"))
-    assert ema.replace("of `ema`", "of `model`") == model
-
-
 def test_second_models_know_nothing_of_what_they_judge():
     for path in sources("tests/independent"):
         assert not {"model", "ema", "updating"} & imported(parse(path)), path
