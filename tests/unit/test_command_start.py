@@ -1,8 +1,15 @@
 """Commands begin at once: what is slow to import is imported when something is drawn, read or served."""
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
+
+import pytest
+
+from tests.command import ROOT, lamella
+from updating.commands.command_line import EXTRAS
 
 DRAWING = {"matplotlib", "plotly", "pyvista", "vtkmodules", "PIL", "pptx", "jinja2"}
 SERVING = {"trame", "trame_server", "aiohttp", "wslink"}
@@ -38,3 +45,39 @@ def test_the_list_of_commands_needs_no_numbers():
 def test_a_command_begins_without_what_it_may_need_later():
     job = "\n".join(f"load({name!r})" for name in ("report", "open", "fit", "diagnose", "ema", "new"))
     assert imported(job) & (DRAWING | SERVING | READING | SELDOM) == set()
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def test_extras_bring_what_commands_say_they_lack():
+    extras = PROJECT["optional-dependencies"]
+    brought = {extra: {re.split(r"[>\[]", name)[0].lower() for name in extras[extra]} for extra in extras}
+    core = {re.split(r"[>\[]", name)[0].lower() for name in PROJECT["dependencies"]}
+    sold_as = {"vtkmodules": "pyvista", "pptx": "python-pptx", "aiohttp": "trame"}  # the last brings it
+    for package, extra in EXTRAS.items():
+        assert sold_as.get(package, package) in brought[extra] - core
+
+
+@pytest.mark.parametrize(("package", "extra"), EXTRAS.items())
+def test_a_command_that_lacks_a_package_says_which_extra_brings_it(monkeypatch, tmp_path, package, extra):
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setattr("updating.commands.model.read_stack", lambda _: __import__(f"{package}.inside"))
+    done = lamella("model", "data/demo_stack/stack.toml", "-o", tmp_path)
+    assert done.returncode == 1
+    said = " ".join(done.stderr.split())
+    assert said.startswith(f"Error: this takes {package}, which is not installed.")
+    assert f'pip install "lamella[{extra}]"' in said
+
+
+def test_a_package_that_no_extra_brings_is_a_fault(monkeypatch, tmp_path):
+    monkeypatch.setattr("updating.commands.model.read_stack", lambda _: __import__("nowhere_at_all"))
+    with pytest.raises(ModuleNotFoundError, match="nowhere_at_all"):
+        lamella("model", "data/demo_stack/stack.toml", "-o", tmp_path)
+
+
+def test_numbers_come_without_any_extra(monkeypatch, tmp_path):
+    for package in EXTRAS:
+        monkeypatch.setitem(sys.modules, package, None)
+    done = lamella("ema", "data/hidden_effect/b/campaign.toml", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr

@@ -30,7 +30,7 @@ D_F = {"A": 1.5e-10, "B": 0.8e-10}
 @pytest.fixture(scope="module")
 def stack():
     found = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
-    return dataclasses.replace(found, n_lamina=12, mesh=Mesh(n_x=8, n_y=2)).with_effects(
+    return dataclasses.replace(found, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(
         *find_effects(["clamp_inertia"])
     )
 

@@ -22,7 +22,7 @@ CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")
 def simulated(effects, values, specimen=""):
     """Two torques of a small stack, with the modes that the model has at these values."""
     stack = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
-    stack = dataclasses.replace(stack, n_lamina=12, mesh=Mesh(n_x=8, n_y=2)).with_effects(
+    stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(
         *find_effects(effects)
     )
     blank = [

@@ -50,6 +50,18 @@ COMMANDS = {
 }
 """Every command with what it does: the first sentence of its function, whose module is imported when it is run."""
 
+EXTRAS = {
+    "jinja2": "report",
+    "plotly": "report",
+    "pyvista": "report",
+    "vtkmodules": "report",
+    "pptx": "report",
+    "trame": "workbench",
+    "aiohttp": "workbench",
+    "nptdms": "tdms",
+}
+"""Packages that some commands need, with the extra of `pyproject.toml` that brings them."""
+
 
 class _Commands(TyperGroup):
     """The commands by name and sentence; the module of one is imported when it is run or asked for its help."""
@@ -138,6 +150,15 @@ def main() -> None:
         app()
     except LAMELLA_ERRORS as error:
         _say(str(error))
+        sys.exit(1)
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in EXTRAS:
+            raise
+        _say(
+            f"this takes {package}, which is not installed. What was done is kept; the same command goes on after "
+            f'pip install "lamella[{EXTRAS[package]}]", or "lamella[all]" for all there is'
+        )
         sys.exit(1)
     except OSError as error:  # foreseen errors say more; this is a file that was there a moment ago
         _say(f"{error.filename or 'a file'}: {error.strerror or error}")
