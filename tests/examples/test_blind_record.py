@@ -2,40 +2,41 @@
 
 from pathlib import Path
 
-from tests.recovery import pooled_study as pooled
-from tests.recovery import slipping_study as slipping
-from tests.recovery.other_worlds_study import FIRST_OF_STACKS, RECORD, STACKS_RECORD, median_fall, stack_of
-from tests.recovery.other_worlds_study import figures as figures_elsewhere
-from tests.recovery.other_worlds_study import planned as planned_elsewhere
-from tests.recovery.other_worlds_study import recorded as recorded_elsewhere
-from updating.blind.figures import Figure, figures, held_out_errors, mean_set_size
-from updating.blind.jobs import planned, recorded
+from tests.studies import blind, pooled, slipping
+from tests.studies.blind_figures import figures, held_out_errors, mean_set_size
+from tests.studies.other_worlds import (
+    FIRST_OF_STACKS,
+    RECORD,
+    STACKS_RECORD,
+    OtherCase,
+    median_fall,
+    stack_of,
+)
+from tests.studies.other_worlds import figures as figures_elsewhere
+from tests.studies.other_worlds import planned as planned_elsewhere
+from tests.studies.runner import recorded
 
 ROOT = Path(__file__).parents[2]
 
 
-def row(own: Figure) -> str:
-    low, high = own.interval
-    share = (
-        f" = {100 * own.hits / own.total:.0f} % ({100 * low:.0f} to {100 * high:.0f})" if own.total else ""
-    )
-    return f"| {own.name.strip()} | {own.hits} of {own.total}{share} | {own.target} |"
+def cases_of_the_table():
+    return recorded(blind.RECORD, blind.Case)
 
 
 def test_the_table_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
-    cases = recorded(ROOT / "data" / "blind")
+    cases = cases_of_the_table()
     start = lines.index(f"| figure | {len(cases)} cases | target |") + 2
     found = figures(cases)
-    assert lines[start : start + len(found)] == [row(own) for own in found]
+    assert lines[start : start + len(found)] == [own.row for own in found]
 
 
 def test_the_figures_of_the_readme_are_of_the_record():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     table = text.partition("| figure | measured | target | command |\n")[2].partition("\n\n")[0]
     shown = [line.rpartition(" | ")[0] + " |" for line in table.splitlines()[1:]]
-    known = {own.name.strip(): row(own) for own in figures(recorded(ROOT / "data" / "blind"))}
-    known |= {own.name: own.row for own in figures_elsewhere(recorded_elsewhere(RECORD))}
+    known = {own.name.strip(): own.row for own in figures(cases_of_the_table())}
+    known |= {own.name: own.row for own in figures_elsewhere(recorded(RECORD, OtherCase))}
     found = [line for line in shown if line.split(" | ")[0].removeprefix("| ") in known]
     assert len(found) == len(shown) >= 5
     assert set(found) <= set(known.values())  # names that several baselines have tell nothing apart
@@ -43,7 +44,7 @@ def test_the_figures_of_the_readme_are_of_the_record():
 
 def test_the_table_of_other_worlds_says_what_was_recorded():
     text = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
-    cases = recorded_elsewhere(RECORD)
+    cases = recorded(RECORD, OtherCase)
     lines = text.splitlines()
     start = lines.index(f"| figure | {len(cases)} cases of another model | target |") + 2
     found = [own.row for own in figures_elsewhere(cases)]
@@ -54,7 +55,7 @@ def test_the_table_of_other_worlds_says_what_was_recorded():
 
 def test_the_table_of_three_stacks_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
-    cases = recorded_elsewhere(STACKS_RECORD)
+    cases = recorded(STACKS_RECORD, OtherCase)
     start = lines.index(f"| figure | {len(cases)} cases of three stacks | target |") + 2
     found = [own.row for own in figures_elsewhere(cases)]
     assert lines[start : start + len(found)] == found
@@ -64,7 +65,7 @@ def test_the_table_of_three_stacks_says_what_was_recorded():
 
 def test_the_table_of_slip_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
-    cases = slipping.recorded(slipping.RECORD)
+    cases = recorded(slipping.RECORD, slipping.SlippingCase)
     start = lines.index(f"| figure | {len(cases)} cases at three forces | target |") + 2
     found = [own.row for own in slipping.figures(cases)]
     assert lines[start : start + len(found)] == found
@@ -73,7 +74,7 @@ def test_the_table_of_slip_says_what_was_recorded():
 
 def test_the_table_of_many_specimens_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
-    cases = pooled.recorded(pooled.RECORD)
+    cases = recorded(pooled.RECORD, pooled.PooledCase)
     start = lines.index(f"| figure | {len(cases)} cases of many specimens | target |") + 2
     found = [own.row for own in pooled.figures(cases)]
     assert lines[start : start + len(found)] == found
@@ -81,7 +82,7 @@ def test_the_table_of_many_specimens_says_what_was_recorded():
 
 
 def test_the_sentence_below_the_table_says_what_was_recorded():
-    cases = recorded(ROOT / "data" / "blind")
+    cases = cases_of_the_table()
     base, named, true = held_out_errors(cases)
     said = " ".join((ROOT / "docs/validation.md").read_text(encoding="utf-8").split())
     assert f"the set holds {mean_set_size(cases):.2f} explanations in the mean" in said
@@ -93,6 +94,6 @@ def test_the_sentence_below_the_table_says_what_was_recorded():
 
 
 def test_the_record_holds_the_planned_cases_from_the_first_on():
-    """So `lamella blind ... -o` a copy of it goes on where it ends."""
-    cases = recorded(ROOT / "data" / "blind")
-    assert [(case.seed, case.kind) for case in cases] == list(planned(full=True)[: len(cases)])
+    """So a study of a copy of it goes on where it ends."""
+    cases = cases_of_the_table()
+    assert [(case.seed, case.kind) for case in cases] == list(blind.planned(full=True)[: len(cases)])

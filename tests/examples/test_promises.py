@@ -4,7 +4,9 @@ import re
 from pathlib import Path
 
 from tests.examples import test_every_key, test_fault_points
-from tests.recovery import corruptions, corruptions_study, damaged_readers
+from tests.recovery import corruptions, damaged_readers
+from tests.studies import corruptions as corruptions_study
+from tests.studies.runner import recorded
 from tests.unit import test_bad_input
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +44,7 @@ def test_counts_are_those_of_the_tests():
 
 
 def test_the_table_of_corruptions_says_what_was_recorded():
-    cases = corruptions_study.recorded(corruptions_study.RECORD)
+    cases = recorded(corruptions_study.RECORD, corruptions_study.Case)
     seeds = range(corruptions_study.FIRST_SEED, corruptions_study.FIRST_SEED + corruptions_study.SEEDS)
     assert [(case.seed, case.kind) for case in cases] == [
         (s, k) for s in seeds for k in corruptions.CORRUPTIONS

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tests.golden.record import Errors, Record
-from tests.recovery.other_worlds_study import RECORD, STACKS_RECORD, OtherCase, recorded
+from tests.studies.other_worlds import RECORD, STACKS_RECORD, OtherCase
+from tests.studies.runner import recorded
 
 
 def published() -> Iterator[Record]:
@@ -15,7 +16,7 @@ def published() -> Iterator[Record]:
     no fitted errors and no seconds, and the true effects were asked for there, so that they were fitted in any case.
     `cases.draw_case` draws the same case from seed, kind, world and stack.
     """
-    for case in (*recorded(RECORD), *recorded(STACKS_RECORD)):
+    for case in (*recorded(RECORD, OtherCase), *recorded(STACKS_RECORD, OtherCase)):
         if case.kind != "disturbed":
             yield Record(
                 seed=case.seed,

@@ -3,7 +3,7 @@
 import pytest
 
 import model
-from model.contact.nodal import nodal_instead
+from tests.literature.nodal_contact import nodal_instead
 
 
 def first_frequency(mesh, *, nodal):

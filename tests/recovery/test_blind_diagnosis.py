@@ -1,30 +1,22 @@
 """The blind benchmark of the diagnosis, `make blind`: sealed cases, resumable, scored when all are done."""
 
-import json
-from dataclasses import asdict, replace
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import pytest
-from rich.console import Console
-from typer.testing import CliRunner
 
-from updating.blind import jobs as blind_jobs
-from updating.blind.case import Case, run
-from updating.blind.figures import figures
-from updating.blind.jobs import figures_table, planned, run_blind
-from updating.commands.command_line import app
+from tests.studies.__main__ import STUDIES
+from tests.studies.blind import SPECIFICATION, Case, planned, run, study_of
+from tests.studies.blind_figures import figures
+from tests.studies.runner import line, recorded, study
 from updating.errors import StoreError
-
-ROOT = Path(__file__).parents[2]
-SPECIFICATION = ROOT / "data" / "demo_stack" / "virtual_test.toml"
 
 
 @pytest.mark.blind
-def test_blind_cases(capsys):
+def test_blind_cases(capsys, request):
     with capsys.disabled():
-        console = Console(width=100)
-        cases = run_blind(SPECIFICATION, ROOT / "out" / "blind", console)
-        console.print(figures_table(cases))
+        cases = study_of(planned(), request.config.rootpath / "out/blind/cases.jsonl")
+        print("\n".join(own.row for own in figures(cases)))
     alarms = figures(cases)[0]
     assert alarms.interval[0] <= 0.05, "more false alarms than 5 %, beyond what chance explains"
 
@@ -83,34 +75,37 @@ def test_names_for_a_withheld_effect_are_counted_beside_those_of_bic():
     assert [(own.hits, own.total) for own in found[at : at + 2]] == [(1, 3), (2, 3)]
 
 
-def test_cases_go_on_after_the_last_whole_line(tmp_path, monkeypatch):
+def test_cases_go_on_after_the_last_whole_line(tmp_path):
     """All but the last case are done; of that one half a line was written when the run was killed."""
-    lines = [json.dumps(asdict(case(*which))) + "\n" for which in planned()]
+    lines = [line(case(*which)) for which in planned()]
     record = tmp_path / "cases.jsonl"
     record.write_text("".join(lines[:-1]) + lines[-1][:40], encoding="utf-8")
     asked = []
 
-    def run(specification, seed, kind):
-        asked.append((seed, kind))
-        return case(seed, kind)
+    def run(*which):
+        asked.append(which)
+        return case(*which)
 
-    monkeypatch.setattr(blind_jobs, "run", run)
-    found = run_blind(SPECIFICATION, tmp_path, Console(quiet=True))
+    found = study(planned(), run, record, Case, lambda own: (own.seed, own.kind))
     assert asked == [planned()[-1]]
-    assert found == tuple(case(*which) for which in planned())
+    assert found == [case(*which) for which in planned()]
     assert record.read_text(encoding="utf-8") == "".join(lines)
 
 
-def test_an_interrupted_run_prints_the_figures_of_what_is_done(tmp_path, monkeypatch):
-    def run(specification, seed, kind):
-        raise KeyboardInterrupt
+def test_cases_that_are_run_side_by_side_come_in_the_order_of_the_plan(tmp_path):
+    with ThreadPoolExecutor(4) as executor:
+        found = study(
+            planned(), case, tmp_path / "new/cases.jsonl", Case, lambda own: (own.seed, own.kind), executor
+        )
+    assert [(own.seed, own.kind) for own in found] == list(planned())
+    assert len(recorded(tmp_path / "new/cases.jsonl", Case)) == 134
 
-    monkeypatch.setattr(blind_jobs, "run", run)
-    lines = [json.dumps(asdict(case(*which))) + "\n" for which in planned()[:-1]]
-    (tmp_path / "cases.jsonl").write_text("".join(lines), encoding="utf-8")
-    printed = CliRunner().invoke(app, ["blind", str(SPECIFICATION), "-o", str(tmp_path)])
-    assert printed.exit_code == 130
-    assert "133 blind cases" in printed.output
+
+def test_a_study_goes_on_from_the_command_line(tmp_path, monkeypatch):
+    record = tmp_path / "cases.jsonl"
+    record.write_text("".join(line(case(*which)) for which in planned()[:3]), encoding="utf-8")
+    rows, _ = STUDIES["blind"]
+    assert rows(3, record) == [own.row for own in figures([case(*which) for which in planned()[:3]])]
 
 
 def test_the_full_study_begins_with_the_quick_one():
@@ -124,4 +119,4 @@ def test_the_full_study_begins_with_the_quick_one():
 def test_a_record_of_another_version_is_named(tmp_path):
     (tmp_path / "cases.jsonl").write_text('{"seed": 1, "kind": "null"}\n', encoding="utf-8")
     with pytest.raises(StoreError, match=r"cases\.jsonl, line 1: .*another version.*move it away"):
-        run_blind(SPECIFICATION, tmp_path, Console(quiet=True))
+        recorded(tmp_path / "cases.jsonl", Case)

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.recovery.corruptions import CORRUPTIONS
-from tests.recovery.corruptions_study import FIRST_SEED, SEEDS, Case, recorded, study, table
+from tests.studies.corruptions import FIRST_SEED, SEEDS, Case, study_of, table
+from tests.studies.runner import recorded
 
 MOST_WRONG = 0.03
 
@@ -20,7 +21,7 @@ def test_a_record_that_was_cut_off_is_read_as_far_as_it_goes(tmp_path):
     record = tmp_path / "record.jsonl"
     line = json.dumps({"kind": "hum", "seed": 1, "outcome": "wrong", "said": "x"})
     record.write_text(f"{line}\n{line[:20]}", encoding="utf-8")
-    cases = recorded(record)
+    cases = recorded(record, Case)
     assert cases == [Case(kind="hum", seed=1, outcome="wrong", said="x")]
     assert table(cases).splitlines()[-2:] == ["wrong        1 = 100 %", "wrong: hum (1): x"]
 
@@ -30,7 +31,7 @@ def test_study_of_corruptions(capsys):
     """It goes on where it stopped: the record is in the folder that LAMELLA_STUDY names, out by default."""
     record = Path(os.environ.get("LAMELLA_STUDY", "out")) / "corruptions.jsonl"
     with capsys.disabled():
-        cases = study(range(FIRST_SEED, FIRST_SEED + SEEDS), record)
+        cases = study_of(range(FIRST_SEED, FIRST_SEED + SEEDS), record)
         print(table(cases))
     sound = [case for case in cases if case.kind == "none"]
     assert all(case.outcome == "harmless" for case in sound)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from updating.blind.case import blind_test, candidates_of, simulated
+from tests.studies.blind import blind_test, candidates_of, simulated
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched
 from updating.diagnosis.discrepancy import Block, Discrepancy

@@ -10,7 +10,7 @@ import pytest
 
 import model
 from ema.types.geometry import Dofs
-from updating.blind.case import blind_test, simulated
+from tests.studies.blind import blind_test, simulated
 from updating.diagnosis.candidates import candidate_model
 from updating.diagnosis.diagnosis import diagnose
 

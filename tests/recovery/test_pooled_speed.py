@@ -10,7 +10,7 @@ import pytest
 import model
 from tests.independent.campaign import STACK
 from tests.independent.layered import Layered
-from tests.recovery.pooled_study import specimens_of
+from tests.studies.pooled import specimens_of
 from updating.correlation.shape_class import class_grid, solve_by_class
 from updating.fitting.joint_fit import joint_fit
 from updating.fitting.joint_problem import FitSettings

@@ -1,12 +1,9 @@
 """The pooled diagnosis on cases that an independent model made: part of `make blind`, resumable."""
 
-import json
-from dataclasses import asdict
-
 import pytest
 
 from tests.independent.layered import Layered
-from tests.recovery.pooled_study import KINDS, PooledCase, drawn, figures, recorded, study
+from tests.studies.pooled import KINDS, PooledCase, drawn, figures, study_of
 
 OUT = "out/blind/pooled.jsonl"
 NUMBER = 60
@@ -42,13 +39,6 @@ def test_nothing_named_is_right_where_nothing_is():
     assert found["nothing named where nothing is"] == (1, 2)
 
 
-def test_a_record_is_read_back_to_its_last_whole_line(tmp_path):
-    record = tmp_path / "cases.jsonl"
-    line = json.dumps(asdict(case())) + "\n"
-    record.write_text(line + line[:40], encoding="utf-8")
-    assert recorded(record) == [case()]
-
-
 @pytest.mark.parametrize(("kind", "number"), list(zip(KINDS, (6, 3, 1, 0), strict=True)))
 def test_as_many_specimens_have_it_as_the_kind_says(kind, number):
     planted, members = drawn(5, kind)
@@ -60,7 +50,7 @@ def test_as_many_specimens_have_it_as_the_kind_says(kind, number):
 def test_pooled_cases(capsys, request):
     """Every figure is printed; of false alarms no more are left than chance explains."""
     with capsys.disabled():
-        cases = list(study(NUMBER, Layered(), request.config.rootpath / OUT))
+        cases = study_of(NUMBER, Layered(), request.config.rootpath / OUT)
         for own in figures(cases):
             print(own.row, flush=True)
     hits, total = shares(cases)["others called odd"]

@@ -9,7 +9,7 @@ import pytest
 
 import model
 from model.effects.contact_slip import STRAIN
-from updating.blind.case import blind_test, candidates_of, simulated
+from tests.studies.blind import blind_test, candidates_of, simulated
 from updating.commands.diagnose import diagnose
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import assemble_evidence

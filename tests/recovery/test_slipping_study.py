@@ -1,15 +1,12 @@
 """Slip in the diagnosis on levels that an independent model made: part of `make blind`, resumable."""
 
-import json
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 
 from model.contact.slip_law import SlipLaw
 from tests.independent import slipping_modes
 from tests.independent.slipping_campaign import sliders
-from tests.recovery.slipping_study import SlippingCase, figures, median_factor, planned, recorded, study
+from tests.studies.slipping import SlippingCase, figures, median_factor, planned, study_of
 
 OUT = "out/blind/slipping.jsonl"
 NUMBER = 100
@@ -48,13 +45,6 @@ def test_intervals_and_the_slip_limit_are_held_to_the_truth():
     assert median_factor([case(limit=0.5), case(limit=2.0), linear(limit=float("nan"))]) == pytest.approx(2.0)
 
 
-def test_the_record_goes_on_after_the_last_whole_line(tmp_path):
-    record = tmp_path / "cases.jsonl"
-    line = json.dumps(asdict(case())) + "\n"
-    record.write_text(line + line[:40], encoding="utf-8")
-    assert recorded(record) == [case()]
-
-
 def test_the_sliders_of_the_other_model_are_of_the_same_law():
     """What they leave of the stress at first loading, beside Segalman's curve in closed form."""
     law, G_f = SlipLaw(friction=0.6, exponent=-0.4), 1480.0
@@ -81,7 +71,7 @@ def test_more_points_of_the_contact_move_the_modes_no_further(monkeypatch):
 def test_slipping_and_linear_stacks(capsys, request):
     """Every figure is printed; of linear stacks called slipping no more are left than chance explains."""
     with capsys.disabled():
-        cases = study(planned(NUMBER), request.config.rootpath / OUT)
+        cases = study_of(planned(NUMBER), request.config.rootpath / OUT)
         print("\n".join(own.row for own in figures(cases)))
         print(f"median factor by which the slip limit is off: {median_factor(cases):.2f}")
     hits, total = share("linear stacks called slipping", cases)

@@ -43,7 +43,6 @@ COMMANDS = {
     ),
     "view": "Show mode shapes and stabilisation chart of one configuration.",
     "simulate": "Simulate a vibration test on a model and write its FRFs as a test system would.",
-    "blind": "Diagnose virtual tests with sealed effects and print how often the answer was right.",
     "demo": (
         "Identify the shipped campaign, fit the model, say what it lacks, add it and see the error fall."
     ),

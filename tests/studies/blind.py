@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 import model
 from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
+from tests.studies.runner import BLIND, DATA, study
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
@@ -29,7 +30,11 @@ from updating.inference.search import Search
 from updating.virtual.measurement import ModalNoise, simulate_modes
 from updating.virtual.vibration_test import VirtualTest
 from updating.virtual.vibration_test_file import read_virtual_test
+from updating.workers.workers import workers
 
+SPECIFICATION = DATA / "demo_stack" / "virtual_test.toml"
+RECORD = BLIND / "cases.jsonl"
+"""The cases of the published table."""
 NOISE = ModalNoise()
 """Standard deviations of the modal data that a case's campaign gives."""
 SPREAD = {
@@ -114,6 +119,42 @@ class Case:
     bic: tuple[str, ...]
     held_out: tuple[float, float, float]
     held_out_frequency: tuple[float, float, float]
+
+
+_QUICK = {"single": 54, "null": 22, "withheld": 24, "pair": 24, MODEL_FORM_ERROR: 10}
+_MORE = {"single": 506, "null": 200, "withheld": 186, "pair": 184, MODEL_FORM_ERROR: 90}
+
+
+def planned(*, full: bool = False) -> tuple[tuple[int, str], ...]:
+    """Return seed and kind of the cases: 134, or with `full` 1300, of which those are the first.
+
+    Thresholds of the diagnosis were set, and its faults corrected, on seeds below 99999.
+    """
+    return (*_mixed(100000, _QUICK), *(_mixed(101000, _MORE) if full else ()))
+
+
+def _mixed(first: int, number: Mapping[str, int]) -> Iterator[tuple[int, str]]:
+    """Mix the kinds, so that what is done says something of each; those of one effect have other draws each."""
+    longest = max(number.values())
+    apart = 100 * -(-longest // 100)
+    for i in range(longest):
+        for kind, n in number.items():
+            if i * n // longest != (i - 1) * n // longest:
+                yield first + i + apart * {"withheld": 1, MODEL_FORM_ERROR: 2}.get(kind, 0), kind
+
+
+def study_of(cases: Sequence[tuple[int, str]], record: Path) -> list[Case]:
+    """Run the cases that are not recorded yet, side by side, and return all of them."""
+
+    def say(case: Case) -> None:
+        truth = " with ".join(case.truth) or "nothing"
+        left = " or ".join(" with ".join(candidate) for candidate in case.candidates)
+        print(f"seed {case.seed}, {case.kind}: {truth} -> {case.verdict} {left}", flush=True)
+
+    with workers(len(cases)) as executor:
+        return study(
+            cases, partial(run, SPECIFICATION), record, Case, lambda own: (own.seed, own.kind), executor, say
+        )
 
 
 def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:

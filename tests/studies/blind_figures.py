@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from model import catalogue
-from updating.blind.case import DETECTABLE, MODEL_FORM_ERROR, Case
+from tests.studies.blind import DETECTABLE, MODEL_FORM_ERROR, Case
+from tests.studies.runner import Share, share
 from updating.diagnosis.coordinates import coordinate_of
 
 _NOTABLE = (
@@ -22,27 +22,7 @@ _ALARM = float(-ndtri(0.05))
 """Distance from which the best test says so that is wrong in 5 of 100 (Neyman and Pearson 1933)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """A share of cases with its 95 % binomial interval (Clopper and Pearson 1934)."""
-
-    name: str
-    target: str
-    hits: int
-    total: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Lower and upper end; (0, 1) without cases."""
-        if not self.total:
-            return 0.0, 1.0
-        from scipy.stats import binomtest  # here: it takes long, and few ask for figures
-
-        found = binomtest(self.hits, self.total).proportion_ci(method="exact")
-        return float(found.low), float(found.high)
-
-
-def figures(cases: Sequence[Case]) -> tuple[Figure, ...]:
+def figures(cases: Sequence[Case]) -> tuple[Share, ...]:
     """Score cases: how often nothing, the right effect, the right set, or nothing wrong was said."""
     single = [c for c in cases if c.kind == "single"]
     seen = [c for c in single if c.distance >= DETECTABLE]
@@ -71,77 +51,73 @@ def _unlike(case: Case) -> bool:
     return case.verdict == "unlike anything"
 
 
-def _share(name: str, target: str, hits: Sequence[bool]) -> Figure:
-    return Figure(name=name, target=target, hits=int(sum(hits)), total=len(hits))
-
-
-def _of_nulls(null: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_nulls(null: Sequence[Case]) -> tuple[Share, ...]:
     return (
-        _share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
-        _share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in null]),
+        share("false alarms on nulls", "<= 5 %", [c.verdict != "nothing missing" for c in null]),
+        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in null]),
     )
 
 
-def _of_singles(single: Sequence[Case], seen: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_singles(single: Sequence[Case], seen: Sequence[Case]) -> tuple[Share, ...]:
     plain = [c for c in seen if c.rival >= _APART]
     effects = catalogue()
     return (
-        _share("named or in the set, detectable singles", "95 %", [_within(c) for c in seen]),
-        _share("top choice right, detectable singles", "90 %", [_top(c) for c in seen]),
-        _share("  of these not aliased", "reported", [_top(c) for c in plain]),
-        Figure(
+        share("named or in the set, detectable singles", "95 %", [_within(c) for c in seen]),
+        share("top choice right, detectable singles", "90 %", [_top(c) for c in seen]),
+        share("  of these not aliased", "reported", [_top(c) for c in plain]),
+        Share(
             name="  an effect at random instead",
             target="baseline",
             hits=round(len(seen) / len(effects)),
             total=len(seen),
         ),
-        _share("  largest sensitivity instead", "baseline", [c.most_visible == c.truth for c in seen]),
-        _share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in seen]),
-        _share("top choice right, all singles", "reported", [_top(c) for c in single]),
+        share("  largest sensitivity instead", "baseline", [c.most_visible == c.truth for c in seen]),
+        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in seen]),
+        share("top choice right, all singles", "reported", [_top(c) for c in single]),
     )
 
 
-def _of_pairs(pairs: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_pairs(pairs: Sequence[Case]) -> tuple[Share, ...]:
     return (
-        _share("both of a pair right, where both show", "80 %", [_top(c) for c in pairs]),
-        _share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
+        share("both of a pair right, where both show", "80 %", [_top(c) for c in pairs]),
+        share("  BIC stepwise instead", "baseline", [c.bic == c.truth for c in pairs]),
     )
 
 
-def _of_withheld(withheld: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_withheld(withheld: Sequence[Case]) -> tuple[Share, ...]:
     far = [c for c in withheld if c.distance >= _FAR]
     return (
-        _share("unlike anything, withheld beyond 5 sigma", "90 %", [_unlike(c) for c in far]),
-        _share("  of these as far from all else", "reported", [_unlike(c) for c in far if c.rival >= _FAR]),
-        _share("unlike anything, all withheld", "65 %", [_unlike(c) for c in withheld]),
-        Figure(
+        share("unlike anything, withheld beyond 5 sigma", "90 %", [_unlike(c) for c in far]),
+        share("  of these as far from all else", "reported", [_unlike(c) for c in far if c.rival >= _FAR]),
+        share("unlike anything, all withheld", "65 %", [_unlike(c) for c in withheld]),
+        Share(
             name="  a test that knew what is withheld would say so, at most",
             target="baseline",
             hits=round(sum(float(ndtr(c.rival - _ALARM)) for c in withheld)),
             total=len(withheld),
         ),
-        _share("another's name given, all withheld", "reported", [bool(c.candidates) for c in withheld]),
-        _share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in withheld]),
+        share("another's name given, all withheld", "reported", [bool(c.candidates) for c in withheld]),
+        share("  BIC stepwise instead", "baseline", [bool(c.bic) for c in withheld]),
     )
 
 
-def _of_model_form_errors(cases: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_model_form_errors(cases: Sequence[Case]) -> tuple[Share, ...]:
     families = {name: effect.family for name, effect in catalogue().items()}
 
     def akin(c: Case) -> bool:
         return {families.get(n) for n in c.candidates[0]} == {families.get(n) for n in c.truth}
 
     return (
-        _share(
+        share(
             "model-form error: the effect or its family named",
             "reported",
             [bool(c.candidates) and akin(c) for c in cases],
         ),
-        _share("model-form error: unlike anything", "reported", [_unlike(c) for c in cases]),
+        share("model-form error: unlike anything", "reported", [_unlike(c) for c in cases]),
     )
 
 
-def _of_what_is_excluded(cases: Sequence[Case], unseen: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_what_is_excluded(cases: Sequence[Case], unseen: Sequence[Case]) -> tuple[Share, ...]:
     effects = catalogue()
 
     def usual(c: Case) -> list[str]:
@@ -156,12 +132,12 @@ def _of_what_is_excluded(cases: Sequence[Case], unseen: Sequence[Case]) -> tuple
 
     judged = [c for c in cases if c.kind != "withheld" and usual(c)]
     return (
-        _share(
+        share(
             "undetectable singles not wrongly named",
             "95 %",
             [c.verdict in ("nothing missing", "unlike anything") or _within(c) for c in unseen],
         ),
-        _share(
+        share(
             "a planted effect, as strong as usual, ruled out",
             "reported",
             [bool(set(usual(c)) & set(c.ruled_out)) for c in judged],
@@ -169,21 +145,21 @@ def _of_what_is_excluded(cases: Sequence[Case], unseen: Sequence[Case]) -> tuple
     )
 
 
-def _of_predictions(seen: Sequence[Case]) -> tuple[Figure, ...]:
+def _of_predictions(seen: Sequence[Case]) -> tuple[Share, ...]:
     fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
     return (
-        _share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
-        _share(
+        share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
+        share(
             "held-out error worse after naming",
             "<= 5 %",
             [c.held_out[1] > c.held_out[0] * _WORSE for c in seen],
         ),
-        _share(
+        share(
             "  of its frequencies alone",
             "reported",
             [c.held_out_frequency[1] > c.held_out_frequency[0] * _WORSE for c in seen],
         ),
-        _share("held-out error falls by 70 % of the oracle's", "half of them", [f >= 0.7 for f in fall]),
+        share("held-out error falls by 70 % of the oracle's", "half of them", [f >= 0.7 for f in fall]),
     )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from model.effects.contact_slip import STRAIN
 from tests.independent.campaign import SHAKER, STACK
 from tests.independent.slipping_modes import BAND, STATE, SlippingTest, slipping_test
 from tests.recovery.other_worlds import modal_model
-from tests.recovery.other_worlds_study import Share
+from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
@@ -28,7 +27,7 @@ from updating.diagnosis.slipping import AtLevel
 from updating.inference.decide import decide
 from updating.results.text import Z95
 
-RECORD = Path(__file__).parents[2] / "data" / "blind" / "slipping.jsonl"
+RECORD = BLIND / "slipping.jsonl"
 """The cases of the published table."""
 FIRST_SEED = 900_100
 MIXTURE = (True, True, False)
@@ -151,36 +150,18 @@ def planned(number: int) -> list[tuple[int, bool]]:
     return [(FIRST_SEED + i, MIXTURE[i % len(MIXTURE)]) for i in range(number)]
 
 
-def recorded(record: Path) -> list[SlippingCase]:
-    """Read the cases that are done; a line that was cut off is none."""
-    text = record.read_text(encoding="utf-8") if record.exists() else ""
-    return [_case(json.loads(line)) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+def study_of(cases: Sequence[tuple[int, bool]], record: Path) -> list[SlippingCase]:
+    """Run the cases that are not recorded yet, and return all of them."""
 
+    def say(case: SlippingCase) -> None:
+        kind = "slips" if case.slips else "linear"
+        print(f"{case.seed} {kind} {case.moved:.0f} -> {case.verdict} {case.named}", flush=True)
 
-def _case(given: dict) -> SlippingCase:
-    tuples = {name: tuple(given[name]) for name in ("truth", "error")}
-    pairs = {name: tuple(map(tuple, given[name])) for name in ("named", "found")}
-    return SlippingCase(**(given | tuples | pairs))
-
-
-def study(
-    cases: Sequence[tuple[int, bool]], record: Path, say: Callable[[str], None] = print
-) -> list[SlippingCase]:
-    """Run the cases that are not recorded yet, each written as soon as it is done, and return all of them."""
-    done = {(case.seed, case.slips): case for case in recorded(record)}
-    record.parent.mkdir(parents=True, exist_ok=True)
-    with threadpool_limits(1, user_api="blas"), record.open("a", encoding="utf-8") as file:
-        for seed, slips in cases:
-            if (seed, slips) in done:
-                continue
-            case = run(seed, slips, _model())
-            done[seed, slips] = case
-            file.write(json.dumps(asdict(case)) + "\n")
-            file.flush()
-            say(
-                f"{len(done)}: {seed} {'slips' if slips else 'linear'} {case.moved:.0f} -> {case.verdict} {case.named}"
-            )
-    return [done[case] for case in cases]
+    with threadpool_limits(1, user_api="blas"):
+        return study(
+            cases, lambda seed, slips: run(seed, slips, _model()), record, SlippingCase,
+            lambda own: (own.seed, own.slips), say=say,
+        )  # fmt: skip
 
 
 @cache
@@ -196,9 +177,6 @@ def figures(cases: Sequence[SlippingCase]) -> Iterator[Share]:
     slipping = [c for c in cases if c.slips]
     seen = [c for c in slipping if c.moved >= MOVES]
     linear = [c for c in cases if not c.slips]
-
-    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
-        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
 
     moves = f"slip moves a frequency by {MOVES:g} half-widths"
     yield share(f"{moves}: it is in all that is left", "90 %", [c.slip_named for c in seen])

@@ -5,9 +5,8 @@ All cases have one stack file, so one reduced model does for them.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from tests.independent.campaign import STACK, Plan
 from tests.independent.effects import TABLE, draw_strength
 from tests.independent.setups import SETUPS
 from tests.recovery.other_worlds import simulated
-from tests.recovery.other_worlds_study import Share
+from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import diagnose
 from updating.pooled.beside import bench
@@ -30,7 +29,7 @@ from updating.pooled.specimen import Specimen, levels_of
 from updating.pooled.starts import usual_at_most
 from updating.results.pooled_answer import PooledDiagnosis
 
-RECORD = Path(__file__).parents[2] / "data" / "blind" / "pooled.jsonl"
+RECORD = BLIND / "pooled.jsonl"
 """The cases of the published table."""
 FIRST_SEED = 727_000
 """Of the published cases; seeds from 720000 to 726011 were looked at before."""
@@ -233,36 +232,13 @@ def judged(
     )
 
 
-def study(number: int, world: SecondModel, record: Path) -> Iterator[PooledCase]:
-    """Yield so many cases; those that a record holds are read back, others are added to it."""
-    known = {(own.seed, own.kind): own for own in recorded(record)}
-    record.parent.mkdir(parents=True, exist_ok=True)
+def study_of(number: int, world: SecondModel, record: Path) -> list[PooledCase]:
+    """Run so many cases that are not recorded yet, and return all of them."""
     models = shared_model(), shared_model()
-    for key in planned(number):
-        if key not in known:
-            known[key] = solved(*key, world, *models)
-            with record.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(known[key])) + "\n")
-        yield known[key]
-
-
-def recorded(record: Path) -> list[PooledCase]:
-    """Return the cases of a record, whole lines only."""
-    if not record.exists():
-        return []
-    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
-    return [_case(json.loads(line)) for line in lines if line.endswith("\n")]
-
-
-def _case(given: dict[str, object]) -> PooledCase:
-    own = PooledCase(**given)  # type: ignore[arg-type]  # as `study` wrote it
-    return replace(
-        own,
-        members=tuple(own.members),
-        odd=tuple(own.odd),
-        named=tuple((effect, level, tuple(names)) for effect, level, names in own.named),
-        left=tuple(tuple((effect, level) for effect, level in each) for each in own.left),
-    )
+    return study(
+        planned(number), lambda seed, kind: solved(seed, kind, world, *models), record, PooledCase,
+        lambda own: (own.seed, own.kind),
+    )  # fmt: skip
 
 
 def planned(number: int) -> list[tuple[int, str]]:
@@ -276,9 +252,6 @@ def figures(cases: Sequence[PooledCase]) -> Iterator[Share]:
     lone = [own for own in cases if own.kind == "specimen"]
     others = [(own, f"S{s + 1}") for own in cases for s in range(N_SPECIMEN)]
     innocent = [(own, name) for own, name in others if own.kind != "specimen" or name not in own.specimens]
-
-    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
-        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
 
     yield share("effect and its level right", "85 %", [own.right for own in planted])
     yield share("the same, of those that show", "85 %", [own.right for own in planted if own.shows])

@@ -6,11 +6,10 @@ named comes from the corruption alone.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,6 +36,7 @@ from ema import (
 from tests.independent.campaign import Plan, simulate, write_campaign
 from tests.independent.layered import Layered
 from tests.recovery.corruptions import CORRUPTIONS, spoil
+from tests.studies.runner import BLIND, study
 from updating.correlation.rig_check import check_rig
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.cached_model import cached_model
@@ -48,7 +48,7 @@ from updating.fitting.target import stack_in_state
 Outcome = Literal["named", "harmless", "refused", "wrong"]
 OUTCOMES: tuple[Outcome, ...] = ("named", "harmless", "refused", "wrong")
 FIRST_SEED, SEEDS = 700_200, 5
-RECORD = Path(__file__).parents[2] / "data" / "blind" / "corruptions.jsonl"
+RECORD = BLIND / "corruptions.jsonl"
 """Of these seeds; the page of promises counts it."""
 BAND, STEP = (100.0, 1150.0), 1.0
 _NO_FINDING = ("resolution",)
@@ -178,29 +178,26 @@ def _of_diagnosis(found: Diagnosis) -> tuple[Outcome, str]:
     return "harmless", found.sentences[0]
 
 
-def recorded(record: Path) -> list[Case]:
-    """Read the cases that are done; a line that was cut off is none."""
-    text = record.read_text(encoding="utf-8") if record.exists() else ""
-    return [Case(**json.loads(line)) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+def study_of(seeds: Sequence[int], record: Path) -> list[Case]:
+    """Run the cases that are not recorded yet, and return all of them."""
+
+    def made(seed: int, kind: str) -> Case:
+        return run(kind, seed, Path(_sound(seed).name))
+
+    return study(
+        [(seed, kind) for seed in seeds for kind in CORRUPTIONS], made, record, Case,
+        lambda own: (own.seed, own.kind),
+        say=lambda own: print(f"{own.outcome:9s} {own.kind}: {own.said[:100]}", flush=True),
+    )  # fmt: skip
 
 
-def study(seeds: Sequence[int], record: Path, say: Callable[[str], None] = print) -> list[Case]:
-    """Run the cases that are not recorded yet, each written as soon as it is done, and return all of them."""
-    done = {(case.seed, case.kind): case for case in recorded(record)}
-    record.parent.mkdir(parents=True, exist_ok=True)
-    for seed in seeds:
-        left = [kind for kind in CORRUPTIONS if (seed, kind) not in done]
-        if not left:
-            continue
-        _KNOWN.clear()
-        with TemporaryDirectory() as sound:
-            write_sound(seed, Path(sound))
-            for kind in left:
-                case = done[seed, kind] = run(kind, seed, Path(sound))
-                with record.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(asdict(case)) + "\n")
-                say(f"{case.outcome:9s} {case.kind}: {case.said[:100]}")
-    return [done[seed, kind] for seed in seeds for kind in CORRUPTIONS]
+@lru_cache(maxsize=1)
+def _sound(seed: int) -> TemporaryDirectory[str]:
+    """Return a folder with the sound campaign of a seed."""
+    _KNOWN.clear()
+    folder = TemporaryDirectory()
+    write_sound(seed, Path(folder.name))
+    return folder
 
 
 def rows(cases: Sequence[Case]) -> list[str]:

@@ -5,15 +5,13 @@ Thresholds were set on the smeared solid; figures are reported on the layered mo
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import beta
 from threadpoolctl import threadpool_limits
 
 import model
@@ -25,6 +23,7 @@ from tests.independent.layered import Layered
 from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
 from tests.recovery.other_worlds import simulated
+from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import instruments_of
@@ -39,7 +38,7 @@ from updating.inference.explain import Explanation, errors_at
 from updating.inference.search import Search
 from updating.results.text import Z95
 
-RECORD = Path(__file__).parents[2] / "data" / "blind" / "other_worlds.jsonl"
+RECORD = BLIND / "other_worlds.jsonl"
 """The cases of the published table."""
 STACKS_RECORD = RECORD.with_name("three_stacks.jsonl")
 """Those of three stacks in turn, with later rules."""
@@ -292,60 +291,23 @@ def stack_of(seed: int) -> str:
     return ("wide", "long", "shipped")[(seed - FIRST_OF_STACKS) // len(MIXTURE) % len(SETUPS)]
 
 
-def recorded(record: Path) -> list[OtherCase]:
-    """Read the cases that are done; a line that was cut off is none."""
-    text = record.read_text(encoding="utf-8") if record.exists() else ""
-    return [_case(json.loads(line)) for line in text.splitlines(keepends=True) if line.endswith("\n")]
-
-
-def _case(given: dict) -> OtherCase:
-    tuples = ("faults", "truth", "steps", "before", "after", "best", "odds", "covered")
-    given |= {name: tuple(given[name]) for name in tuples}
-    pairs = {name: tuple(map(tuple, given[name])) for name in ("named", "alone")}
-    return OtherCase(**(given | pairs))
-
-
-def study(
+def study_of(
     cases: Sequence[tuple[int, str]],
     world: str,
     record: Path,
-    say: Callable[[str], None] = print,
     stack: Callable[[int], str] = lambda _: "shipped",
 ) -> list[OtherCase]:
-    """Run the cases that are not recorded yet, each written as soon as it is done, and return all of them."""
-    done = {(case.seed, case.kind): case for case in recorded(record)}
-    left = [case for case in cases if case not in done]
-    record.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor() as pool, record.open("a", encoding="utf-8") as file:
-        futures = [pool.submit(run, seed, kind, world, stack(seed)) for seed, kind in left]
-        for i, future in enumerate(as_completed(futures)):
-            case = future.result()
-            done[case.seed, case.kind] = case
-            file.write(json.dumps(asdict(case)) + "\n")
-            file.flush()
-            planted = " with ".join((*case.planted, *case.faults)) or "nothing"
-            say(f"{i + 1} of {len(left)}: {case.seed} {planted} -> {case.verdict} {case.named}")
-    return [done[case] for case in cases if case in done]
+    """Run cases of a world that are not recorded yet, side by side, and return all of them."""
 
+    def say(case: OtherCase) -> None:
+        planted = " with ".join((*case.planted, *case.faults)) or "nothing"
+        print(f"{case.seed} {planted} -> {case.verdict} {case.named}", flush=True)
 
-@dataclass(frozen=True, kw_only=True)
-class Share:
-    """A share of cases with its 95 % binomial interval (Clopper and Pearson 1934)."""
-
-    name: str
-    target: str
-    hits: int
-    total: int
-
-    @property
-    def row(self) -> str:
-        """The line of the published table."""
-        if not self.total:
-            return f"| {self.name} | no case | {self.target} |"
-        low = beta.ppf(0.025, self.hits, self.total - self.hits + 1) if self.hits else 0.0
-        high = beta.ppf(0.975, self.hits + 1, self.total - self.hits) if self.hits < self.total else 1.0
-        share = f"{100 * self.hits / self.total:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
-        return f"| {self.name} | {self.hits} of {self.total} = {share} | {self.target} |"
+    with ProcessPoolExecutor() as pool:
+        return study(
+            [(seed, kind, world, stack(seed)) for seed, kind in cases],
+            run, record, OtherCase, lambda own: (own.seed, own.kind, own.world, own.stack), pool, say,
+        )  # fmt: skip
 
 
 def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
@@ -358,9 +320,6 @@ def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
     lacking = [c for c in cases if c.kind == "lacking"]
     disturbed = [c for c in cases if c.kind == "disturbed"]
     effects = set(model.catalogue())
-
-    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
-        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
 
     def physical(case: OtherCase) -> bool:
         return bool(case.named) and any(name in effects for name in case.named[0])

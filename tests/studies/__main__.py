@@ -1,0 +1,49 @@
+"""Run a study, or go on with it, and print its figures: `python -m tests.studies NAME -o RECORD`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from tests.independent.layered import Layered
+from tests.studies import blind, corruptions, other_worlds, pooled, slipping
+from tests.studies.blind_figures import figures
+
+Study = Callable[[int, Path], Sequence[str]]
+
+
+def _rows(found: Any) -> list[str]:
+    return [own.row for own in found]
+
+
+STUDIES: dict[str, tuple[Study, int]] = {
+    "blind": (lambda n, file: _rows(figures(blind.study_of(blind.planned(full=True)[:n], file))), 134),
+    "other_worlds": (
+        lambda n, file: _rows(
+            other_worlds.figures(other_worlds.study_of(other_worlds.planned(n), "layered", file))
+        ),
+        306,
+    ),
+    "pooled": (lambda n, file: _rows(pooled.figures(pooled.study_of(n, Layered(), file))), 60),
+    "slipping": (
+        lambda n, file: _rows(slipping.figures(slipping.study_of(slipping.planned(n), file))), 100,
+    ),
+    "corruptions": (
+        lambda n, file: corruptions.rows(
+            corruptions.study_of(range(corruptions.FIRST_SEED, corruptions.FIRST_SEED + n), file)
+        ),
+        corruptions.SEEDS,
+    ),
+}  # fmt: skip
+"""Each study with the number of its cases, or of the campaigns that are spoiled, where none is asked for."""
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m tests.studies", description=__doc__)
+    parser.add_argument("name", choices=STUDIES)
+    parser.add_argument("-o", "--record", type=Path, required=True, help="file of the cases, a line each")
+    parser.add_argument("-n", "--number", type=int, help="how many cases")
+    asked = parser.parse_args()
+    run, number = STUDIES[asked.name]
+    print("\n".join(run(asked.number or number, asked.record)))

@@ -1,1 +1,0 @@
-"""The diagnosis judged on virtual tests with sealed effects."""
