@@ -9,12 +9,12 @@ import pytest
 
 import model
 from tests.studies.blind import blind_test, candidates_of, simulated
+from tests.studies.modal_data import ModalNoise, simulate_modes
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched
 from updating.diagnosis.discrepancy import Block, Discrepancy
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.residual import covariance_of, residual, rough_about
-from updating.virtual.measurement import ModalNoise, simulate_modes
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 CONSIDERED = (

@@ -13,6 +13,7 @@ import numpy as np
 import model
 from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
+from tests.studies.modal_data import ModalNoise, simulate_modes
 from tests.studies.runner import BLIND, DATA, study
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.cached_model import cached_model
@@ -27,7 +28,6 @@ from updating.inference.decide import decide
 from updating.inference.equation_error import equation_errors
 from updating.inference.explain import Explanation, coordinates_of, explain
 from updating.inference.search import Search
-from updating.virtual.measurement import ModalNoise, simulate_modes
 from updating.virtual.vibration_test import VirtualTest
 from updating.virtual.vibration_test_file import read_virtual_test
 from updating.workers.workers import workers

@@ -9,10 +9,11 @@ import pytest
 
 import ema
 import model
+from tests.studies.modal_data import QUICK_MESH, ModalNoise, simulate_modes
 from updating.errors import FitError
 from updating.virtual.campaign import write_virtual_test
 from updating.virtual.dynamics import Dynamics, dynamics, loaded_response, poles
-from updating.virtual.measurement import QUICK_MESH, ModalNoise, simulate, simulate_modes, true_modes
+from updating.virtual.measurement import simulate, true_modes
 from updating.virtual.vibration_test import Averaging, drawn_deviations, specimens
 from updating.virtual.vibration_test_file import read_virtual_test
 
@@ -249,7 +250,7 @@ def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch):
         true = true_modes(*given)
         return replace(true, shape=-true.shape)
 
-    monkeypatch.setattr("updating.virtual.measurement.true_modes", turned)
+    monkeypatch.setattr("tests.studies.modal_data.true_modes", turned)
     again, _ = simulate_modes(one, ModalNoise())["M1"]
     np.testing.assert_array_equal(again.shape, drawn.shape)
 

@@ -1,29 +1,24 @@
-"""Playing a virtual test: true modes, FRFs with sensors' mass and noise, or modal data alone."""
+"""Playing a virtual test: true modes, and FRFs with sensors' mass and noise."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 import model
-from ema.types.frf import FRF, place_in_run
+from ema.types.frf import FRF
 from ema.types.geometry import Dofs
-from ema.types.modal_model import ModalModel
-from model import Mesh, Observation, ReducedSystem
+from model import Observation, ReducedSystem
 from updating.virtual.dynamics import Dynamics, dynamics, loaded_response, poles, receptance
 from updating.virtual.vibration_test import Averaging, Specimen, VirtualTest, specimens
 
-QUICK_MESH = Mesh(n_x=30, n_y=6)
-"""Mesh of tests that are simulated for their modal data alone; still finer than a fit's, under the clamps too."""
-_N_MODE = 22  # the rigid-body modes included
-_BEYOND = 1.1  # of the shear stiffnesses that specimens have, as a ratio, for which they are reduced
+N_MODE = 22
+"""Modes that are computed, the rigid-body modes included."""
 _VISIBLE = (
     0.01  # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker
 )
-_MODAL_NOISE = 2  # stream of random numbers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,23 +61,6 @@ class TrueModes:
         return inside & (self.strength > _VISIBLE * self.strength[inside].max(initial=0.0))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModalNoise:
-    """Standard deviations of modal data, all independent of each other.
-
-    Attributes
-    ----------
-    frequency, damping : float
-        Relative to each frequency and each damping ratio.
-    shape : float
-        Of each component relative to the root mean square of its shape.
-    """
-
-    frequency: float = 2e-4
-    damping: float = 0.02
-    shape: float = 0.01
-
-
 def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
     """Compute the noisy FRFs and the true modes of every configuration.
 
@@ -97,14 +75,14 @@ def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
     rng = np.random.default_rng(test.seed)
     simulated = {}
     for specimen in specimens(test):
-        system = model.reduce(specimen.stack, n_mode=_N_MODE)
+        system = model.reduce(specimen.stack, n_mode=N_MODE)
         true = true_modes(test, specimen, system)
         clean = _clean(test, specimen, system)
         coherence = None
         if test.averaging is None:
             value = clean + _noise(rng, clean, test.noise)
         else:
-            value, coherence = _estimated(rng, clean, _runs(specimen), test.averaging)
+            value, coherence = _estimated(rng, clean, runs_of(specimen), test.averaging)
         node = specimen.output.node
         simulated[specimen.configuration.name] = (
             FRF(
@@ -113,7 +91,7 @@ def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
                 quantity="accelerance",
                 output=Dofs(node=node, direction=specimen.output.direction),
                 input=Dofs(node=specimen.shaker.node, direction=specimen.shaker.direction),
-                run=_runs(specimen),
+                run=runs_of(specimen),
                 source=tuple(f"virtual test, point {n}" for n in node),
                 coherence=coherence,
             ),
@@ -122,44 +100,17 @@ def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
     return simulated
 
 
-def simulate_modes(test: VirtualTest, noise: ModalNoise) -> dict[str, tuple[ModalModel, TrueModes]]:
-    """Draw modal data of every configuration without FRFs: quick, for many tests.
-
-    The mesh is `QUICK_MESH`. Data are normally distributed about the true modes as tested, with the standard
-    deviations of `noise`; shapes have unit largest component, as there is no driving-point response.
-    """
-    rng = np.random.default_rng([_MODAL_NOISE, test.seed])
-    bench = specimens(replace(test, stack=replace(test.stack, mesh=QUICK_MESH)))
-    simulated = {}
-    for specimen, system in zip(bench, _reduced(bench), strict=True):
-        true = true_modes(test, specimen, system)
-        simulated[specimen.configuration.name] = (_drawn(test, specimen, true, noise, rng), true)
-    return simulated
-
-
-def _reduced(bench: Sequence[Specimen]) -> Iterator[ReducedSystem]:
-    """Yield the reduced equations of specimens that differ in pressure and contact alone, reduced once for all."""
-    first, states = bench[0], [s.configuration for s in bench]
-    shear = [c.pressure * c.G_f / first.configuration.pressure for c in states]
-    G_f_range = (min(shear) / _BEYOND, max(shear) * _BEYOND)
-    system = model.reduce(first.stack, G_f_range=G_f_range, n_snapshot=2, n_mode=_N_MODE)
-    own = [{"pressure": c.pressure, "G_f": c.G_f, "d_f": c.d_f} for c in states]
-    system = model.enriched(system, own, _N_MODE)
-    for specimen, theta in zip(bench, own, strict=True):
-        yield replace(system, stack=specimen.stack, theta={**system.theta, **theta})
-
-
 def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> TrueModes:
     """Return the true modes of a specimen whose reduced equations are `system`."""
     c = specimen.configuration
     modes = model.solve_modes(
-        system, G_f=c.G_f, d_f=c.d_f, n_mode=_N_MODE, observation=specimen.output, by=()
+        system, G_f=c.G_f, d_f=c.d_f, n_mode=N_MODE, observation=specimen.output, by=()
     ).elastic()
     bare = _with_shaker(test, specimen, system)
     start = 2.0 * np.pi * modes.frequency * (-modes.damping + 1j * np.sqrt(1.0 - modes.damping**2))
     pole, vector = poles(bare, start, modes.coordinate)
     drive = model.observe(system, specimen.shaker).reduced_rows @ modes.coordinate
-    run = _runs(specimen)
+    run = runs_of(specimen)
     run_pole = np.tile(pole, (run.max() + 1, 1))
     if test.sensor_mass > 0.0:
         rows = model.observe(system, _sensors(specimen)).reduced_rows
@@ -184,7 +135,8 @@ def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> 
     )
 
 
-def _runs(specimen: Specimen) -> NDArray[np.int64]:
+def runs_of(specimen: Specimen) -> NDArray[np.int64]:
+    """Return the run in which each output is measured, (n_output,)."""
     return np.arange(specimen.output.node.size) // 2
 
 
@@ -227,7 +179,7 @@ def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> NDAr
     force = model.observe(system, specimen.shaker).reduced_rows[0]
     response = receptance(of, frequency, sensors.reduced_rows, force)
     if test.sensor_mass > 0.0 and not test.dummy_masses:
-        run = np.repeat(_runs(specimen), 3)
+        run = np.repeat(runs_of(specimen), 3)
         response = loaded_response(of, response, frequency, sensors, run, test.sensor_mass)
     return -((2.0 * np.pi * frequency) ** 2) * response[2::3, None]
 
@@ -262,68 +214,3 @@ def _estimated(
         value[of, 0] = cross / own
         coherence[of, 0] = np.abs(cross) ** 2 / own / np.mean(np.abs(response) ** 2, axis=0)
     return value, coherence
-
-
-def _signed(shape: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return shapes, (n_output, n_mode), of a sign that no rounding decides, so that noise falls alike everywhere."""
-    generic = np.cos(np.arange(shape.shape[0]))  # which no symmetric or antisymmetric shape is orthogonal to
-    return shape * np.where(generic @ shape < 0.0, -1.0, 1.0)
-
-
-def _drawn(
-    test: VirtualTest, specimen: Specimen, true: TrueModes, noise: ModalNoise, rng: np.random.Generator
-) -> ModalModel:
-    """Return a modal model as an identification would give it."""
-    seen = true.visible(test.band)
-    frequency = true.tested_frequency[seen] * (1.0 + noise.frequency * rng.standard_normal(seen.sum()))
-    damping = true.tested_damping[seen] * (1.0 + noise.damping * rng.standard_normal(seen.sum()))
-    shape = _signed(true.shape[:, seen])
-    spread = noise.shape * np.sqrt(np.mean(shape**2, axis=0)) * np.ones_like(shape)
-    shape = shape + spread * rng.standard_normal(shape.shape)
-    largest = np.abs(shape).max(axis=0)
-    frequency_std, damping_std = noise.frequency * frequency, noise.damping * damping
-    n_output, n_mode = shape.shape
-    zero = np.zeros((n_output, 1))
-    omega = 2.0 * np.pi * frequency
-    pole = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
-    covariance = np.zeros((2 * n_mode, 2 * n_mode))
-    for r in range(n_mode):
-        root = np.sqrt(1.0 - damping[r] ** 2)
-        by = np.array(  # of Re and Im of the pole by frequency and damping ratio
-            [[-2.0 * np.pi * damping[r], -omega[r]], [2.0 * np.pi * root, -omega[r] * damping[r] / root]]
-        )
-        part = slice(2 * r, 2 * r + 2)
-        covariance[part, part] = by @ np.diag([frequency_std[r] ** 2, damping_std[r] ** 2]) @ by.T
-    return ModalModel(
-        name=specimen.configuration.name,
-        frequency=frequency,
-        damping=damping,
-        frequency_std=frequency_std,
-        damping_std=damping_std,
-        pole=pole,
-        residue=(shape / (2j * pole.imag))[:, None, :],
-        outside_pole=np.empty(0, complex),
-        outside_residue=np.empty((n_output, 1, 0), complex),
-        lower=zero,
-        upper=zero,
-        shape=shape / largest,
-        shape_std=spread / largest,
-        scaled=np.zeros(n_mode, dtype=bool),
-        node=true.node,
-        direction=true.direction,
-        sensor=place_in_run(_runs(specimen)),
-        input=Dofs(node=test.shaker.node, direction=test.shaker.direction),
-        band=test.band,
-        geometry=test.geometry,
-        quantity="accelerance",
-        covariance=covariance,
-        residue_std=(spread / (2.0 * pole.imag))[:, None, :],
-        noise=zero,
-        correlation=zero + 1.0,
-        error=zero,
-        run=np.zeros(1, dtype=int),
-        run_pole=pole[None],
-        run_frequency_std=frequency_std[None],
-        run_damping_std=damping_std[None],
-        run_probability=np.ones((1, n_mode)),
-    )
