@@ -77,6 +77,12 @@ def share_of_processors():
 
 
 @pytest.fixture
+def two_processes(monkeypatch):
+    """Have pools of two processes, whatever the share of this one."""
+    monkeypatch.setattr("updating.workers.workers.n_processor", lambda: 2)
+
+
+@pytest.fixture
 def undrawn(monkeypatch):
     """Leave pictures white where a test asks for words and numbers alone: drawing takes longer than all else."""
     monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda *_: None)

@@ -19,6 +19,7 @@ from updating.errors import WorkerError
 from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers
 
+pytestmark = pytest.mark.usefixtures("two_processes")
 DATA = Path(__file__).parents[2] / "data"
 
 
@@ -75,8 +76,7 @@ def run(tasks):
     ],
     ids=["killed", "raises"],
 )
-def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(monkeypatch, tasks, error, words):
-    monkeypatch.setattr(workers_module, "n_processor", lambda: 2)
+def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(tasks, error, words):
     with pytest.raises(error, match=words):
         run(tasks)
 
@@ -120,6 +120,7 @@ def test_results_come_in_order_from_tasks_that_none_can_import_and_no_file_stays
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     large = np.arange(1e6)
     with workers(2) as executor:
+        assert executor.submit(os.getpid).result() != os.getpid()
         for offset in (1, 2):
             found = list(distribute(lambda i, offset=offset: large[i] + offset, range(40), executor))
             assert found == [i + offset for i in range(40)]
@@ -162,6 +163,7 @@ def test_processes_are_copies_of_one_that_has_imported_what_this_one_has():
     with workers(2) as executor:
         parents = {executor.submit(os.getppid).result() for _ in range(4)}
     assert len(parents) == 1
+    assert parents != {os.getppid()}
     assert parents != {os.getpid()}
 
 

@@ -1,6 +1,7 @@
 """Several configurations fitted at once: what was put in comes out, with the derivatives that are claimed."""
 
 import dataclasses
+import os
 from pathlib import Path
 
 import numpy as np
@@ -307,13 +308,14 @@ def test_names_of_configurations_are_unique(stack):
         prepare([blank(stack, "A", 160e3), blank(stack, "A", 320e3)])
 
 
-def test_workers_find_the_same_to_the_last_bit(prepared):
+def test_workers_find_the_same_to_the_last_bit(prepared, two_processes):
     """The models go to other processes with their effects, whose factors are functions within functions."""
     problem = problem_of(prepared)
     with threadpool_limits(1, user_api="blas"), workers(2) as executor:
         here, there = joint_fit(prepared, n_start=2), joint_fit(prepared, n_start=2, executor=executor)
         x = starts(problem, 1, {})[0]
         inflation = np.ones(problem.evaluate(x)[0].size)
+        assert executor.submit(os.getpid).result() != os.getpid()
         drawn = [
             bootstrap_intervals(problem, x, inflation, seed=0, n_draw=6, executor=where)
             for where in (None, executor)

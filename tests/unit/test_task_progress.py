@@ -34,8 +34,7 @@ def test_what_tasks_say_is_shown(monkeypatch):
     assert not logging.getLogger("ema").handlers
 
 
-def test_what_tasks_in_other_processes_say_is_shown_while_they_last(monkeypatch):
-    monkeypatch.setattr(workers, "n_processor", lambda: 2)
+def test_what_tasks_in_other_processes_say_is_shown_while_they_last(two_processes):
     console, end = terminal(), time.monotonic() + _LONGEST
     say = partial(logging.getLogger("ema.part").info, "run %d of 30")
     with workers.workers(3) as executor, shown("identify", 3, console):
