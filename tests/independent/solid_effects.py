@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,7 +97,7 @@ def moduli(bench: Bench, at: Points) -> Moduli:
         viscous_y=(Part(planar=ratio * viscous.planar, across=viscous.across),),
         normal=(Part(planar=normal_modulus * even, across=level),),
         viscous_normal=(Part(planar=bench.d_f * normal_modulus * pressure, across=fade),),
-        membrane=(Part(planar=even, across=level), *_crack(bench, at)),
+        membrane=(Part(planar=even, across=level), *_crack(bench, at), *_steel_patch(bench, at)),
         eta=planted.get("contact_loss", {}).get("eta", 0.0),
         young_ratio=planted.get("steel_orthotropy", {}).get("ratio", 1.0),
     )
@@ -118,6 +119,11 @@ def _pressure(bench: Bench, at: Points) -> Array:
         clamp, spread = bench.clamps[loose_clamp(bench)], bench.length / 10.0
         bell = np.exp(-0.5 * ((at.x - clamp.x) ** 2 + (at.y - clamp.y) ** 2) / spread**2)
         shape *= 1.0 - planted["loose_bolt"]["loss"] * bell
+    for number, more in planted.get("clamp_forces", {}).items():
+        clamp, spread = bench.clamps[int(number)], bench.length / 10.0
+        shape *= 1.0 + more * np.exp(-0.5 * ((at.x - clamp.x) ** 2 + (at.y - clamp.y) ** 2) / spread**2)
+    if "contact_patch" in planted:
+        shape *= 1.0 + (planted["contact_patch"]["ratio"] - 1.0) * _disc(bench, at, planted["contact_patch"])
     return bench.pressure * shape
 
 
@@ -129,6 +135,11 @@ def _added_shear(bench: Bench, at: Points) -> list[Array]:
     if "adhesive_edges" in planted:
         inside = np.abs(at.y) > bench.width * (0.5 - ADHESIVE_SHARE)
         found.append(planted["adhesive_edges"]["modulus"] * inside)
+    if "glue_patch" in planted:
+        one = planted["glue_patch"]
+        inside = np.abs(at.x - one["x"] * bench.length / 2.0) < one["half"] * bench.length
+        side = at.y > bench.width * (0.5 - ADHESIVE_SHARE)
+        found.append(one["modulus"] * (inside & side))
     side = 0.5 * (bench.width - GRIP[1])
     seams = {
         "weld_seam": ((0.0, side), (0.0, -side)),
@@ -151,6 +162,21 @@ def _crack(bench: Bench, at: Points) -> list[Part]:
     planar = -crack["loss"] * _plateau(x, bench.length / 20.0, bench.length / 20.0)
     depth = bench.height * CRACKED_LAMINAS / bench.n_lamina
     return [Part(planar=planar, across=1.0 * (at.z > bench.height / 2.0 - depth))]
+
+
+def _steel_patch(bench: Bench, at: Points) -> list[Part]:
+    """Return what the membrane stiffness gains or loses in a disc through the upper half of the height."""
+    if "steel_patch" not in bench.planted:
+        return []
+    one = bench.planted["steel_patch"]
+    planar = (one["ratio"] - 1.0) * _disc(bench, at, one)
+    return [Part(planar=planar, across=1.0 * (at.z > 0.0))]
+
+
+def _disc(bench: Bench, at: Points, given: Mapping[str, float]) -> Array:
+    """Return 1 within a radius, a share of the length, about a place (shares of half the sides); 0 beyond an edge."""
+    x, y = given["x"] * bench.length / 2.0, given["y"] * bench.width / 2.0
+    return _plateau(np.hypot(at.x - x, at.y - y), given["radius"] * bench.length, bench.length / 40.0)
 
 
 def _plateau(x: Array, half: float, edge: float) -> Array:
@@ -211,7 +237,9 @@ def attachments(bench: Bench) -> list[Attached]:
         stiffness = planted["stinger_spring"]["stiffness"]
         found += [Attached(gauge=_pad(bench, axis, bench.shaker), stiffness=stiffness) for axis in (0, 1)]
     if "point_mass" in planted:
-        found += _pad_mass(bench, (half[0], half[1], top), planted["point_mass"]["mass"])
+        one = planted["point_mass"]
+        place = one.get("x", 1.0) * half[0], one.get("y", 1.0) * half[1], top
+        found += _pad_mass(bench, place, one["mass"])
     if "absorber" in planted:
         one = planted["absorber"]
         omega = 2.0 * np.pi * one["frequency"]
@@ -239,7 +267,7 @@ def _clamps(bench: Bench) -> list[Attached]:
     for number, clamp in enumerate(bench.clamps):
         loose = "loose_bolt" in bench.planted and number == loose_clamp(bench)
         for z, share in zip(*_rule(-bench.height / 2.0, bench.height / 2.0, LEVELS), strict=True):
-            mass = share * (clamp.mass + more)
+            mass = share * (clamp.mass + more + planted_mass(bench, number))
             for gauge in (_mean(bench, clamp, z, axis) for axis in range(3)):
                 if loose:
                     spring = share * bench.planted["loose_bolt"]["stiffness"]
@@ -247,6 +275,11 @@ def _clamps(bench: Bench) -> list[Attached]:
                 else:
                     found.append(Attached(gauge=gauge, mass=mass))
     return found
+
+
+def planted_mass(bench: Bench, number: int) -> float:
+    """Return the mass, kg, that one clamp has beside its own: less than 0 where a part of it was taken away."""
+    return bench.planted.get("clamp_masses", {}).get(str(number), 0.0)
 
 
 def _pad(bench: Bench, component: int, place: tuple[float, float, float]) -> Gauge:

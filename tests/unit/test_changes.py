@@ -43,7 +43,7 @@ def system(n_lamina, held):
 def fields(n_lamina, held=False, m=10):
     own = system(n_lamina, held)
     stiffness, mass = own.matrix("K", own.theta), own.matrix("M", own.theta)
-    return own, Fields(own, la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
+    return own, Fields(own, own.basis @ la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
 
 
 def projected(own, made, name):

@@ -71,6 +71,8 @@ class Candidates:
         Number of the location among those that were given, -1 where a kind is not of the plan.
     extra : (n,) float
         What else a kind needs for its size; NaN where that is nothing.
+    form : (n,) int
+        Number of the size, direction, height and so on among those that are tried at each location.
     """
 
     place: Vector
@@ -82,6 +84,7 @@ class Candidates:
     upper: float
     cell: NDArray[np.intp]
     extra: Vector
+    form: NDArray[np.intp]
 
     @property
     def n(self) -> int:
@@ -100,6 +103,7 @@ class Candidates:
             upper=self.upper,
             cell=self.cell[which],
             extra=self.extra[which],
+            form=self.form[which],
         )
 
 
@@ -107,9 +111,14 @@ def joined_candidates(one: Candidates, other: Candidates) -> Candidates:
     """Return candidates of one kind together, without what they add: that is weighed by then."""
     both = {
         name: np.concatenate([getattr(one, name), getattr(other, name)])
-        for name in ("place", "size", "angle", "layer", "part", "cell", "extra")
+        for name in ("place", "size", "angle", "layer", "part", "cell", "extra", "form")
     }
     return Candidates(**both, parts=(), upper=one.upper)
+
+
+def amplitude(candidates: Candidates, found: Vector) -> Vector:  # noqa: ARG001
+    """Return amplitudes as they are: where they are the size."""
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +144,11 @@ class Kind:
         Whether it sits at one location; otherwise it is all over.
     on_plan : bool
         Whether that location may be anywhere on the plan; otherwise it is a clamp or an edge.
+    exact : callable, optional
+        The same as `value` of amplitudes that were estimated with the structure's answer (`updating.changes.condensed`);
+        None where its rows hold to first order only, as beside the tip of a crack.
+    whole : float
+        Largest amplitude then: 1 where that is all there is.
     splits : bool
         Whether it makes two modes of one, so that a state without a further mode cannot have it.
     """
@@ -146,14 +160,11 @@ class Kind:
     why_not: Callable[[Stack], str | None]
     candidates: Callable[[Fields, Vector], Candidates]
     value: Callable[[Candidates, Vector], Vector]
+    exact: Callable[[Candidates, Vector], Vector] | None = amplitude
+    whole: float = np.inf
     local: bool = True
     on_plan: bool = True
     splits: bool = False
-
-
-def amplitude(candidates: Candidates, found: Vector) -> Vector:  # noqa: ARG001
-    """Return amplitudes as they are: where they are the size."""
-    return found
 
 
 def gone(candidates: Candidates, found: Vector) -> Vector:  # noqa: ARG001
@@ -214,9 +225,13 @@ def finer(fields: Fields, centre: Vector, step: Vector, n: int = 3) -> Vector:
 
 
 def bumps(grid: Grid, centre: Vector, radius: Vector) -> Any:
-    """Return weights of bells of given radii about places, (n, n_point): areas where the bell is 1."""
+    """Return weights of bells about places, (n, n_point): areas where the bell is 1.
+
+    Radii are (n,), or (n, 2) along x and y, infinite where a bell is a stripe.
+    """
     point, area = grid.point, grid.area
-    square = np.sum((centre[:, None] - point) ** 2, axis=2) / radius[:, None] ** 2
+    along = radius[:, None] if radius.ndim == 1 else radius
+    square = np.sum(((centre[:, None] - point) / along[:, None]) ** 2, axis=2)
     return sp.csr_array(np.where(square < 6.0, np.exp(-square) * area, 0.0))
 
 
@@ -276,4 +291,5 @@ def plain(
         upper=upper,
         cell=np.tile(np.arange(n_cell), n // n_cell) if n_cell else np.full(n, -1, dtype=np.intp),
         extra=nothing if extra is None else extra,
+        form=np.arange(n, dtype=np.intp) // max(n_cell, 1),
     )

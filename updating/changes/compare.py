@@ -20,6 +20,7 @@ from scipy.special import logsumexp, ndtri
 
 from ema.campaign.references import Reassembly
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
+from updating.changes.condensed import Condensed
 from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
 from updating.changes.levels import (
@@ -28,6 +29,7 @@ from updating.changes.levels import (
     IN_FULL,
     SCATTER_SPREAD,
 )
+from updating.changes.refined import Refined, refine
 from updating.changes.scan import Actions, Weighed, conditional, weigh
 from updating.changes.situation import FittedReference, Situation
 from updating.diagnosis.assembly import Campaigned
@@ -45,6 +47,10 @@ LEAST_SHARE = 5e-3
 """Probability of a cell, within its kind, from which that is done."""
 SURE = 0.8
 """Probability of a direction from which it is said."""
+WITHIN = 12.0
+"""Logarithm of the evidence that a kind may lack of the best and may yet gain by the structure's answer to it."""
+MOST_REFINED = 2
+"""Candidates of each kind that are weighed with that answer."""
 _NODES = ndtri((np.arange(9) + 0.5) / 9.0)
 
 
@@ -114,6 +120,8 @@ class _Tried:
     batch: _Batch
     weighed: tuple[Weighed, ...]
     log: Vector  # (n_size, n_candidate), over no change, sizes integrated out, with the candidates' prior
+    none: Vector  # (n_size,), of no change, over all sizes
+    refined: tuple[Refined, ...] = ()
 
     @property
     def kind(self) -> Kind:
@@ -127,8 +135,19 @@ class _Tried:
 
     @property
     def evidence(self) -> float:
-        """Logarithm of the likelihood of the kind over that of no change, in the mean over its candidates."""
-        return float(logsumexp(self.log))
+        """Logarithm of the likelihood of the kind over that of no change, in the mean over its candidates.
+
+        Those that were refined stand for all: what they gain by the structure's answer is the kind's.
+        """
+        if not self.refined:
+            return float(logsumexp(self.log))
+        before = logsumexp(self.log[:, [own.index for own in self.refined]])
+        after = logsumexp([self.mass(own) for own in self.refined])
+        return float(logsumexp(self.log) + after - before)
+
+    def mass(self, own: Refined) -> Vector:
+        """Return the logarithm of the posterior mass of a refined candidate, (n_size,), as `log` counts it."""
+        return np.asarray(self.none + own.evidence + self.batch.log_prior[own.index])
 
     @property
     def share(self) -> Vector:
@@ -178,6 +197,7 @@ def _concluded(
     median, stated = scatter
     sizes = median * _SIZES
     none, misfit, weighed = np.zeros(sizes.size), np.zeros(sizes.size), list[list[Weighed]]()
+    problems = list[tuple[Vector, Vector]]()
     for g, size in enumerate(sizes.tolist()):
         error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
         root = la.cholesky(covariance, lower=True, check_finite=False)
@@ -185,19 +205,21 @@ def _concluded(
         misfit[g] = float(white @ white)
         none[g] = -0.5 * misfit[g] - float(np.sum(np.log(np.diag(root))))
         none[g] -= 0.5 * (np.log(size / median) / SCATTER_SPREAD) ** 2
+        problems.append((error, root))
         weighed.append([batch.weighed(error, root) for batch in tried])
-    whole = float(logsumexp(none))
+    apart = none - float(logsumexp(none))
     found = _joined(
         [
             _Tried(
                 batch,
                 tuple(at_size[i] for at_size in weighed),
-                np.array([none[g] + at_size[i].log - whole for g, at_size in enumerate(weighed)])
-                + batch.log_prior,
+                np.array([apart[g] + at_size[i].log for g, at_size in enumerate(weighed)]) + batch.log_prior,
+                apart,
             )
             for i, batch in enumerate(tried)
         ]
     )
+    found = _refined(at, found, problems)
     odds = np.array([own.evidence for own in found]) + np.log(MISSING / len(found)) - np.log(1.0 - MISSING)
     return _answer(at, found, odds, impossible, (sizes, none, misfit), stated, seen=seen)
 
@@ -224,8 +246,32 @@ def _joined(tried: Sequence[_Tried]) -> list[_Tried]:
             )
             for a, b in zip(before.weighed, own.weighed, strict=True)
         )
-        found[own.kind.name] = _Tried(batch, weighed, np.concatenate([before.log, own.log], axis=1))
+        found[own.kind.name] = _Tried(batch, weighed, np.concatenate([before.log, own.log], axis=1), own.none)
     return list(found.values())
+
+
+def _refined(
+    at: Situation, found: Sequence[_Tried], problems: Sequence[tuple[Vector, Vector]]
+) -> list[_Tried]:
+    """Weigh the likeliest candidates of the likeliest kinds once more, with the structure's answer to them."""
+    evidence = np.array([own.evidence for own in found])
+    structure, made = Condensed(at), list[_Tried]()
+    for own, log in zip(found, evidence, strict=True):
+        if own.kind.exact is None or log < max(evidence.max() - WITHIN, 0.0):
+            made.append(own)
+            continue
+        each = logsumexp(own.log, axis=0)
+        best = [int(i) for i in np.argsort(-each)[:MOST_REFINED] if each[i] > each.max() - SEPARATE]
+        made.append(
+            replace(
+                own,
+                refined=tuple(
+                    refine(structure, own.kind, own.candidates, i, float(own.batch.effect[i]), problems)
+                    for i in best
+                ),
+            )
+        )
+    return made
 
 
 def _scatter(at: Situation, stated: float) -> float:
@@ -306,8 +352,11 @@ def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tu
 
 def _made(at: Situation, own: _Tried) -> Vector:
     """Return the shifts of the logarithms of frequencies that the likeliest candidate makes."""
-    g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
-    change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
+    if own.refined:
+        change = max(own.refined, key=lambda r: float(own.mass(r).max())).change.reshape(at.ours.scale.shape)
+    else:
+        g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
+        change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
     work = (
         np.einsum("nm,nm,nm->n", change, at.ours.scale, at.ours.weight) / at.ours.eigenvalue
     )  # Rayleigh's quotient
@@ -322,8 +371,11 @@ def _explained(own: _Tried, misfit: Vector, n: int) -> float:
     """
     i = int(np.argmax(own.log.max(axis=0)))
     g = int(np.argmin(np.abs(np.log(_SIZES))))
+    fall = float(own.weighed[g].fall[i])
+    if own.refined:
+        fall = float(max(own.refined, key=lambda r: float(own.mass(r).max())).fall[g])
     beyond = max(float(misfit[g]) - n, 1e-9)
-    left = max(float(misfit[g] - own.weighed[g].fall[i]) - n, 0.0)
+    left = max(float(misfit[g]) - fall - n, 0.0)
     return 1.0 - left / beyond
 
 
@@ -335,11 +387,7 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
     nowhere = (float("nan"),) * 3
     mean = each @ candidates.place
     spread = np.sqrt(each @ (candidates.place - mean) ** 2)
-    amplitude = np.array([w.amplitude for w in own.weighed])
-    std = np.array([w.std for w in own.weighed])
-    trial = np.clip(amplitude[..., None] + std[..., None] * _NODES, 0.0, candidates.upper)
-    value = np.array([own.kind.value(candidates, line) for line in trial])
-    lower, middle, upper = _quantiles(value.ravel(), np.repeat(share.ravel(), _NODES.size), (0.05, 0.5, 0.95))
+    lower, middle, upper = _size(own)
     sized = candidates.size[np.isfinite(candidates.size)]
     return KindOfChange(
         name=own.kind.name,
@@ -363,6 +411,24 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
         part=_part(at.fields, own.kind, int(candidates.part[i])),
         explained=_explained(own, misfit, at.ours.weight.size),
     )
+
+
+def _size(own: _Tried) -> list[float]:
+    """Return the ends of the interval of 90 % of a kind's size, its median between them."""
+    levels = (0.05, 0.5, 0.95)
+    if own.refined and own.kind.exact is not None:
+        values, logs = [], []
+        for one in own.refined:
+            of = own.candidates.only(np.array([one.index]))
+            values.append(own.kind.exact(of, one.amplitude[None, :])[0])
+            logs.append(logsumexp(own.none[:, None] + one.log, axis=0) + own.batch.log_prior[one.index])
+        log = np.concatenate(logs)
+        return _quantiles(np.concatenate(values), np.exp(log - log.max()), levels)
+    amplitude = np.array([w.amplitude for w in own.weighed])
+    std = np.array([w.std for w in own.weighed])
+    trial = np.clip(amplitude[..., None] + std[..., None] * _NODES, 0.0, own.candidates.upper)
+    value = np.array([own.kind.value(own.candidates, line) for line in trial])
+    return _quantiles(value.ravel(), np.repeat(own.share.ravel(), _NODES.size), levels)
 
 
 def _part(at: Fields, kind: Kind, number: int) -> str:

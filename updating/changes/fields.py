@@ -178,8 +178,8 @@ class Fields:
     ----------
     system : ReducedSystem
         The structure.
-    modes : (n_basis, m)
-        Mass-normalised modes in its basis.
+    vectors : (assembly.size, m)
+        Mass-normalised modes, or any vectors, in the equations of motion after reduction over the height.
     theta : mapping of str to float
         Parameters that they were solved for.
     band : (float, float)
@@ -187,14 +187,14 @@ class Fields:
     """
 
     def __init__(
-        self, system: ReducedSystem, modes: Vector, theta: Mapping[str, float], band: tuple[float, float]
+        self, system: ReducedSystem, vectors: Vector, theta: Mapping[str, float], band: tuple[float, float]
     ) -> None:
         self.system, self.stack, self.theta, self.band = system, system.stack, theta, band
         self.grid = grid_of(system)
-        self.n_mode = modes.shape[1]
-        x, where = system.basis @ modes, system.assembly.slices()
+        self.vectors, self.n_mode = vectors, vectors.shape[1]
+        where = system.assembly.slices()
         self.coefficient = {
-            f: x[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2) for f in FIELDS
+            f: vectors[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2) for f in FIELDS
         }
         self.kept: dict[tuple[object, ...], Vector] = {}
         self._at: dict[tuple[Field, Derivative], Vector] = {}

@@ -75,7 +75,7 @@ class Actions:
             if part.target == "M":
                 own = -own * self.measured.eigenvalue[:, None]
             if part.resonance is not None:
-                own = own * _apparent(self.measured.eigenvalue, part.resonance)[:, :, None]
+                own = own * apparent(self.measured.eigenvalue, part.resonance)[:, :, None]
             total += own
         return total
 
@@ -86,7 +86,7 @@ class Actions:
         )
 
 
-def _apparent(eigenvalue: Vector, resonance: Vector, *, least: float = 0.03) -> Vector:
+def apparent(eigenvalue: Vector, resonance: Vector, *, least: float = 0.03) -> Vector:
     """Return by which factor masses on springs act larger than they are, (n_candidate, n_mode).
 
     `least` keeps a mode off the resonance: there damping does, which loss factors of a few per cent have.

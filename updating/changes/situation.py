@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from updating.changes.candidate import Part
 from updating.changes.errors import Joint, joint_errors
 from updating.changes.fields import Fields
+from updating.changes.kinds.clamp_force import under_clamps
 from updating.changes.kinds.everywhere import edges, whole_contact, whole_laminas
 from updating.changes.levels import (
     FEWEST,
@@ -21,9 +22,10 @@ from updating.changes.levels import (
     NEARBY,
     REACHED,
     SAME,
+    STILL,
     TEMPERATURE,
+    TIGHTENING,
     TWIN,
-    UNSEEN,
 )
 from updating.changes.scan import Actions, Measured
 from updating.correlation.registration import register
@@ -124,16 +126,16 @@ class Situation:
         pairs = [_distinct(state, modal) for state, modal in zip(model.states, modals, strict=True)]
         self.n_reference = len(reference.tested)
         _require_modes([state for state, _ in pairs])
-        states, modals, self.joint = _known(pairs, self.n_reference)
+        states, modals, self.joint = _known(pairs, self.n_reference, STILL if stack.n_lamina == 1 else 0.0)
         _require_modes(states)
         self.states = states
         at = dict(zip((c.name for c in reference.fit.coordinates), reference.fit.x.tolist(), strict=True))
         theta = model.theta(at, self.n_reference)[0]
         every = np.concatenate([state.frequency for state in states])
         band = float(every.min()), float(every.max())
-        self.fields = Fields(
-            reference.candidates.system, local.basis @ modals[self.n_reference].shape, theta, band
-        )
+        system = reference.candidates.system
+        self.modes = local.basis @ modals[self.n_reference].shape  # in the basis of the system
+        self.fields = Fields(system, system.basis @ self.modes, theta, band)
         self.measured = [
             Measured(weight=own.weight, eigenvalue=own.eigenvalue, scale=scale)
             for own, scale in zip(self.joint.errors, self.joint.scale, strict=True)
@@ -155,6 +157,7 @@ class Situation:
         varied += [(part, MOUNTING) for part in edges(fields)]
         if fields.stack.n_lamina > 1:
             varied.append((whole_contact(fields), scatter.stiffness))
+            varied += [(part, TIGHTENING) for part in under_clamps(fields)]
         total = np.zeros((self.joint.value.size,) * 2)
         for c, measured in enumerate(self.measured):
             here = self.joint.state == c
@@ -205,12 +208,15 @@ def _require_modes(states: Sequence[State]) -> None:
             raise FitError(message)
 
 
-def _known(pairs: Sequence[tuple[State, Modal]], n_reference: int) -> tuple[list[State], list[Modal], Joint]:
+def _known(
+    pairs: Sequence[tuple[State, Modal]], n_reference: int, still: float
+) -> tuple[list[State], list[Modal], Joint]:
     """Return states without those modes of the changed one that the reference does not have.
 
     What the model is wrong by in a mode cancels only there. A resonator splits a mode in two, both of which are that
-    one: such a further mode counts as well, unless the model has one nearby that the sensors do not see. That may then
-    be what shows, by a small part of its motion.
+    one, or some of several: such a further mode counts as well, unless the model has one nearby that was not measured in
+    the reference. A change may couple that to those which are seen, and it is then what shows; `still` is the motion
+    at the sensors below which nothing does, such as of a single plate in its plane.
     """
     states, modals = [state for state, _ in pairs], [modal for _, modal in pairs]
     joint = joint_errors(states, modals)
@@ -219,8 +225,10 @@ def _known(pairs: Sequence[tuple[State, Modal]], n_reference: int) -> tuple[list
         own = joint.errors[c]
         alike = [np.abs(own.weight @ other.weight.T) for other in joint.errors[:n_reference]]
         near = np.abs(own.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
-        unseen = np.any(near & ~_seen(modals[c]), axis=1)
+        taken = np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
+        unseen = np.any(near & (_motion(modals[c]) >= still) & ~taken, axis=1)
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
+        keep |= np.max([_within(own.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
         for r in np.flatnonzero(keep & unseen):
             keep[r] = any(r in _pairs(one)[0] for one in alike)
         if not keep.all():
@@ -229,10 +237,15 @@ def _known(pairs: Sequence[tuple[State, Modal]], n_reference: int) -> tuple[list
     return states, modals, joint_errors(states, modals) if shorter else joint
 
 
-def _seen(modal: Modal) -> NDArray[np.bool_]:
-    """Return which modes of a model the sensors see as well as they see most, (m,)."""
+def _within(weight: Vector, other: Vector) -> Vector:
+    """Return which share of the square of each mode, (n, m), lies in the space that others span, (n,)."""
+    return np.asarray(np.sum((weight @ la.orth(other.T)) ** 2, axis=1) / np.sum(weight**2, axis=1))
+
+
+def _motion(modal: Modal) -> Vector:
+    """Return how much the modes of a model move the sensors, over the median of all, (m,)."""
     size = np.linalg.norm(modal.rows, axis=0)
-    return np.asarray(size > UNSEEN * np.median(size))
+    return np.asarray(size / np.median(size))
 
 
 def _pairs(alike: Vector) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

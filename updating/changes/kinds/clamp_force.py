@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from updating.changes.candidate import Candidates, Part, at_heights, crossed, plain
 from updating.changes.fields import Fields
@@ -18,6 +19,24 @@ _RIDES = np.array([np.inf, *np.geomspace(0.5, 3.0, 16)])
 spring."""
 _TOGETHER = np.array([0.1, 0.3, 1.0])
 """Share of the contact's stiffness that goes with the whole of the clamp's mass riding so."""
+
+
+def _pressed(fields: Fields, number: int, wide: float) -> NDArray[np.float64]:
+    """Return the area that a clamp presses at each point, m2: 1 under it, falling within a length beyond."""
+    clamp = fields.stack.clamps[number]
+    sides = np.array(clamp.footprint) / 2.0
+    away = np.maximum(np.abs(fields.grid.point - np.array([clamp.x, clamp.y])) - sides, 0.0)
+    return np.asarray(np.exp(-np.sum(away**2, axis=1) / wide**2) * fields.grid.area)
+
+
+def under_clamps(fields: Fields) -> list[Part]:
+    """Return the contact under each clamp, pressed by 45 degrees from its faces."""
+    rows = fields.contact(fields.layers[0])
+    wide = float(_SPREAD[0]) * fields.stack.height
+    return [
+        Part(rows=rows, target="K", weight=sp.csr_array(_pressed(fields, i, wide)[None, :]))
+        for i in range(len(fields.stack.clamps))
+    ]
 
 
 def at_clamps(fields: Fields, sign: float, upper: float, *, rides: bool = False) -> Candidates:
@@ -36,8 +55,7 @@ def at_clamps(fields: Fields, sign: float, upper: float, *, rides: bool = False)
     for i, wide in zip(number.tolist(), spread.tolist(), strict=True):
         clamp = stack.clamps[i]
         sides = np.array(clamp.footprint) / 2.0
-        away = np.maximum(np.abs(point - np.array([clamp.x, clamp.y])) - sides, 0.0)
-        weight.append(np.exp(-np.sum(away**2, axis=1) / wide**2) * area)
+        weight.append(_pressed(fields, i, wide))
         inside = np.all(np.abs(point - np.array([clamp.x, clamp.y])) <= sides + 1e-3, axis=1)
         near = np.zeros(len(point))
         near[np.argmin(np.sum((point - np.array([clamp.x, clamp.y])) ** 2, axis=1))] = 1.0

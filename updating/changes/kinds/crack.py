@@ -64,4 +64,5 @@ KIND = Kind(
     why_not=always,
     candidates=candidates,
     value=_length,
+    exact=None,
 )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from updating.changes.candidate import Candidates, Kind, amplitude, needs_contact
 from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.contact_patches import WIDE
 from updating.changes.kinds.patches import patches
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return patches of interfaces that hold more by a ratio; what is glued hardly slips, whatever the glue."""
-    return patches(fields, at, fields.contact, 1.0, radii=WIDE, upper=20.0)
+    return patches(fields, at, fields.contact, 1.0, upper=20.0)
 
 
 KIND = Kind(

@@ -48,4 +48,5 @@ KIND = Kind(
     why_not=always,
     candidates=candidates,
     value=_diameter,
+    exact=None,
 )

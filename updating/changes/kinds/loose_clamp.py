@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from updating.changes.candidate import Candidates, Kind, gone, needs_clamps
 from updating.changes.fields import Fields, Vector
 from updating.changes.kinds.clamp_force import at_clamps
@@ -12,10 +14,14 @@ def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
     return at_clamps(fields, -1.0, 1.5, rides=True)
 
 
+def _share(own: Candidates, found: Vector) -> Vector:
+    """Return the share of the contact's stiffness that goes with an amplitude, which may go with the clamp's mass."""
+    return np.asarray(own.extra.reshape(-1, *(1,) * (found.ndim - 1)) * found)
+
+
 def _gone(own: Candidates, found: Vector) -> Vector:
-    """Return the share of the contact's stiffness that is gone under the clamp, which may go with its mass."""
-    share = own.extra.reshape(-1, *(1,) * (found.ndim - 1))
-    return gone(own, share * found)
+    """Return the share that is gone under the clamp."""
+    return gone(own, _share(own, found))
 
 
 KIND = Kind(
@@ -27,4 +33,6 @@ KIND = Kind(
     candidates=candidates,
     on_plan=False,
     value=_gone,
+    exact=_share,
+    whole=1.0,
 )

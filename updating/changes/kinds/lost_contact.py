@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from updating.changes.candidate import Candidates, Kind, gone, needs_contact
 from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.contact_patches import WIDE
 from updating.changes.kinds.patches import patches
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return patches of interfaces that hold less by a share."""
-    return patches(fields, at, fields.contact, -1.0, radii=WIDE, upper=2.0)
+    return patches(fields, at, fields.contact, -1.0, upper=2.0)
 
 
 KIND = Kind(
@@ -21,4 +20,5 @@ KIND = Kind(
     why_not=needs_contact,
     candidates=candidates,
     value=gone,
+    whole=1.0,
 )

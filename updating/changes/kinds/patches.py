@@ -1,4 +1,4 @@
-"""What kinds share whose stiffness changes in a patch: bells of several radii all over the plan, at several heights."""
+"""What kinds share whose stiffness changes in a patch: bells of several radii all over the plan, and stripes, at several heights."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from updating.changes.fields import Fields, Layer
 
 Vector = NDArray[np.float64]
 
-RADII = np.array([0.05, 0.09, 0.16])
-"""Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones are no patch."""
+RADII = np.array([0.05, 0.09, 0.16, 0.28, 0.5])
+"""Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole."""
+STRIPES = np.array([0.09, 0.16, 0.28])
+"""The same across stripes all along the plan, in both directions: an edge, or one side, may be what changed."""
 _FAR = 3.0
 """Largest amplitude: a patch that is all gone takes more from the stiffness than what it held, for strains concentrate
 around it (Eshelby, Proc. R. Soc. A 241, 1957: 1 / (1 - S), S near a half in bending; 3 is a hole's in the plane)."""
@@ -26,7 +28,6 @@ def patches(
     rows: Callable[[Layer], Vector],
     sign: float,
     *,
-    radii: Vector = RADII,
     upper: float = _FAR,
 ) -> Candidates:
     """Return patches whose stiffness is more (sign 1) or less (-1) by a share.
@@ -41,13 +42,15 @@ def patches(
         Rows of a layer whose squares are the energy per area.
     sign : float
         1 or -1.
-    radii : (n,)
-        Over the root of the area of the plan.
     upper : float
         Largest share.
     """
     scale = float(np.sqrt(fields.grid.area.sum()))
-    radius, centre = crossed(scale * radii, at)
+    endless = np.full(len(STRIPES), np.inf)
+    sides = scale * np.vstack([
+        np.column_stack([RADII, RADII]), np.column_stack([endless, STRIPES]), np.column_stack([STRIPES, endless]),
+    ])  # fmt: skip
+    radius, centre = crossed(sides, at)
     weight = sign * bumps(fields.grid, centre, radius)
     n, layers = len(centre), fields.layers
     parts = []
@@ -58,7 +61,7 @@ def patches(
     return plain(
         place,
         tuple(parts),
-        size=np.tile(radius, len(layers)),
+        size=np.tile(radius.min(axis=1), len(layers)),
         layer=np.repeat(np.arange(len(layers)), n),
         upper=upper,
         n_cell=len(at),

@@ -21,4 +21,5 @@ KIND = Kind(
     candidates=candidates,
     on_plan=False,
     value=gone,
+    whole=1.0,
 )

@@ -20,4 +20,5 @@ KIND = Kind(
     why_not=always,
     candidates=candidates,
     value=gone,
+    whole=1.0,
 )

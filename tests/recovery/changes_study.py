@@ -1,0 +1,522 @@
+"""How often the question what changed is answered rightly: structures of second models, FRFs through `ema`.
+
+A laboratory has one structure, a stack or a held plate. It measures it twice, takes it apart and assembles it anew for
+every further state, of which the first has not changed and others have one change each. Sensors are put back each time.
+
+python -m tests.recovery.changes_study FIRST_SEED NUMBER RECORD.jsonl
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+import model
+from ema import FRF, Dofs, Geometry, ModalModel, change, identify_frf
+from ema.types.threads import single_threaded
+from model.stack.parts import EdgeSupport
+from tests.independent.campaign import SHAKER, STACK, Configuration, Plan
+from tests.independent.changes import DRAWS, FEWEST_SCATTERS, States, drawn, workshop
+from tests.independent.plate import Plate
+from tests.independent.solid import Solid
+from tests.recovery.other_worlds_study import Share
+from updating.changes.compare import what_changed
+from updating.changes.situation import FittedReference, fit_reference
+from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
+from updating.results.what_changed import WhatChanged
+
+RECORD = Path(__file__).parents[2] / "data" / "blind" / "changes.jsonl"
+"""The pairs of the published table."""
+FIRST_SEED = 66_300
+"""Of the published pairs; seeds below were looked at before."""
+N_CHANGED = 2
+"""Changed states that each laboratory measures."""
+REFERENCES = ("R1", "R2")
+PRESSURE = 320e3
+STACK_BAND, STACK_STEP = (100.0, 1300.0), 1.0
+PLATE_BAND, PLATE_STEP = (30.0, 600.0), 0.25
+PLATE = Plate()
+_HELD = ("support_compliance",)
+_PLACE_SHARE = 0.1  # of the length, within which a location is right
+
+PLATE_DRAWS: dict[str, tuple[str, dict[str, tuple[float, float]], str, tuple[str, ...]]] = {
+    "added mass": ("mass", {"mass": (0.01, 0.1)}, "mass", ("added_mass",)),
+    "absorber": (
+        "absorber",
+        {"mass": (0.01, 0.1), "frequency": (40.0, 500.0), "damping": (0.005, 0.05)},
+        "mass",
+        ("absorber",),
+    ),
+    "spring": ("spring", {"stiffness": (1e3, 1e4), "damping": (0.1, 2.0)}, "stiffness", ("spring_to_ground",)),
+    "softer patch": (
+        "patch",
+        {"lost": (0.09, 0.9), "radius": (0.02, 0.06)},
+        "lost",
+        ("softer_patch",),
+    ),
+    "stiffer patch": ("patch", {"more": (0.3, 3.0), "radius": (0.02, 0.06)}, "more", ("stiffer_patch",)),
+    "hole": ("hole", {"diameter": (0.02, 0.08)}, "diameter", ("hole",)),
+    "stiffener": (
+        "stiffener",
+        {"width": (0.005, 0.03), "height": (1e-3, 4e-3), "length": (0.1, 0.25)},
+        "width",
+        ("stiffener",),
+    ),
+    "softer edge": ("edge", {"lost": (0.3, 0.97), "length": (0.03, 0.12)}, "lost", ("softer_edge",)),
+    "firmer edge": ("edge", {"more": (0.5, 5.0), "length": (0.03, 0.12)}, "more", ("firmer_edge",)),
+    "softer mounting": ("mounting", {"lost": (0.3, 0.9)}, "lost", ("softer_mounting",)),
+}
+"""Changes of a plate: what is planted, its ranges, the one that is its size, and the kinds that are right."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A state beside its reference, and what was said of it.
+
+    Attributes
+    ----------
+    seed : int
+        Of the laboratory; `state` numbers its states, 0 has not changed.
+    structure : str
+        "stack" or "plate".
+    planted : str
+        What was changed; empty of nothing. `values` are its parameters.
+    moved : float
+        Shift of the mode that is moved most, over the scatter between two assemblies.
+    place : tuple of float
+        Where, m; empty where it is not at one place.
+    size : float
+        True size as the kind that is right has it; NaN where kinds define another.
+    seen : bool
+        Whether the comparison without a model calls the state changed.
+    verdict, left : str, tuple of str
+        The answer.
+    kind_place, kind_size : tuple of float
+        Location of the leading kind; median, lower and upper end of the size of the right one, empty where it is none.
+    part : str
+        Clamp or edge of the leading kind.
+    right : tuple of str
+        Kinds that are right.
+    sentences : tuple of str
+        The answer in words.
+    """
+
+    seed: int
+    state: int
+    structure: str
+    planted: str
+    values: dict[str, float]
+    moved: float
+    scatter: float
+    place: tuple[float, ...]
+    size: float
+    seen: bool
+    verdict: str
+    left: tuple[str, ...]
+    kind_place: tuple[float, ...]
+    kind_size: tuple[float, ...]
+    part: str
+    right: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+    @property
+    def changed(self) -> bool:
+        """Whether it is called changed, with a model or without."""
+        return self.seen or self.verdict != "unchanged"
+
+    @property
+    def in_set(self) -> bool:
+        """Whether a right kind is among those that are named."""
+        return bool(set(self.left) & set(self.right))
+
+    @property
+    def placed(self) -> bool:
+        """Whether the leading kind is within a tenth of the length of where the change is."""
+        length = 0.465 if self.structure == "stack" else PLATE.length
+        away = np.subtract(self.kind_place[:2], self.place[:2])
+        return bool(np.hypot(*away) < _PLACE_SHARE * length)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """What a laboratory measured, and what is true of each state after the references."""
+
+    seed: int
+    structure: str
+    tests: tuple[ModalModel, ...]
+    planted: tuple[dict[str, object], ...]
+
+
+def kinds_of(seed: int, structure: str) -> list[str]:
+    """Return which changes a laboratory's states have: all kinds in turn."""
+    every = list(DRAWS if structure == "stack" else PLATE_DRAWS)
+    turn = seed // 3 if structure == "plate" else seed - seed // 3
+    return [every[(N_CHANGED * turn + k) % len(every)] for k in range(N_CHANGED)]
+
+
+def structure_of(seed: int) -> str:
+    """Return what a laboratory has: every third one a plate."""
+    return "plate" if seed % 3 == 2 else "stack"
+
+
+@single_threaded
+def measured(seed: int) -> Measured:
+    """Simulate and identify all states of a laboratory."""
+    return (_stack if structure_of(seed) == "stack" else _plate)(seed)
+
+
+def _stack(seed: int) -> Measured:
+    rng = np.random.default_rng([seed, 1])
+    plan = Plan(
+        seed=seed,
+        model_key="solid",
+        kind="null",
+        configurations=(Configuration(name="R1", torque=3.0, pressure=PRESSURE),),
+        band=STACK_BAND,
+        step=STACK_STEP,
+        force_noise=float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3)))),
+        response_noise=float(np.exp(rng.uniform(np.log(3e-4), np.log(3e-3)))),
+    )
+    states = States(plan=plan, model=Solid(order=(18, 4)), shop=workshop(rng))
+    bare = [states.modes(states.assembled(i)) for i in range(len(REFERENCES) + 1)]
+    scatter = states.scatter(bare)
+    bench, _, nominal = states.stack
+    modes, truth = list(bare), [_truth("", {}, 0.0, scatter, (), np.nan)]
+    for k, name in enumerate(kinds_of(seed, "stack")):
+        number = len(modes)
+        before, more = states.modes(states.assembled(number)), 1.0
+        while True:  # larger until it shows
+            planted = drawn(np.random.default_rng([seed, 2, k]), name, len(bench.clamps), more)
+            after = states.modes(states.assembled(number, planted))
+            moved = states.moved(before, after) / scatter
+            if moved > FEWEST_SCATTERS or more > 30.0:
+                break
+            more *= 1.6
+        modes.append(after)
+        values = {key: v for own in planted.values() for key, v in own.items()}
+        half = np.array([bench.length, bench.width]) / 2.0
+        place: tuple[float, ...] = ()
+        if name in ("loose bolt", "tight bolt", "removed mass"):
+            clamp = int(values["clamp"] * len(bench.clamps)) if "clamp" in values else int(next(iter(values)))
+            place = bench.clamps[clamp].x, bench.clamps[clamp].y
+            values = values | {"number": float(clamp + 1)}
+        elif "x" in values:
+            place = values["x"] * half[0], values.get("y", 0.9 if name == "glue on a side" else 0.0) * half[1]
+        truth.append(_truth(name, values, moved, scatter, place, _stack_size(name, values)))
+    dofs = Dofs(node=np.arange(1, SHAKER), direction=np.tile([0.0, 0.0, 1.0], (SHAKER - 1, 1)))
+    geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=nominal, line=np.empty((0, 2), dtype=int))
+    tests = []
+    for number, own in enumerate(modes):
+        frf, _ = states.measured(number, own)
+        value = frf.reshape(SHAKER - 1, 1, -1)
+        run = np.repeat(np.arange(len(frf)), frf.shape[1])
+        tests.append(_identified(_name(number), states.frequency, value, dofs, SHAKER, run, geometry))
+    return Measured(seed=seed, structure="stack", tests=tuple(tests), planted=tuple(truth))
+
+
+def _stack_size(name: str, values: dict[str, float]) -> float:
+    """Return the true size as a kind of change states it; NaN where patches are of another form."""
+    if name in ("added mass", "absorber"):
+        return values["mass"]
+    if name == "removed mass":
+        return -next(iter(values.values()))
+    if name == "spring":
+        return values["stiffness"]
+    return 1.0 - values["ratio"] if name == "less pressure" else float("nan")
+
+
+def _truth(
+    name: str, values: dict[str, float], moved: float, scatter: float, place: Sequence[float], size: float
+) -> dict[str, object]:
+    return {
+        "planted": name,
+        "values": {key: float(v) for key, v in values.items()},
+        "moved": float(moved),
+        "scatter": scatter,
+        "place": tuple(float(v) for v in place),
+        "size": float(size),
+    }
+
+
+def _name(number: int) -> str:
+    return REFERENCES[number] if number < len(REFERENCES) else f"S{number - len(REFERENCES)}"
+
+
+def _identified(
+    name: str,
+    frequency: np.ndarray,
+    value: np.ndarray,
+    output: Dofs,
+    force: int,
+    run: np.ndarray,
+    geometry: Geometry,
+) -> ModalModel:
+    frf = FRF(
+        frequency=frequency,
+        value=value,
+        quantity="accelerance",
+        output=output,
+        input=Dofs(node=[force], direction=[[0.0, 0.0, 1.0]]),
+        run=run,
+        source=(name,) * len(value),
+    )
+    return identify_frf(frf, geometry, name=name)
+
+
+def _plate(seed: int) -> Measured:
+    rng = np.random.default_rng([seed, 1])
+    hold, sensor, noise = rng.uniform(0.03, 0.12), rng.uniform(1e-3, 1e-2), 10.0 ** rng.uniform(-4.0, -2.7)
+    true = dataclasses.replace(
+        PLATE,
+        thickness=PLATE.thickness * (1.0 + 0.01 * rng.standard_normal()),
+        translation=PLATE.translation * np.exp(0.3 * rng.standard_normal()),
+        rotation=PLATE.rotation * np.exp(0.5 * rng.standard_normal()),
+    )
+    nominal = _plate_points()
+    place = nominal + 1e-3 * rng.standard_normal(nominal.shape)
+    half = np.array([true.length, true.width]) / 2.0
+
+    def assembled(number: int) -> tuple[Plate, np.random.Generator]:
+        own = np.random.default_rng([seed, 3, number])
+        held = np.exp(hold * own.standard_normal(2))
+        young = np.exp(5e-4 * own.standard_normal())
+        return dataclasses.replace(
+            true, translation=true.translation * held[0], rotation=true.rotation * held[1], young=true.young * young
+        ), own
+
+    def solve(plate: Plate, planted: dict[str, dict[str, float]]) -> tuple[np.ndarray, ...]:
+        return plate.modes(22, place, planted)
+
+    found = [solve(assembled(i)[0], {}) for i in range(len(REFERENCES) + 1)]
+    seen = found[0][0] < PLATE_BAND[1]
+    logs = np.log([own[0][seen] for own in found])
+    scatter = float(np.sqrt(2.0 * np.mean(np.var(logs, axis=0, ddof=1))))
+    truth = [_truth("", {}, 0.0, scatter, (), np.nan)]
+    for k, name in enumerate(kinds_of(seed, "plate")):
+        plate, _ = assembled(len(found))
+        before, more = solve(plate, {}), 1.0
+        while True:
+            planted = _plate_drawn(np.random.default_rng([seed, 2, k]), name, more, half)
+            after = solve(plate, planted)
+            moved = _moved(before, after) / scatter
+            if moved > FEWEST_SCATTERS or more > 30.0:
+                break
+            more *= 1.6
+        found.append(after)
+        values = next(iter(planted.values()))
+        at = (values["x"], values["y"]) if "x" in values else (-half[0], values.get("y", np.nan))
+        truth.append(
+            _truth(name, values, moved, scatter, () if name == "softer mounting" else at, _plate_size(name, values))
+        )
+    tests = [_plate_test(seed, i, own, nominal, (sensor, noise)) for i, own in enumerate(found)]
+    return Measured(seed=seed, structure="plate", tests=tuple(tests), planted=tuple(truth))
+
+
+def _plate_points() -> np.ndarray:
+    x = np.linspace(-0.5, 0.5, 8)[1:] * PLATE.length
+    y = np.linspace(-0.5, 0.5, 5) * PLATE.width
+    return np.array([(a, b) for a in x for b in y])
+
+
+def _plate_drawn(
+    rng: np.random.Generator, name: str, more: float, half: np.ndarray
+) -> dict[str, dict[str, float]]:
+    key, ranges, size, _ = PLATE_DRAWS[name]
+    values = {own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()}
+    values[size] = min(more * values[size], ranges[size][1])
+    x, y = rng.uniform(-0.85, 0.85, 2) * half
+    if key == "edge":
+        values["y"] = float(y)
+    elif key != "mounting":
+        values |= {"x": float(x), "y": float(y)}
+    if key == "stiffener":
+        values["angle"] = float(rng.uniform(0.0, np.pi))
+        values |= {"x": 0.4 * values["x"], "y": 0.3 * values["y"]}  # within the plate, whatever its direction
+    if "lost" in values:
+        values["ratio"] = 1.0 - values["lost"]
+    if "more" in values:
+        values["ratio"] = 1.0 + values["more"]
+    return {key: values}
+
+
+def _plate_size(name: str, values: dict[str, float]) -> float:
+    size = {"added mass": "mass", "absorber": "mass", "spring": "stiffness", "hole": "diameter"}.get(name)
+    return float("nan") if size is None else values[size]
+
+
+def _moved(before: tuple[np.ndarray, ...], after: tuple[np.ndarray, ...]) -> float:
+    a, b = (own[2] / np.linalg.norm(own[2], axis=0) for own in (before, after))
+    alike = np.abs(a.T @ b)
+    seen = (before[0] < PLATE_BAND[1]) & (before[0] > PLATE_BAND[0]) & (alike.max(axis=1) > 0.8)
+    shift = np.abs(np.log(after[0][alike.argmax(axis=1)] / before[0]))
+    return float(shift[seen].max(initial=0.0))
+
+
+def _plate_test(
+    seed: int, number: int, modes: tuple[np.ndarray, ...], nominal: np.ndarray, errors: tuple[float, float]
+) -> ModalModel:
+    """Return what `ema` makes of the functions of a plate; gains of sensors and noise are as given."""
+    rng = np.random.default_rng([seed, 4, number])
+    frequency = np.arange(PLATE_BAND[0], PLATE_BAND[1] + PLATE_STEP / 2.0, PLATE_STEP)
+    f, ratio, shape = modes
+    omega, own = 2.0 * np.pi * frequency, 2.0 * np.pi * f
+    force = shape[-1]
+    lines = (force / (own**2 - omega[:, None] ** 2 + 2j * ratio * own * omega[:, None])).T
+    value = -(omega**2) * (shape @ lines) * (1.0 + errors[0] * rng.standard_normal((len(shape), 1)))
+    level = errors[1] * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
+    value = value + level * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape))
+    n = len(nominal)
+    geometry = Geometry(
+        node=np.arange(1, n + 1), coordinate=np.column_stack([nominal, np.zeros(n)]), line=np.empty((0, 2), int)
+    )
+    dofs = Dofs(node=np.arange(1, n + 1), direction=np.tile([0.0, 0.0, 1.0], (n, 1)))
+    return _identified(_name(number), frequency, value[:, None], dofs, n, np.zeros(n), geometry)
+
+
+_reduced: dict[str, CandidateModel] = {}
+"""Models of all stacks and of all plates: what they are said to be is the same in all laboratories."""
+
+
+def reduced(found: Measured) -> CandidateModel:
+    """Return the model of a structure as it is stated."""
+    if found.structure not in _reduced:
+        stack, effects = (_stated_stack(), ()) if found.structure == "stack" else (_stated_plate(), _HELD)
+        known = model.catalogue()
+        _reduced[found.structure] = candidate_model(
+            stack, instruments_of(found.tests[0]), {name: known[name] for name in effects}
+        )
+    return _reduced[found.structure]
+
+
+def _stated_stack() -> model.Stack:
+    return model.read_stack(STACK).with_contact(pressure=PRESSURE)
+
+
+def _stated_plate() -> model.Stack:
+    return model.Stack(
+        name="plate",
+        length=PLATE.length,
+        width=PLATE.width,
+        height=PLATE.thickness,
+        n_lamina=1,
+        material=model.Material(young=PLATE.young, poisson=PLATE.poisson, density=PLATE.density),
+        mesh=model.Mesh(n_x=12, n_y=8),
+        supports=(EdgeSupport(edge="left", along=np.inf, across=np.inf, rotation=np.inf),),
+    )
+
+
+@single_threaded
+def fitted(found: Measured) -> FittedReference:
+    """Fit the reference of a laboratory."""
+    n = len(REFERENCES)
+    return fit_reference(reduced(found), [(t.name, PRESSURE, t) for t in found.tests[:n]])
+
+
+@single_threaded
+def judged(found: Measured) -> list[Pair]:
+    """Ask what changed in each state of a laboratory."""
+    reference, n = fitted(found), len(REFERENCES)
+    pairs = []
+    for k, test in enumerate(found.tests[n:]):
+        seen = change([test], list(found.tests[:n])).changed
+        answer = what_changed(reference, [(test.name, PRESSURE, test)], seen=seen)
+        pairs.append(_pair(found, k, answer, seen=seen))
+    return pairs
+
+
+def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
+    truth = found.planted[k]
+    name = str(truth["planted"])
+    right: tuple[str, ...] = ()
+    if name:
+        right = DRAWS[name].right if found.structure == "stack" else PLATE_DRAWS[name][3]
+    lead = answer.kind(answer.left[0]) if answer.left else None
+    sized = next((answer.kind(own) for own in answer.left if own in right), None)
+    return Pair(
+        seed=found.seed,
+        state=k,
+        structure=found.structure,
+        **truth,  # type: ignore[arg-type]  # as `_truth` made it
+        seen=seen,
+        verdict=answer.verdict,
+        left=answer.left,
+        kind_place=() if lead is None or not lead.local else lead.place,
+        kind_size=() if sized is None else (sized.size, sized.lower, sized.upper),
+        part="" if lead is None else lead.part,
+        right=right,
+        sentences=answer.sentences,
+    )
+
+
+def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
+    """Yield what the pairs say."""
+    none = [own for own in pairs if not own.planted]
+    changed = [own for own in pairs if own.planted and own.moved >= FEWEST_SCATTERS]
+    named = [own for own in changed if own.left]
+    placed = [own for own in named if own.place and own.kind_place]
+    sized = [own for own in changed if np.isfinite(own.size) and own.kind_size]
+    bolts = [own for own in changed if own.planted == "loose bolt"]
+
+    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
+        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
+
+    yield share("no change: changed or named", "at most 5 %", [own.changed for own in none])
+    yield share("no change: named", "at most 5 %", [bool(own.left) for own in none])
+    yield share("one change: changed", "97 %", [own.changed for own in changed])
+    yield share("one change: kind right or in the set", "80 %", [own.in_set for own in changed])
+    yield share("one change: named, and not one of the names is right", "at most 5 %",
+                [bool(own.left) and not own.in_set for own in changed])  # fmt: skip
+    yield share("one change: a wrong name first", "at most 5 %",
+                [bool(own.left) and own.left[0] not in own.right for own in changed])  # fmt: skip
+    yield share("location within a tenth of the length, of those named", "80 %", [own.placed for own in placed])
+    yield share("intervals of 90 % hold the size", "80 to 97 %",
+                [own.kind_size[1] <= own.size <= own.kind_size[2] for own in sized])  # fmt: skip
+    yield share("loose bolts: the right clamp is in the answer", "80 %",
+                [own.in_set and own.part == f"clamp {own.values['number']:.0f}" for own in bolts])  # fmt: skip
+
+
+def study(first: int, number: int, record: Path) -> Iterator[Pair]:
+    """Yield the pairs of so many laboratories; those that a record holds are read back, others are added to it."""
+    known: dict[int, list[Pair]] = {}
+    for own in recorded(record):
+        known.setdefault(own.seed, []).append(own)
+    record.parent.mkdir(parents=True, exist_ok=True)
+    for seed in range(first, first + number):
+        if len(known.get(seed, ())) < N_CHANGED + 1:
+            known[seed] = judged(measured(seed))
+            with record.open("a", encoding="utf-8") as file:
+                file.writelines(json.dumps(asdict(own)) + "\n" for own in known[seed])
+        yield from known[seed]
+
+
+def recorded(record: Path) -> list[Pair]:
+    """Return the pairs of a record, whole lines only."""
+    if not record.exists():
+        return []
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    return [_read(json.loads(line)) for line in lines if line.endswith("\n")]
+
+
+def _read(given: dict[str, object]) -> Pair:
+    return Pair(**{key: tuple(v) if isinstance(v, list) else v for key, v in given.items()})  # type: ignore[arg-type]
+
+
+def main() -> None:
+    """Draw pairs as the command line says, and print rates."""
+    first, number, record = int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3])
+    pairs = []
+    for own in study(first, number, record):
+        pairs.append(own)
+        print(own.seed, own.structure, own.planted or "nothing", f"{own.moved:.1f}", own.verdict, *own.left, flush=True)
+    for share in figures(pairs):
+        print(share.row)
+
+
+if __name__ == "__main__":
+    main()
