@@ -54,8 +54,8 @@ PLANS = {
 }
 
 
-def write_demo(simulated: Simulated, folder: Path, name: str) -> None:
-    """Write the campaign with its stack, points, FRFs (dataset 58b) and truth."""
+def write_demo(simulated: Simulated, folder: Path, name: str, *, compact: bool = False) -> None:
+    """Write the campaign with its stack, points, FRFs (dataset 58b, without abscissae if `compact`) and truth."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(simulated.plan.stack, folder / "stack.toml")
     write_points(simulated, folder / "points.csv")
@@ -64,7 +64,10 @@ def write_demo(simulated: Simulated, folder: Path, name: str) -> None:
         for run, functions in enumerate(frf):
             file = folder / configuration.name / f"run_{run + 1:02d}.uff"
             file.unlink(missing_ok=True)
-            pyuff.UFF(str(file)).write_sets(_sets(simulated.frequency, functions, run), mode="add")
+            sets = [
+                one | {"abscissa_spacing": int(compact)} for one in _sets(simulated.frequency, functions, run)
+            ]
+            pyuff.UFF(str(file)).write_sets(sets, mode="add")
     text = campaign_text(simulated, name=name, suffix="uff")
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(truth(simulated)), encoding="utf-8")

@@ -103,9 +103,7 @@ class Plate:
             if key in planted:
                 row = self.rows(np.array([[planted[key]["x"], planted[key]["y"]]]))
                 added = planted[key][scale] * (row.T @ row)
-                stiffness, mass = (
-                    (stiffness, mass + added) if key == "mass" else (stiffness + added, mass)
-                )
+                stiffness, mass = (stiffness, mass + added) if key == "mass" else (stiffness + added, mass)
         if "stiffener" in planted:
             bent, moved = self._stiffener(planted["stiffener"])
             stiffness, mass = stiffness + bent, mass + moved
@@ -178,4 +176,8 @@ def _with_absorber(
     nothing = sp.csr_array((1, 1))
     stiffness = sp.block_diag([stiffness, nothing]) + spring * (jump.T @ jump)
     mass = sp.block_diag([mass, sp.csr_array([[one["mass"]]])])
-    return stiffness.tocsc(), mass.tocsc(), sp.hstack([at, sp.csr_array((at.shape[0], 1))]).tocsr() if n else at
+    return (
+        stiffness.tocsc(),
+        mass.tocsc(),
+        sp.hstack([at, sp.csr_array((at.shape[0], 1))]).tocsr() if n else at,
+    )

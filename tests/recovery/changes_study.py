@@ -53,7 +53,12 @@ PLATE_DRAWS: dict[str, tuple[str, dict[str, tuple[float, float]], str, tuple[str
         "mass",
         ("absorber",),
     ),
-    "spring": ("spring", {"stiffness": (1e3, 1e4), "damping": (0.1, 2.0)}, "stiffness", ("spring_to_ground",)),
+    "spring": (
+        "spring",
+        {"stiffness": (1e3, 1e4), "damping": (0.1, 2.0)},
+        "stiffness",
+        ("spring_to_ground",),
+    ),
     "softer patch": (
         "patch",
         {"lost": (0.09, 0.9), "radius": (0.02, 0.06)},
@@ -287,7 +292,10 @@ def _plate(seed: int) -> Measured:
         held = np.exp(hold * own.standard_normal(2))
         young = np.exp(5e-4 * own.standard_normal())
         return dataclasses.replace(
-            true, translation=true.translation * held[0], rotation=true.rotation * held[1], young=true.young * young
+            true,
+            translation=true.translation * held[0],
+            rotation=true.rotation * held[1],
+            young=true.young * young,
         ), own
 
     def solve(plate: Plate, planted: dict[str, dict[str, float]]) -> tuple[np.ndarray, ...]:
@@ -312,7 +320,14 @@ def _plate(seed: int) -> Measured:
         values = next(iter(planted.values()))
         at = (values["x"], values["y"]) if "x" in values else (-half[0], values.get("y", np.nan))
         truth.append(
-            _truth(name, values, moved, scatter, () if name == "softer mounting" else at, _plate_size(name, values))
+            _truth(
+                name,
+                values,
+                moved,
+                scatter,
+                () if name == "softer mounting" else at,
+                _plate_size(name, values),
+            )
         )
     tests = [_plate_test(seed, i, own, nominal, (sensor, noise)) for i, own in enumerate(found)]
     return Measured(seed=seed, structure="plate", tests=tuple(tests), planted=tuple(truth))
@@ -328,7 +343,9 @@ def _plate_drawn(
     rng: np.random.Generator, name: str, more: float, half: np.ndarray
 ) -> dict[str, dict[str, float]]:
     key, ranges, size, _ = PLATE_DRAWS[name]
-    values = {own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()}
+    values = {
+        own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()
+    }
     values[size] = min(more * values[size], ranges[size][1])
     x, y = rng.uniform(-0.85, 0.85, 2) * half
     if key == "edge":
@@ -373,7 +390,9 @@ def _plate_test(
     value = value + level * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape))
     n = len(nominal)
     geometry = Geometry(
-        node=np.arange(1, n + 1), coordinate=np.column_stack([nominal, np.zeros(n)]), line=np.empty((0, 2), int)
+        node=np.arange(1, n + 1),
+        coordinate=np.column_stack([nominal, np.zeros(n)]),
+        line=np.empty((0, 2), int),
     )
     dofs = Dofs(node=np.arange(1, n + 1), direction=np.tile([0.0, 0.0, 1.0], (n, 1)))
     return _identified(_name(number), frequency, value[:, None], dofs, n, np.zeros(n), geometry)
@@ -474,7 +493,9 @@ def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
                 [bool(own.left) and not own.in_set for own in changed])  # fmt: skip
     yield share("one change: a wrong name first", "at most 5 %",
                 [bool(own.left) and own.left[0] not in own.right for own in changed])  # fmt: skip
-    yield share("location within a tenth of the length, of those named", "80 %", [own.placed for own in placed])
+    yield share(
+        "location within a tenth of the length, of those named", "80 %", [own.placed for own in placed]
+    )
     yield share("intervals of 90 % hold the size", "80 to 97 %",
                 [own.kind_size[1] <= own.size <= own.kind_size[2] for own in sized])  # fmt: skip
     yield share("loose bolts: the right clamp is in the answer", "80 %",
@@ -513,7 +534,15 @@ def main() -> None:
     pairs = []
     for own in study(first, number, record):
         pairs.append(own)
-        print(own.seed, own.structure, own.planted or "nothing", f"{own.moved:.1f}", own.verdict, *own.left, flush=True)
+        print(
+            own.seed,
+            own.structure,
+            own.planted or "nothing",
+            f"{own.moved:.1f}",
+            own.verdict,
+            *own.left,
+            flush=True,
+        )
     for share in figures(pairs):
         print(share.row)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import types
 
 import numpy as np
 import pytest
@@ -15,10 +16,11 @@ import model
 from model.stack.parts import EdgeSupport
 from updating.changes.candidate import lines, places
 from updating.changes.compare import _verdict
+from updating.changes.condensed import Condensed
 from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
 from updating.changes.kinds.held_edges import held_edges
-from updating.changes.scan import conditional, weigh
+from updating.changes.scan import Actions, Measured, conditional, weigh
 from updating.results.what_changed import KindOfChange
 
 ELASTIC = (EdgeSupport(edge="front", along=1e7, across=1e6, rotation=1e3),)
@@ -144,6 +146,43 @@ def test_a_size_is_integrated_over_a_half_normal_prior_that_ends_at_what_is_poss
             expected = [quad(density, 0.0, min(upper, 40.0), args=(scale,))[0] for scale in effects]
             assert found.log[0] == pytest.approx(np.log(np.mean(expected)) + 0.5 * rest @ rest, abs=1e-6)
             assert 0.0 <= found.amplitude[0] <= upper
+
+
+def changed_plate(planted):
+    """Return a plate with a state that its whole equations of motion give, and the errors of that without a change."""
+    own, made = fields(1, held=True, m=7)
+    stiffness, mass = (own.assembly.matrix(target, own.theta).toarray() for target in "KM")
+    low = la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))
+    more_stiff, more_mass = planted(own.assembly)
+    value, vector = la.eigh(stiffness + more_stiff, mass + more_mass, subset_by_index=[0, 4])
+    weight = vector.T @ mass @ made.vectors
+    weight = weight / np.linalg.norm(weight, axis=1)[:, None]
+    scale = np.sqrt(np.outer(value, low[0][:7]))
+    ours = Measured(weight=weight, eigenvalue=value, scale=scale)
+    at = types.SimpleNamespace(fields=made, modes=low[1][:, :7], ours=ours)
+    return at, (value[:, None] - low[0][:7]) * weight / scale
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "along"), [("added_mass", 0.4, "uvw"), ("spring_to_ground", 3e5, "w")]
+)
+def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(name, size, along):
+    place = np.array([[0.08, 0.02]])
+
+    def planted(assembly):
+        rows = np.zeros((len(along), assembly.size))
+        for row, field in zip(rows, along, strict=True):
+            row[assembly.slices()[field]] = assembly.plan.point_rows(field, place).toarray()[0]
+        added = size * rows.T @ rows
+        return (0.0 * added, added) if name == "added_mass" else (added, 0.0 * added)
+
+    at, error = changed_plate(planted)
+    kind = next(own for own in kinds() if own.name == name)
+    candidates = kind.candidates(at.fields, place)
+    left = error + Condensed(at).change(kind, candidates, 0)(np.array([size]))[0].reshape(error.shape)
+    first = error + size * Actions(at.ours).of(candidates)[0]
+    assert np.linalg.norm(first) > 5e-3 * np.linalg.norm(error)
+    assert np.linalg.norm(left) < 0.4 * np.linalg.norm(first)
 
 
 def test_what_the_reference_shares_cancels():

@@ -21,6 +21,7 @@ from scipy.special import logsumexp, ndtri
 from ema.campaign.references import Reassembly
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
 from updating.changes.condensed import Condensed
+from updating.changes.damping import damping_changes
 from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
 from updating.changes.levels import (
@@ -82,7 +83,8 @@ def what_changed(
     FitError
         State or reference have too few modes in common with the model.
     """
-    stated = float(np.sqrt(2.0)) * (Reassembly() if reassembly is None else reassembly).frequency
+    assembly = Reassembly() if reassembly is None else reassembly
+    stated = float(np.sqrt(2.0)) * assembly.frequency
     at = Situation(reference, changed)
     stack = reference.candidates.stack
     every = kinds() if known is None else known
@@ -94,7 +96,10 @@ def what_changed(
     shift = at.shift[np.isfinite(at.shift)]
     at.idealised = IDEAL * 2.0 * float(np.sqrt(np.mean(shift**2))) if shift.size else 0.0
     tried = _tried(at, [kind for kind in every if kind.name not in impossible], median)
-    return _concluded(at, tried, impossible, (median, stated), seen=seen)
+    found = _concluded(at, tried, impossible, (median, stated), seen=seen)
+    damping = damping_changes(at, assembly.damping)
+    found = replace(found, damping=damping, damping_left=_left(damping))
+    return replace(found, sentences=sentences(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,13 +319,15 @@ def _answer(
     chance = {own.kind.name: float(probability[i]) for i, own in enumerate(found)}
     x, y, where = _map(at.fields, [(own, chance[own.kind.name]) for own in used])
     n = at.n_reference
-    answer = WhatChanged(
+    return WhatChanged(
         name=at.changed[0][0],
         repeats=tuple(name for name, _, _ in at.changed),
         reference=tuple(name for name, _, _ in at.reference.tested),
         verdict=verdict,
         left=left,
         kinds=tuple(of_kind.values()),
+        damping=(),
+        damping_left=(),
         impossible=dict(impossible),
         log_odds=total,
         scatter=float(np.exp(shares @ np.log(sizes))),
@@ -334,7 +341,14 @@ def _answer(
         box=np.asarray(at.fields.system.assembly.plan.bounds, dtype=float),
         sentences=(),
     )
-    return replace(answer, sentences=sentences(answer))
+
+
+def _left(ordered: Sequence[KindOfChange]) -> tuple[str, ...]:
+    """Return the kinds, the likeliest first, that the data cannot tell apart; none where they do not show."""
+    if not ordered or np.logaddexp.reduce([own.log_odds for own in ordered]) < NAMED:
+        return ()
+    top = ordered[0].log_odds
+    return tuple(own.name for own in ordered if own.log_odds > max(top - SEPARATE, 0.0))
 
 
 def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tuple[Verdict, tuple[str, ...]]:
@@ -343,8 +357,7 @@ def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tu
         return ("too little to say" if seen else "unchanged"), ()
     if ordered[0].explained < EXPLAINED:
         return "unlike anything", ()
-    top = ordered[0].log_odds
-    left = tuple(own.name for own in ordered if own.log_odds > max(top - SEPARATE, 0.0))
+    left = _left(ordered)
     if ordered[0].explained < IN_FULL:
         return "partly explained", left
     return ("identified" if len(left) == 1 else "one of"), left
@@ -414,20 +427,27 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
 
 
 def _size(own: _Tried) -> list[float]:
-    """Return the ends of the interval of 90 % of a kind's size, its median between them."""
-    levels = (0.05, 0.5, 0.95)
+    """Return the ends of the interval of 90 % of a kind's size, its median between them.
+
+    An idealisation that is off is so in all modes alike, besides: by `IDEAL`, half of it once the structure's answer
+    is in.
+    """
+    levels, candidates = (0.05, 0.5, 0.95), own.candidates
     if own.refined and own.kind.exact is not None:
         values, logs = [], []
+        factor = np.exp(0.5 * IDEAL * _NODES)[:, None]
         for one in own.refined:
-            of = own.candidates.only(np.array([one.index]))
-            values.append(own.kind.exact(of, one.amplitude[None, :])[0])
-            logs.append(logsumexp(own.none[:, None] + one.log, axis=0) + own.batch.log_prior[one.index])
-        log = np.concatenate(logs)
-        return _quantiles(np.concatenate(values), np.exp(log - log.max()), levels)
-    amplitude = np.array([w.amplitude for w in own.weighed])
-    std = np.array([w.std for w in own.weighed])
-    trial = np.clip(amplitude[..., None] + std[..., None] * _NODES, 0.0, own.candidates.upper)
-    value = np.array([own.kind.value(own.candidates, line) for line in trial])
+            of = candidates.only(np.array([one.index]))
+            trial = np.minimum(factor * one.amplitude, own.kind.whole)
+            values += [own.kind.exact(of, line[None, :])[0] for line in trial]
+            log = logsumexp(own.none[:, None] + one.log, axis=0) + own.batch.log_prior[one.index]
+            logs += [log] * len(factor)
+        total = np.concatenate(logs)
+        return _quantiles(np.concatenate(values), np.exp(total - total.max()), levels)
+    mean = np.array([w.amplitude for w in own.weighed])
+    std = np.hypot(np.array([w.std for w in own.weighed]), IDEAL * mean)
+    trial = np.clip(mean[..., None] + std[..., None] * _NODES, 0.0, candidates.upper)
+    value = np.array([own.kind.value(candidates, line) for line in trial])
     return _quantiles(value.ravel(), np.repeat(own.share.ravel(), _NODES.size), levels)
 
 

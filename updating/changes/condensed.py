@@ -1,9 +1,9 @@
 """What a change of any size does to the equations of motion, with the answer of the whole structure to it.
 
 The scan takes modes of the reference as they are. Beside a change of some size the structure gives way more than these
-can: strains concentrate about a patch that is soft, and what a mass pulls at yields. So the rest of its basis, and on a
-single plate, which bends sharply at a point, its static answers to forces about the location, are added as coordinates v
-and eliminated at each measured frequency,
+can: strains concentrate about a patch that is soft, and what a mass pulls at yields. So the rest of its basis, and on
+a single plate, which bends sharply at a point, its static answers to forces about the location, are added as
+coordinates v and eliminated at each measured frequency,
 
     dS(t) = t S_ll - t**2 S_lv (D_vv + t S_vv)**-1 S_vl,    S = dK - lambda dM,    D = K - lambda M,
 
@@ -104,7 +104,7 @@ class Condensed:
         return self._kept[key]
 
     def _beside(self, answers: Vector | None) -> tuple[Fields, Vector, Vector]:
-        """Return the fields of the modes and of all else, with stiffness and mass of that, which the modes do not feel."""
+        """Return the fields of the modes and of all else, with stiffness and mass of what else there is."""
         system = self.fields.system
         modes, raw = self.at.modes, np.eye(system.basis.shape[1])
         stiffness, mass = system.matrix("K", self.theta), system.matrix("M", self.theta)

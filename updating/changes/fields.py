@@ -194,7 +194,8 @@ class Fields:
         self.vectors, self.n_mode = vectors, vectors.shape[1]
         where = system.assembly.slices()
         self.coefficient = {
-            f: vectors[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2) for f in FIELDS
+            f: vectors[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2)
+            for f in FIELDS
         }
         self.kept: dict[tuple[object, ...], Vector] = {}
         self._at: dict[tuple[Field, Derivative], Vector] = {}

@@ -1,4 +1,4 @@
-"""The likeliest candidates weighed once more, with the structure's answer to them: sizes of any amount, and evidence."""
+"""The likeliest candidates weighed once more, with the structure's answer to them: evidence, and sizes."""
 
 from __future__ import annotations
 
@@ -103,7 +103,9 @@ def refine(
     )
 
 
-def _log_likelihood(change: Change, amplitude: Vector, problem: tuple[Vector, Vector]) -> tuple[Vector, float]:
+def _log_likelihood(
+    change: Change, amplitude: Vector, problem: tuple[Vector, Vector]
+) -> tuple[Vector, float]:
     """Return the logarithm of the likelihood over that of no change, (n,), and the largest fall of the misfit."""
     error, root = problem
     white = la.solve_triangular(

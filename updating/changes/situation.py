@@ -183,18 +183,47 @@ class Situation:
 
         A mode of the reference is the same one where most of it is, in the model's modal coordinates.
         """
-        n, found = self.n_reference, []
-        for own, state in zip(self.joint.errors[n:], self.states[n:], strict=True):
-            each = np.full((n, state.frequency.size), np.nan)
-            for c, (other, before) in enumerate(zip(self.joint.errors[:n], self.states[:n], strict=True)):
-                alike = np.abs(own.weight @ other.weight.T)
-                row, column = _pairs(alike)
-                each[c, row] = np.log(state.frequency[row] / before.frequency[column])
+        return self._beside([state.frequency for state in self.states])[0]
+
+    @cached_property
+    def damping_shift(self) -> Vector:
+        """The same of its damping ratios."""
+        return self._beside([ratio for ratio, _ in self._damping])[0]
+
+    @cached_property
+    def damping(self) -> Vector:
+        """Damping ratio of each such mode in the reference, (n_mode,)."""
+        return self._beside([ratio for ratio, _ in self._damping])[1]
+
+    @cached_property
+    def damping_noise(self) -> Vector:
+        """Relative standard deviation of each damping ratio of the changed state, (n_mode,)."""
+        return np.concatenate([std / ratio for ratio, std in self._damping[self.n_reference :]])
+
+    @cached_property
+    def _damping(self) -> list[tuple[Vector, Vector]]:
+        """Damping ratios of the modes of all states and their standard deviations, NaN where there is none."""
+        found = []
+        for (_, _, modes), state in zip((*self.reference.tested, *self.changed), self.states, strict=True):
+            which = np.argmin(np.abs(modes.frequency[:, None] - state.frequency), axis=0)
+            ratio = np.where(modes.damping[which] > 0.0, modes.damping[which], np.nan)
+            found.append((ratio, np.nan_to_num(modes.damping_std[which])))
+        return found
+
+    def _beside(self, values: Sequence[Vector]) -> tuple[Vector, Vector]:
+        """Return logarithms of values of the changed state over the reference's, and the reference's, (n_mode,)."""
+        n, ratios, before = self.n_reference, [], []
+        for own, value in zip(self.joint.errors[n:], values[n:], strict=True):
+            each = np.full((n, value.size), np.nan)
+            for c, (other, reference) in enumerate(zip(self.joint.errors[:n], values[:n], strict=True)):
+                row, column = _pairs(np.abs(own.weight @ other.weight.T))
+                each[c, row] = np.log(reference[column])
             seen = np.isfinite(each).any(axis=0)
-            mean = np.full(state.frequency.size, np.nan)
+            mean = np.full(value.size, np.nan)
             mean[seen] = np.nanmean(each[:, seen], axis=0)
-            found.append(mean)
-        return np.concatenate(found)
+            ratios.append(np.log(value) - mean)
+            before.append(np.exp(mean))
+        return np.concatenate(ratios), np.concatenate(before)
 
 
 def _require_modes(states: Sequence[State]) -> None:
@@ -214,8 +243,8 @@ def _known(
     """Return states without those modes of the changed one that the reference does not have.
 
     What the model is wrong by in a mode cancels only there. A resonator splits a mode in two, both of which are that
-    one, or some of several: such a further mode counts as well, unless the model has one nearby that was not measured in
-    the reference. A change may couple that to those which are seen, and it is then what shows; `still` is the motion
+    one, or some of several: such a further mode counts as well, unless the model has one nearby that was not measured
+    in the reference. A change may couple that to those which are seen, and it is then what shows; `still` is the motion
     at the sensors below which nothing does, such as of a single plate in its plane.
     """
     states, modals = [state for state, _ in pairs], [modal for _, modal in pairs]
@@ -225,10 +254,15 @@ def _known(
         own = joint.errors[c]
         alike = [np.abs(own.weight @ other.weight.T) for other in joint.errors[:n_reference]]
         near = np.abs(own.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
-        taken = np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
+        taken = (
+            np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
+        )
         unseen = np.any(near & (_motion(modals[c]) >= still) & ~taken, axis=1)
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
-        keep |= np.max([_within(own.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
+        keep |= (
+            np.max([_within(own.weight, other.weight) for other in joint.errors[:n_reference]], axis=0)
+            > REACHED
+        )
         for r in np.flatnonzero(keep & unseen):
             keep[r] = any(r in _pairs(one)[0] for one in alike)
         if not keep.all():

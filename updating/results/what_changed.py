@@ -84,6 +84,8 @@ class WhatChanged:
         Keys of the kinds that the data cannot tell apart, the most probable first; none where nothing is named.
     kinds : tuple of KindOfChange
         All kinds, the most probable first.
+    damping : tuple of KindOfChange
+        Kinds of change of damping, the most probable first, and `damping_left`, keys of those that are not told apart.
     impossible : mapping of str to str
         Why others cannot be.
     log_odds : float
@@ -109,6 +111,8 @@ class WhatChanged:
     verdict: Verdict
     left: tuple[str, ...]
     kinds: tuple[KindOfChange, ...]
+    damping: tuple[KindOfChange, ...]
+    damping_left: tuple[str, ...]
     impossible: Mapping[str, str]
     log_odds: float
     scatter: float

@@ -15,7 +15,28 @@ SPREAD_OUT = 0.2
 
 
 def sentences(found: WhatChanged) -> tuple[str, ...]:
-    """Say what changed between a state and its reference, where, and how large it is."""
+    """Say what changed between a state and its reference, where, and how large it is, in stiffness and in damping."""
+    return (*_in_stiffness(found), *_in_damping(found))
+
+
+def _in_damping(found: WhatChanged) -> tuple[str, ...]:
+    left = [own for own in found.damping if own.name in found.damping_left]
+    if not left:
+        return ()
+    names = [own.label for own in left]
+    text = (
+        names[0] if len(left) == 1 else f"{', '.join(names[:-1])} or {names[-1]}; the data cannot tell which"
+    )
+    best = left[0]
+    where = f", at x = {_mm(best.place[0])} ± {_mm(best.place_std[0])} mm" if best.local else ""
+    return (f"Damping of {found.name}: {text}. {_capital(best.label)}: {size_text(best)}{where}.",)
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _in_stiffness(found: WhatChanged) -> tuple[str, ...]:
     head = f"{found.name}, what and where"
     if found.verdict == "unchanged":
         return (
@@ -30,7 +51,8 @@ def sentences(found: WhatChanged) -> tuple[str, ...]:
     if found.verdict == "unlike anything":
         return (
             f"{head}: changed, but unlike any change that is considered: the likeliest explains "
-            f"{100 * found.kinds[0].explained:.0f} % of what scatter leaves.",
+            f"{100 * found.kinds[0].explained:.0f} % of what scatter leaves. There was more than one change, "
+            "or one of a kind that the list lacks.",
         )
     left = [found.kind(name) for name in found.left]
     lines = [_what(found, head, left)]
@@ -48,8 +70,8 @@ def _what(found: WhatChanged, head: str, left: Sequence[KindOfChange]) -> str:
         text = f"{head}: {', '.join(names[:-1])} or {names[-1]}; the data cannot tell which."
     if found.verdict == "partly explained":
         text += (
-            f" That explains {100 * left[0].explained:.0f} % of what scatter leaves: something else changed as "
-            "well, or it did so otherwise."
+            f" That explains {100 * left[0].explained:.0f} % of what scatter leaves: there was more than one change, "
+            "or one of a kind that the list lacks."
         )
     return text
 
@@ -88,7 +110,7 @@ def _mm(value: float) -> str:
 
 def _size(own: KindOfChange) -> str:
     """Say how large a change of a kind is, and where it then sits where that is a part of the structure."""
-    what = own.label[0].upper() + own.label[1:]
+    what = _capital(own.label)
     details = []
     if own.part:
         details.append(own.part)

@@ -39,7 +39,14 @@ def under_clamps(fields: Fields) -> list[Part]:
     ]
 
 
-def at_clamps(fields: Fields, sign: float, upper: float, *, rides: bool = False) -> Candidates:
+def at_clamps(
+    fields: Fields,
+    at: NDArray[np.float64],  # noqa: ARG001
+    *,
+    sign: float,
+    upper: float,
+    rides: bool = False,
+) -> Candidates:
     """Return each clamp with less (sign -1) or more (1) of the contact's stiffness under it.
 
     With `rides` its mass may also ride on a spring that is not stiff.

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from updating.changes.candidate import Candidates, Part, plain
 from updating.changes.fields import Fields
@@ -16,14 +19,27 @@ def whole_contact(fields: Fields) -> Part:
     return Part(rows=slip, target="K", weight=sp.csr_array(fields.grid.area[None, :]))
 
 
+def interfaces(fields: Fields) -> tuple[Part, ...]:
+    """Return all interfaces as one part."""
+    return (whole_contact(fields),)
+
+
 def whole_laminas(fields: Fields) -> Part:
     """Return the stiffness of all laminas."""
     rows = fields.strain(fields.layers[0])
     return Part(rows=rows, target="K", weight=sp.csr_array(fields.grid.area[None, :]))
 
 
-def all_over(fields: Fields, parts: tuple[Part, ...], sign: float, upper: float) -> Candidates:
-    """Return each part as a candidate of its own, with more (sign 1) or less (-1) of it."""
+def all_over(
+    fields: Fields,
+    at: NDArray[np.float64],  # noqa: ARG001
+    *,
+    of: Callable[[Fields], tuple[Part, ...]],
+    sign: float,
+    upper: float,
+) -> Candidates:
+    """Return each of some parts as a candidate, with more (sign 1) or less (-1) of it."""
+    parts = of(fields)
     n = len(parts)
     own = [np.zeros((n, 1)) for _ in parts]
     for i, line in enumerate(own):

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, amplitude, needs_supports
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, amplitude, needs_supports
 from updating.changes.kinds.held_edges import on_edges
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
-    """Return parts of edges that hold more by a ratio."""
-    return on_edges(fields, 1.0, 10.0)
-
 
 KIND = Kind(
     name="firmer_edge",
@@ -18,7 +13,7 @@ KIND = Kind(
     quantity="share by which it is held firmer",
     unit="1",
     why_not=needs_supports,
-    candidates=candidates,
+    candidates=partial(on_edges, sign=1.0, upper=10.0),
     on_plan=False,
     value=amplitude,
 )

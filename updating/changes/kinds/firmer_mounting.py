@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, amplitude, needs_supports
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, amplitude, needs_supports
 from updating.changes.kinds.everywhere import all_over, edges
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
-    """Return each held edge as a whole, against moving and against turning."""
-    return all_over(fields, edges(fields), 1.0, 10.0)
-
 
 KIND = Kind(
     name="firmer_mounting",
@@ -18,7 +13,7 @@ KIND = Kind(
     quantity="share by which it is held firmer",
     unit="1",
     why_not=needs_supports,
-    candidates=candidates,
+    candidates=partial(all_over, of=edges, sign=1.0, upper=10.0),
     on_plan=False,
     value=amplitude,
     local=False,

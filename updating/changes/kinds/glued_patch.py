@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, amplitude, needs_contact
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, amplitude, needs_contact
+from updating.changes.fields import Fields
 from updating.changes.kinds.patches import patches
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return patches of interfaces that hold more by a ratio; what is glued hardly slips, whatever the glue."""
-    return patches(fields, at, fields.contact, 1.0, upper=20.0)
-
 
 KIND = Kind(
     name="glued_patch",
@@ -18,6 +14,6 @@ KIND = Kind(
     quantity="share by which their contact is stiffer",
     unit="1",
     why_not=needs_contact,
-    candidates=candidates,
+    candidates=partial(patches, of=Fields.contact, sign=1.0, upper=20.0),
     value=amplitude,
 )

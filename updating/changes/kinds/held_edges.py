@@ -96,18 +96,18 @@ def _given(fields: Fields, name: str, stiffness: float) -> float:
     return float(1.0 / (1.0 + stiffness * (1.0 / fields.theta[name] - 1.0 / _RIGID[name])))
 
 
-def on_edges(fields: Fields, sign: float, upper: float) -> Candidates:
+def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
     """Return parts of held edges that hold less (sign -1) or more (1): against turning, moving, or both."""
     place, size, number, angle = [], [], [], []
     blocks: list[tuple[Vector, sp.csr_array, int, int]] = []
     n = 0
     for edge in held_edges(fields):
         axis = int(np.ptp(edge.place[:, 0]) < np.ptp(edge.place[:, 1]))
-        at = edge.place[:, axis]
-        whole = float(np.ptp(at))
-        middle = at[0] + (np.arange(_N_MIDDLE) + 0.5) * whole / _N_MIDDLE
+        along = edge.place[:, axis]
+        whole = float(np.ptp(along))
+        middle = along[0] + (np.arange(_N_MIDDLE) + 0.5) * whole / _N_MIDDLE
         for share in _SHARES:
-            inside = np.abs(at[None, :] - middle[:, None]) <= share * whole / 2.0
+            inside = np.abs(along[None, :] - middle[:, None]) <= share * whole / 2.0
             weight = sign * inside * edge.weight
             for held in ([edge.turning], [edge.moving], [edge.turning, edge.moving]):
                 here = np.full((middle.size, 2), edge.place[0])
@@ -116,7 +116,7 @@ def on_edges(fields: Fields, sign: float, upper: float) -> Candidates:
                 size.append(np.full(middle.size, share * whole))
                 number.append(np.full(middle.size, edge.number))
                 angle.append(np.full(middle.size, np.pi / 2.0 if axis else 0.0))
-                blocks += [(own, sp.csr_array(weight), n, len(at)) for own in held]
+                blocks += [(own, sp.csr_array(weight), n, len(along)) for own in held]
                 n += middle.size
     parts = []
     for rows, weight, first, n_point in blocks:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from updating.changes.candidate import Candidates, Kind, gone, needs_clamps
-from updating.changes.fields import Fields, Vector
+from updating.changes.fields import Vector
 from updating.changes.kinds.clamp_force import at_clamps
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
-    """Return each clamp with less contact under it, by a share."""
-    return at_clamps(fields, -1.0, 1.5, rides=True)
 
 
 def _share(own: Candidates, found: Vector) -> Vector:
@@ -30,7 +27,7 @@ KIND = Kind(
     quantity="share of the contact's stiffness under it that is gone",
     unit="1",
     why_not=needs_clamps,
-    candidates=candidates,
+    candidates=partial(at_clamps, sign=-1.0, upper=1.5, rides=True),
     on_plan=False,
     value=_gone,
     exact=_share,

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, gone, needs_contact
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, gone, needs_contact
+from updating.changes.fields import Fields
 from updating.changes.kinds.patches import patches
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return patches of interfaces that hold less by a share."""
-    return patches(fields, at, fields.contact, -1.0, upper=2.0)
-
 
 KIND = Kind(
     name="lost_contact",
@@ -18,7 +14,7 @@ KIND = Kind(
     quantity="share of its stiffness that is gone",
     unit="1",
     why_not=needs_contact,
-    candidates=candidates,
+    candidates=partial(patches, of=Fields.contact, sign=-1.0, upper=2.0),
     value=gone,
     whole=1.0,
 )

@@ -1,4 +1,4 @@
-"""What kinds share whose stiffness changes in a patch: bells of several radii all over the plan, and stripes, at several heights."""
+"""What kinds share whose stiffness changes in a patch: bells of several radii, and stripes, at several heights."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ around it (Eshelby, Proc. R. Soc. A 241, 1957: 1 / (1 - S), S near a half in ben
 def patches(
     fields: Fields,
     at: Vector,
-    rows: Callable[[Layer], Vector],
-    sign: float,
     *,
+    of: Callable[[Fields, Layer], Vector],
+    sign: float,
     upper: float = _FAR,
 ) -> Candidates:
     """Return patches whose stiffness is more (sign 1) or less (-1) by a share.
@@ -38,8 +38,8 @@ def patches(
         The structure.
     at : (n, 2)
         Locations, m.
-    rows : callable
-        Rows of a layer whose squares are the energy per area.
+    of : callable
+        Rows of a layer of the structure whose squares are the energy per area.
     sign : float
         1 or -1.
     upper : float
@@ -56,7 +56,7 @@ def patches(
     parts = []
     for i, layer in enumerate(layers):
         blocks = [weight if j == i else sp.csr_array(weight.shape) for j in range(len(layers))]
-        parts.append(Part(rows=rows(layer), target="K", weight=sp.vstack(blocks).tocsr()))
+        parts.append(Part(rows=of(fields, layer), target="K", weight=sp.vstack(blocks).tocsr()))
     place = np.vstack([at_heights(centre, layer.z) for layer in layers])
     return plain(
         place,

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, amplitude, needs_contact
-from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.everywhere import all_over, whole_contact
+from functools import partial
 
-
-def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
-    """Return the change of all interfaces at once."""
-    return all_over(fields, (whole_contact(fields),), -1.0, 1.0)
-
+from updating.changes.candidate import Kind, amplitude, needs_contact
+from updating.changes.kinds.everywhere import all_over, interfaces
 
 KIND = Kind(
     name="softer_contact",
@@ -18,7 +13,7 @@ KIND = Kind(
     quantity="share of it that is gone",
     unit="1",
     why_not=needs_contact,
-    candidates=candidates,
+    candidates=partial(all_over, of=interfaces, sign=-1.0, upper=1.0),
     on_plan=False,
     value=amplitude,
     local=False,

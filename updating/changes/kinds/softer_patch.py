@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, always, gone
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, always, gone
+from updating.changes.fields import Fields
 from updating.changes.kinds.patches import patches
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return patches whose laminas are less stiff by a share."""
-    return patches(fields, at, fields.strain, -1.0)
-
 
 KIND = Kind(
     name="softer_patch",
@@ -18,7 +14,7 @@ KIND = Kind(
     quantity="share of its stiffness that is gone",
     unit="1",
     why_not=always,
-    candidates=candidates,
+    candidates=partial(patches, of=Fields.strain, sign=-1.0),
     value=gone,
     whole=1.0,
 )

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, always, amplitude
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, always, amplitude
+from updating.changes.fields import Fields
 from updating.changes.kinds.patches import patches
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return patches whose laminas are stiffer by a share."""
-    return patches(fields, at, fields.strain, 1.0, upper=10.0)
-
 
 KIND = Kind(
     name="stiffer_patch",
@@ -18,6 +14,6 @@ KIND = Kind(
     quantity="share by which it is stiffer",
     unit="1",
     why_not=always,
-    candidates=candidates,
+    candidates=partial(patches, of=Fields.strain, sign=1.0, upper=10.0),
     value=amplitude,
 )

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, amplitude, needs_clamps
-from updating.changes.fields import Fields, Vector
+from functools import partial
+
+from updating.changes.candidate import Kind, amplitude, needs_clamps
 from updating.changes.kinds.clamp_force import at_clamps
-
-
-def candidates(fields: Fields, at: Vector) -> Candidates:  # noqa: ARG001
-    """Return each clamp with more contact stiffness under it, by a ratio."""
-    return at_clamps(fields, 1.0, 5.0)
-
 
 KIND = Kind(
     name="tight_clamp",
@@ -18,7 +13,7 @@ KIND = Kind(
     quantity="share by which the contact under it is stiffer",
     unit="1",
     why_not=needs_clamps,
-    candidates=candidates,
+    candidates=partial(at_clamps, sign=1.0, upper=5.0),
     on_plan=False,
     value=amplitude,
 )
