@@ -30,6 +30,7 @@ from updating.published.tables import (
     table_6_csv,
     table_7_csv,
 )
+from updating.published.treatments import treated, treatments_csv
 from updating.results.store import kept, write_bytes
 from updating.workers.workers import in_parallel
 
@@ -56,9 +57,9 @@ def published(
     """Reproduce the published campaign of 18 stacks from its tables, then add effects that all stacks share.
 
     Writes for each calibration of planform and clamps what is fitted, with Tables 6 and 7 and figures 12 to 16 beside
-    ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, and how contact
-    stiffness grows with pressure. A calibration takes some minutes. Which effects the stacks ask for is what
-    lamella diagnose says of their campaign file.
+    ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, how contact
+    stiffness grows with pressure, and what treatments change. A calibration takes some minutes. Which effects the
+    stacks ask for is what lamella diagnose says of their campaign file.
     """
     find_effects(effect or [], catalogue())
     calibrations = calibration or list(CALIBRATIONS)
@@ -98,6 +99,11 @@ def reproduce_campaign(
         ("pressure_law.png", as_png(law_figure(found))),
     ):
         write_bytes(output / name, content)
+    changed = treated(data, found[0])
+    write_bytes(output / "treatments.csv", treatments_csv(changed))
+    console.print(f"What treatments change, under {found[0].calibration}, with intervals of 95 %:")
+    for own in changed:
+        console.print(f"  {own.sentence}", markup=False, highlight=False)
     return found
 
 

@@ -95,6 +95,11 @@ def any_pair(measured: ModalModel, fit: ModelFit, r: int, s: int) -> ShapePair:
     )
 
 
+def beside_shape(measured: ModalModel, r: int, other: tuple[float, float, NDArray[np.float64]]) -> ShapePair:
+    """Return the measured shape `r` beside another (n_dof,), given with its frequency (Hz) and its MAC with it."""
+    return _shape_pair(measured, r, *other)
+
+
 def _shape_pair(
     measured: ModalModel,
     r: int,

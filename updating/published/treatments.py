@@ -2,9 +2,9 @@
 
 What the model is wrong by is the same in both and cancels. With s_r = d ln f_r / d ln G_f, a change of the contact's
 stiffness by g moves ln f_r by s_r g, and with damping of the contact alone, zeta_r = d_f p omega_r s_r, so that what
-ln zeta_r moves by beside ln(f_r s_r) is that of ln d_f. Modes of a pair scatter about that; intervals of 95 % are Student's,
-with as many degrees of freedom as there are modes but one. Where several stacks had one treatment, they are from the
-scatter between these.
+ln zeta_r moves by beside ln(f_r s_r) is that of ln d_f. Modes of a pair scatter about that; intervals of 95 % are
+Student's, with as many degrees of freedom as there are modes but one. Where several stacks had one treatment, they are
+no narrower than by the scatter between these.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from updating.fitting.prepared import Prepared, solve_target
-from updating.published.campaign import Published
+from updating.published.campaign import Calibrated, Published, prepare_published
 
 Vector = NDArray[np.float64]
 
@@ -100,6 +100,12 @@ class Treatment:
         for pair, g, d in self.published:
             text += f"; Table 6, {pair}: G_f {100 * np.expm1(g):+.0f} %, d_f {100 * np.expm1(d):+.0f} %"
         return f"{text}; the paper: {SAID[self.name]}." if self.name in SAID else f"{text}."
+
+
+def treated(data: Published, found: Calibrated) -> tuple[Treatment, ...]:
+    """Return what every treatment changes, with the base model of a calibration as it was fitted."""
+    sevens, fours = prepare_published(data, found.calibration)
+    return treatments(data, sevens, fours, {row.stack: row.G_f for row in found.row})
 
 
 def treatments(
@@ -228,7 +234,9 @@ def treatments_csv(found: Sequence[Treatment]) -> bytes:
     )
     for own in found:
         shares = [
-            f"{np.expm1(v):.4g}" for one in (own.stiffness, own.damping) for v in (one.value, one.lower, one.upper)
+            f"{np.expm1(v):.4g}"
+            for one in (own.stiffness, own.damping)
+            for v in (one.value, one.lower, one.upper)
         ]
         law = [f"{v:.4g}" for v in (own.exponent.value, own.exponent.lower, own.exponent.upper)]
         writer.writerow([own.name, " ".join(f"{a}/{b}" for a, b in own.pairs), *shares, *law])

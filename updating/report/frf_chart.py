@@ -20,11 +20,15 @@ _MOST_NUMBERS = 150_000
 """Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown."""
 BASE, FOUND, FITTED_MODEL = "base model", "with what was identified", "fitted model"
 """Names of models' curves: of two, and of one alone."""
+CHANGED, REFERENCE = "changed", "reference"
+"""Names of the curves of two states."""
 _STYLE: dict[str, dict[str, Any]] = {
     "measured": {"line": {"color": palette.MEASURED, "width": 2.5}},
     "from the modes": {"line": {"color": palette.MODES, "width": 1.5}},
     FITTED_MODEL: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}},
     BASE: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}, "of": "base"},
+    CHANGED: {"line": {"color": palette.MEASURED, "width": 2.5}},
+    REFERENCE: {"line": {"color": palette.BASE, "width": 1.5}},
     FOUND: {"line": {"color": palette.FOUND, "width": 1.5, "dash": "dot"}, "of": "found"},
 }
 """How curves are drawn; "of" says by which model of the page's switch a curve is shown."""

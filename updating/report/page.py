@@ -11,6 +11,7 @@ from pathlib import Path
 
 from updating.errors import StoreError
 from updating.report.answer import answer_section, overview_section
+from updating.report.beside_part import beside_section
 from updating.report.change_part import errors_with_additions
 from updating.report.chart_part import renderer
 from updating.report.frf_part import frf_section
@@ -162,6 +163,8 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
     `added` holds the frequency errors of its modes with what was identified (`errors_with_additions`).
     """
     parts = [] if tested.change is None else [state_section(tested.change)]
+    if tested.change is not None and tested.reference is not None:
+        parts.append(beside_section(tested, tested.change, tested.reference))
     parts += [] if tested.what_changed is None else [what_changed_section(tested.what_changed)]
     parts += [modes_section(tested, added), mac_section(tested), frf_section(tested), shape_section(tested)]
     if tested.stack_fit is not None and tested.stack_fit.pairing.measured.size:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -80,6 +80,8 @@ class Tested:
         What differs from its reference, where it has one.
     what_changed : WhatChanged or None
         What that was, and where, by a model.
+    reference : Tested or None
+        The first configuration of its reference, where that has results.
     identified : IdentifiedModel or None
         The model with what was identified, where `identified_model.with_models` added it.
     """
@@ -94,6 +96,7 @@ class Tested:
     opt: Fit | None = None
     change: Change | None = None
     what_changed: WhatChanged | None = None
+    reference: Tested | None = None
     identified: IdentifiedModel | None = None
 
     @property
@@ -296,7 +299,7 @@ def _read_campaign(folder: Path, reader: _Reader) -> Results:
     own = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
     done = [c for c in campaign.configurations if (own[c.name] / "modal_model.json").exists()]
     del reader.origin["campaign.json"]
-    tested = tuple(_read_tested(own[c.name], c, reader) for c in done)
+    tested = _with_references([_read_tested(own[c.name], c, reader) for c in done])
     return Results(
         name=campaign.name,
         tested=tested,
@@ -341,6 +344,15 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
         what_changed=reader.optional(folder / WHAT_CHANGED, WhatChanged)
         if configuration.compare_to
         else None,
+    )
+
+
+def _with_references(every: Sequence[Tested]) -> tuple[Tested, ...]:
+    """Return configurations with those that they are compared with."""
+    named = {own.name: own for own in every}
+    return tuple(
+        own if own.change is None else replace(own, reference=named.get(own.change.reference[0]))
+        for own in every
     )
 
 

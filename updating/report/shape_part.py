@@ -34,11 +34,16 @@ def gallery(tested: Tested, fit: ModelFit | None) -> Gallery:
     return gallery_of(tested.name, shape_pairs(tested.measured, fit), None if fit is None else fit.box)
 
 
-def gallery_of(name: str, pairs: Sequence[ShapePair], box: list[float] | None) -> Gallery:
+def gallery_of(
+    name: str,
+    pairs: Sequence[ShapePair],
+    box: list[float] | None,
+    names: tuple[str, str] = ("measured", "model"),
+) -> Gallery:
     """Put shapes into the form that the page's `shapes.js` draws.
 
     Its JSON holds points (m) with their numbers, trace lines and the triangles between them (rows of points), the box
-    of the body (m, or null), and for each pair what `shape_numbers` gives.
+    of the body (m, or null), and for each pair what `shape_numbers` gives. `names` are those of a pair's shapes.
     """
     data = {
         "point": np.round(pairs[0].coordinate, 5).tolist(),
@@ -48,14 +53,16 @@ def gallery_of(name: str, pairs: Sequence[ShapePair], box: list[float] | None) -
         "box": box,
         "view": [AZIMUTH, ELEVATION],
         "swell": SWELL,
+        "names": names,
         "pair": [shape_numbers(pair) for pair in pairs],
     }
     return Gallery(
         shapes=json.dumps(data, separators=(",", ":")),
-        title=tuple(_title(k, pair) for k, pair in enumerate(pairs, start=1)),
+        title=tuple(_title(k, pair, names) for k, pair in enumerate(pairs, start=1)),
         paired=tuple(pair.has_model for pair in pairs),
-        still=tuple(_still(name, k, pair) for k, pair in enumerate(pairs, start=1)),
+        still=tuple(_still(name, k, pair, names) for k, pair in enumerate(pairs, start=1)),
         note="Drag the shape to turn it, or use the arrow keys; a point says its number and how far it moves. "
+        + (f"Red lines are {names[1]}, scaled to fit. " if names[1] != "model" else "")
         + ("" if box is None else "The body is measured, red lines are the model, scaled to fit. ")
         + "Only the directions that were measured are drawn.",
     )
@@ -73,26 +80,26 @@ def _whole(displacement: NDArray[np.float64]) -> list[int]:
     return [int(v) for v in np.round(_DIGITS * displacement.ravel())]
 
 
-def _title(number: int, pair: ShapePair) -> str:
+def _title(number: int, pair: ShapePair, names: tuple[str, str] = ("measured", "model")) -> str:
     if not pair.has_model:
-        return f"Mode {number}: measured {pair.measured_frequency:.1f} Hz"
+        return f"Mode {number}: {names[0]} {pair.measured_frequency:.1f} Hz"
     return (
-        f"Mode {number}: measured {pair.measured_frequency:.1f} Hz, model {pair.model_frequency:.1f} Hz, "
+        f"Mode {number}: {names[0]} {pair.measured_frequency:.1f} Hz, {names[1]} {pair.model_frequency:.1f} Hz, "
         f"MAC {pair.mac:.4f}"
     )
 
 
-def _still(name: str, number: int, pair: ShapePair) -> Picture:
+def _still(name: str, number: int, pair: ShapePair, names: tuple[str, str]) -> Picture:
     columns = (pair.coordinate, pair.measured.real, pair.measured.imag, pair.model)
-    names = ("", "measured real ", "measured imaginary ", "model ")
+    parts = ("", f"{names[0]} real ", f"{names[0]} imaginary ", f"{names[1]} ")
     return Picture(
         name=f"shape_{name}_{number:02d}",
         content=png(shape_pair_figure(pair)),
         form="png",
         data=as_csv(
-            [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in names for axis in "xyz"],
+            [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in parts for axis in "xyz"],
             np.hstack(columns),
         ),
-        alt=_title(number, pair),
+        alt=_title(number, pair, names),
         caption="",
     )

@@ -106,7 +106,7 @@
         const [first, second] = [[0, 0.495], [0.505, 1]];
         out.scene = { ...scene, domain: narrow() ? { x: [0, 1], y: second } : { x: first, y: [0, 1] } };
         out.scene2 = { ...scene, domain: narrow() ? { x: [0, 1], y: first } : { x: second, y: [0, 1] } };
-        out.annotations = ["measured", "model"].map((text, k) => ({
+        out.annotations = (data.names || ["measured", "model"]).map((text, k) => ({
           text, xref: "paper", yref: "paper", showarrow: false,
           ...(narrow() ? { x: 0.03, xanchor: "left", y: 0.98 - 0.5 * k } : { x: 0.25 + 0.5 * k, y: 0.98 }),
         }));

@@ -1,0 +1,59 @@
+"""
+What changed, and where
+=======================
+
+A stack before and after a transport, and before and after a repair. What happened to it?
+"""
+
+# %%
+# Four states of each were measured, each assembled anew: a reference and its repeat, a control, and the state in
+# question. Here are their modes.
+from dataclasses import replace
+from pathlib import Path
+
+import ema
+import model
+
+DATA = Path(model.__file__).parents[1] / "data"
+campaigns = {
+    name: ema.read_campaign(DATA / f"hidden_effect/{name}/campaign.toml") for name in ("change_a", "change_b")
+}
+modes = {
+    name: {own.modal_model.name: own.modal_model for own in ema.identify(campaign)}
+    for name, campaign in campaigns.items()
+}
+[(name, [float(f.round(1)) for f in own["before"].frequency]) for name, own in modes.items()]
+
+# %%
+# Has it changed? That needs no model: every frequency, damping ratio and shape is tested against what assemblies
+# scatter by.
+reference = ("before", "before_again")
+for own in modes.values():
+    for state in ("control", "after"):
+        print(ema.change_sentence(ema.change([own[state]], [own[before] for before in reference])))
+
+# %%
+# What changed, and where, takes a model that is fitted to the reference. Of thousands of locations, sizes and
+# directions of each kind of change it says which are likely. ``lamella diagnose`` does this on the full mesh.
+from updating.changes.compare import what_changed
+from updating.changes.situation import fit_reference
+from updating.diagnosis.candidates import candidate_model, instruments_of
+
+stack = replace(model.read_stack(DATA / "hidden_effect/stack.toml"), mesh=model.Mesh(n_x=12, n_y=3))
+candidates = candidate_model(stack, instruments_of(modes["change_a"]["before"]), {})
+answers = {}
+for name, own in modes.items():
+    pressure = campaigns[name].configuration("before").pressure
+    fitted = fit_reference(candidates, [(before, pressure, own[before]) for before in reference])
+    answers[name] = what_changed(fitted, [("after", pressure, own["after"])], seen=True)
+    print("\n".join(answers[name].sentences))
+
+# %%
+# The map of the probability of the location after the transport: one of the clamps.
+from updating.report.what_changed_part import map_figure
+
+transport = map_figure(answers["change_a"])
+
+# %%
+# And after the repair.
+repair = map_figure(answers["change_b"])
