@@ -21,7 +21,7 @@ CHANGES: Mapping[str, tuple[int, str, Planted]] = {
     "change_a": (
         66_101,
         "What did the transport do?",
-        {"loose_bolt": {"loss": 0.35, "stiffness": 3e8, "clamp": 0.6}},
+        {"loose_bolt": {"loss": 0.25, "stiffness": 3e8, "clamp": 0.9}},
     ),
     "change_b": (
         66_102,
