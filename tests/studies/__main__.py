@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.independent.layered import Layered
-from tests.studies import blind, corruptions, other_worlds, pooled, slipping
+from tests.studies import blind, changes, corruptions, other_worlds, pooled, slipping
 from tests.studies.blind_figures import figures
 
 Study = Callable[[int, Path], Sequence[str]]
@@ -27,6 +27,7 @@ STUDIES: dict[str, tuple[Study, int]] = {
         306,
     ),
     "pooled": (lambda n, file: _rows(pooled.figures(pooled.study_of(n, Layered(), file))), 60),
+    "changes": (lambda n, file: _rows(changes.figures(changes.study_of(n, file))), 40),
     "slipping": (
         lambda n, file: _rows(slipping.figures(slipping.study_of(slipping.planned(n), file))), 100,
     ),

@@ -2,17 +2,13 @@
 
 A laboratory has one structure, a stack or a held plate. It measures it twice, takes it apart and assembles it anew for
 every further state, of which the first has not changed and others have one change each. Sensors are put back each time.
-
-python -m tests.recovery.changes_study FIRST_SEED NUMBER RECORD.jsonl
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +21,14 @@ from tests.independent.campaign import SHAKER, STACK, Configuration, Plan
 from tests.independent.changes import DRAWS, FEWEST_SCATTERS, States, drawn, workshop
 from tests.independent.plate import Plate
 from tests.independent.solid import Solid
-from tests.recovery.other_worlds_study import Share
+from tests.studies.runner import BLIND, Share, share, study
 from updating.changes.compare import what_changed
 from updating.changes.situation import FittedReference, fit_reference
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.results.what_changed import WhatChanged
 
-RECORD = Path(__file__).parents[2] / "data" / "blind" / "changes.jsonl"
-"""The pairs of the published table."""
+RECORD = BLIND / "changes.jsonl"
+"""The laboratories of the published table."""
 FIRST_SEED = 66_300
 """Of the published pairs; seeds below were looked at before."""
 N_CHANGED = 2
@@ -482,9 +478,6 @@ def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
     sized = [own for own in changed if np.isfinite(own.size) and own.kind_size]
     bolts = [own for own in changed if own.planted == "loose bolt"]
 
-    def share(name: str, target: str, hits: Sequence[bool]) -> Share:
-        return Share(name=name, target=target, hits=sum(hits), total=len(hits))
-
     yield share("no change: changed or named", "at most 5 %", [own.changed for own in none])
     yield share("no change: named", "at most 5 %", [bool(own.left) for own in none])
     yield share("one change: changed", "97 %", [own.changed for own in changed])
@@ -502,50 +495,21 @@ def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
                 [own.in_set and own.part == f"clamp {own.values['number']:.0f}" for own in bolts])  # fmt: skip
 
 
-def study(first: int, number: int, record: Path) -> Iterator[Pair]:
-    """Yield the pairs of so many laboratories; those that a record holds are read back, others are added to it."""
-    known: dict[int, list[Pair]] = {}
-    for own in recorded(record):
-        known.setdefault(own.seed, []).append(own)
-    record.parent.mkdir(parents=True, exist_ok=True)
-    for seed in range(first, first + number):
-        if len(known.get(seed, ())) < N_CHANGED + 1:
-            known[seed] = judged(measured(seed))
-            with record.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(asdict(own)) + "\n" for own in known[seed])
-        yield from known[seed]
+@dataclass(frozen=True, kw_only=True)
+class Laboratory:
+    """What was said of all states of one laboratory."""
+
+    seed: int
+    pairs: tuple[Pair, ...]
 
 
-def recorded(record: Path) -> list[Pair]:
-    """Return the pairs of a record, whole lines only."""
-    if not record.exists():
-        return []
-    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
-    return [_read(json.loads(line)) for line in lines if line.endswith("\n")]
+def solved(seed: int) -> Laboratory:
+    """Simulate a laboratory and ask what changed in each of its states."""
+    return Laboratory(seed=seed, pairs=tuple(judged(measured(seed))))
 
 
-def _read(given: dict[str, object]) -> Pair:
-    return Pair(**{key: tuple(v) if isinstance(v, list) else v for key, v in given.items()})  # type: ignore[arg-type]
-
-
-def main() -> None:
-    """Draw pairs as the command line says, and print rates."""
-    first, number, record = int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3])
-    pairs = []
-    for own in study(first, number, record):
-        pairs.append(own)
-        print(
-            own.seed,
-            own.structure,
-            own.planted or "nothing",
-            f"{own.moved:.1f}",
-            own.verdict,
-            *own.left,
-            flush=True,
-        )
-    for share in figures(pairs):
-        print(share.row)
-
-
-if __name__ == "__main__":
-    main()
+def study_of(number: int, record: Path, first: int = FIRST_SEED) -> list[Pair]:
+    """Return the pairs of so many laboratories; those that a record holds are read back, others are added to it."""
+    asked = [(seed,) for seed in range(first, first + number)]
+    found = study(asked, solved, record, Laboratory, lambda case: (case.seed,))
+    return [pair for own in found for pair in own.pairs]
