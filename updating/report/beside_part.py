@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ema import Change
+from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.correlation.frf_plot import within_band
 from updating.fitting.shape_plot import ShapePair, beside_shape
+from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.frf_chart import CHANGED, REFERENCE, frf_chart
 from updating.report.part import Gallery, Picture, Section, as_csv, png
 from updating.report.results import Tested
 from updating.report.shape_part import gallery_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Vector = NDArray[np.float64]
 
 
 def beside_section(tested: Tested, found: Change, reference: Tested) -> Section:
@@ -63,7 +73,7 @@ def shapes_beside(tested: Tested, found: Change, reference: Tested) -> Gallery |
     return gallery_of(f"{tested.name}_beside", pairs, None, names=(tested.name, reference.name))
 
 
-def common_lines(tested: Tested, reference: Tested) -> tuple[FRF, np.ndarray] | None:
+def common_lines(tested: Tested, reference: Tested) -> tuple[FRF, NDArray[np.complex128]] | None:
     """Return the functions of a state within its band and the reference's there; None where lines differ."""
     if not (tested.has_functions and reference.has_functions):
         return None
@@ -100,10 +110,35 @@ def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
     )
 
 
-def _figure(frequency: np.ndarray, mean: np.ndarray, names: tuple[str, str]):  # type: ignore[no-untyped-def]
-    from matplotlib.figure import Figure
+def mean_chart(tested: Tested, reference: Tested) -> str | None:
+    """Return the root mean square of all functions of both states as a chart; None where lines differ."""
+    common = common_lines(tested, reference)
+    if common is None:
+        return None
+    lines, before = common
+    mean = [np.sqrt(np.mean(np.abs(own) ** 2, axis=0)) for own in (lines.value[:, 0], before)]
+    traces = [
+        {
+            "type": "scatter", "mode": "lines", "name": name, "x": single(lines.frequency), "y": single(value),
+            "line": {"color": color},
+        }
+        for name, value, color in zip(
+            (tested.name, reference.name), mean, (palette.MEASURED, palette.BASE), strict=True
+        )
+    ]  # fmt: skip
+    return chart(
+        traces,
+        {
+            "xaxis": axis("frequency [Hz]"),
+            "yaxis": axis("root mean square of all functions", type="log", exponentformat="power"),
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 30},
+        },
+    )
 
-    from ema.plot import palette
+
+def _figure(frequency: Vector, mean: Vector, names: tuple[str, str]) -> Figure:
+    from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 3.4), layout="constrained")
     axes = figure.subplots()

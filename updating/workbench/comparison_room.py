@@ -10,18 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from ema import Change, change_sentence
+from ema import change_sentence
 from ema.plot import palette
 from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.shape_plot import any_pair
+from updating.report.beside_part import mean_chart
 from updating.report.chart_part import axis, chart, legend_above
 from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart
 from updating.report.results import Tested
 from updating.report.shape_part import shape_numbers
-from updating.report.state_part import shift_chart
+from updating.report.state_part import change_table, shift_chart
 from updating.results.text import Z95
 from updating.workbench.opened import Opened
 from updating.workbench.page import empty, figure, plot
@@ -65,7 +66,8 @@ def room(server: Any, opened: Opened) -> None:
         {
             "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
             "place": empty(), "place_text": "", "locating": False,
-            "change_text": "", "shifts": empty(), "change_mac": empty(),
+            "change_text": "", "shifts": empty(), "change_mac": empty(), "change_head": [], "change_rows": [],
+            "change_functions": empty(), "has_functions_beside": False, "what_changed": [],
         }
     )  # fmt: skip
 
@@ -73,7 +75,7 @@ def room(server: Any, opened: Opened) -> None:
     def choose_configuration(configuration: str, **_: Any) -> None:
         tested = opened.tested(configuration)
         fit = tested.fit
-        show_change(tested.change)
+        show_change(tested)
         state.place_text = ""
         state.has_fit = fit is not None and fit.pairing.measured.size > 0
         if fit is None or not state.has_fit:
@@ -87,8 +89,17 @@ def room(server: Any, opened: Opened) -> None:
         state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.box)
         say_pair(tested, fit, *first)
 
-    def show_change(found: Change | None) -> None:
+    def show_change(tested: Tested) -> None:
+        found, beside = tested.change, None
         state.change_text = "" if found is None else f"{change_sentence(found)}."
+        state.what_changed = [] if tested.what_changed is None else list(tested.what_changed.sentences)
+        if found is not None:
+            table = change_table(found)
+            state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
+            beside = None if tested.reference is None else mean_chart(tested, tested.reference)
+        state.has_functions_beside = beside is not None
+        if beside is not None:
+            state.change_functions = figure(beside)
         if found is not None:
             rows, columns = found.matrix_row, found.matrix_column
             state.shifts = figure(shift_chart(found))
@@ -142,6 +153,14 @@ def show(server: Any) -> None:
 
     with html.Div(v_show="change_text"):
         html.P("{{ change_text }}", classes="text-subtitle-1", id="change-text")
+        html.P("{{ line }}", v_for="line in what_changed", classes="text-body-2", key="line")
+        with vuetify3.VTable(density="compact", id="change-table"):
+            with html.Thead(), html.Tr():
+                html.Th("{{ name }}", v_for="name in change_head", key="name")
+            with html.Tbody(), html.Tr(v_for="(row, i) in change_rows", key="i"):
+                html.Td("{{ cell }}", v_for="(cell, k) in row", key="k")
+        with html.Div(v_show="has_functions_beside"):
+            plot("change_functions", 320)
         with vuetify3.VRow():
             with vuetify3.VCol(cols=12, md=6):
                 plot("shifts", 360)
