@@ -148,7 +148,11 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
     odds += np.log(MISSING / len(found)) - np.log(1.0 - MISSING)
     chance = np.exp(odds - np.logaddexp(logsumexp(odds), 0.0))
     order = np.argsort(-odds)
-    return tuple(_kind(*found[i], float(odds[i]), float(chance[i])) for i in order)
+    answers = []
+    for i in order:
+        kind, candidates, size, log = found[i]
+        answers.append(_kind(kind, candidates, size, log, odds=float(odds[i]), chance=float(chance[i])))
+    return tuple(answers)
 
 
 def _added(at: Situation, candidates: Candidates) -> Vector:
@@ -170,7 +174,7 @@ def _log_odds(left: Vector, shift: Vector, scatter: tuple[float, Vector, int]) -
 
 
 def _kind(
-    kind: DampingKind, candidates: Candidates | None, size: Vector, log: Vector, odds: float, chance: float
+    kind: DampingKind, candidates: Candidates | None, size: Vector, log: Vector, *, odds: float, chance: float
 ) -> KindOfChange:
     """Return what is known of a kind."""
     share = np.exp(log - logsumexp(log))

@@ -148,12 +148,12 @@ def _treatment(
             ]
             doubled = np.log(data.pressure["M2"] / data.pressure["M1"])
             exponent.append(slope(s * doubled, ratio[0] - ratio[1], FREQUENCY_SCATTER))
-    listed = []
+    listed = list[tuple[str, float, float]]()
     for treated, twin in pairs:
         if treated in data.contact and twin in data.contact:
             one, other = data.contact[treated], data.contact[twin]
-            changed = (float(np.log(one[key] / other[key])) for key in ("Gf_avg", "df_avg"))
-            listed.append((f"{treated} against {twin}", *changed))
+            stiffer, lossier = (float(np.log(one[key] / other[key])) for key in ("Gf_avg", "df_avg"))
+            listed.append((f"{treated} against {twin}", stiffer, lossier))
     return Treatment(
         name=name,
         pairs=pairs,
