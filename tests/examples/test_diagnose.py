@@ -11,8 +11,8 @@ from updating.commands import diagnose as command
 from updating.commands import fit as fit_command
 from updating.diagnosis import cached_model
 from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.answer_parts import Sizes
 from updating.diagnosis.diagnosis import diagnose
-from updating.diagnosis.discrepancy import Sizes
 from updating.errors import FitError
 from updating.fitting.ledger import Ledger
 from updating.report.identified_model import with_models
@@ -58,10 +58,10 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
         made[0].ranking
     )  # wherever it was made, and with a model that was read back
     scatter = tmp_path / "scatter.toml"
-    scatter.write_text("frequency = 0.2\ndamping = 0.9\nshape = 0.9\n", encoding="utf-8")
+    scatter.write_text("frequency = 0.2\ndamping = 0.9\n", encoding="utf-8")
     doubtful = command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
     assert doubtful.ranking[0].log_odds < made[1].ranking[0].log_odds - 5.0
-    assert doubtful.discrepancy == Sizes(frequency=0.2, damping=0.9, shape=0.9)
+    assert doubtful.discrepancy == Sizes(frequency=0.2, damping=0.9)
     assert doubtful.too_large == ()
     scatter.write_text("frequenzy = 0.02\nyoung = 2.0\n", encoding="utf-8")
     with pytest.raises(FitError, match=r"(?s)scatter.toml: young.*scatter.toml: .*frequenzy.*frequency"):

@@ -12,12 +12,12 @@ from tests.independent.campaign import STACK
 from tests.independent.layered import Layered
 from tests.studies.pooled import specimens_of
 from updating.correlation.shape_class import class_grid, solve_by_class
+from updating.diagnosis.candidates import MESSAGES
 from updating.fitting.joint_fit import joint_fit
 from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import prepare
 from updating.fitting.sensitivity import Scatter
 from updating.fitting.target import target_of_table
-from updating.pooled.beside import MESSAGES
 from updating.pooled.diagnosis import diagnose_specimens
 from updating.workers.workers import distribute, workers
 

@@ -84,7 +84,7 @@ def levels_of(candidates, system, seed, law):
 def test_slip_is_named_with_its_parameters(candidates, system):
     found, levels = levels_of(candidates, system, 31, LAW)
     evidence = assemble_evidence(candidates, found, levels=levels)
-    assert evidence.states == (levels[found[0][0]].state,)
+    assert {own.assembled for own in evidence.tested} == {levels[found[0][0]].state}
     assert evidence.impossible["micro_slip"].endswith("there are several here")
     answer = conclude(candidates, evidence)
     assert answer.verdict in ("identified", "partly explained")
@@ -96,29 +96,6 @@ def test_slip_is_named_with_its_parameters(candidates, system):
     }
     for parameter in best.parameter:
         assert parameter.lower < truth[parameter.name] < parameter.upper
-
-
-def test_levels_of_one_state_ask_the_model_once(candidates, system, monkeypatch):
-    from updating.diagnosis import residual as module
-
-    found, levels = levels_of(candidates, system, 31, None)
-    evidence = assemble_evidence(candidates, found, levels=levels)
-    assert module.together(evidence) == ((0, 1, 2),)
-    at = evidence.start + 0.01
-    once, asked, real = module.residual(evidence, at), [], module.solved
-
-    def counted(*given, **named):
-        asked.append(given[1])
-        return real(*given, **named)
-
-    monkeypatch.setattr(module, "solved", counted)
-    with monkeypatch.context() as apart:
-        apart.setattr(module, "together", lambda _: ((0,), (1,), (2,)))
-        np.testing.assert_array_equal(module.residual(evidence, at).rotated, once.rotated)
-    assert asked == [0, 1, 2]
-    asked.clear()
-    module.residual(evidence, at)
-    assert asked == [0]
 
 
 def test_the_shipped_campaign_that_another_model_made_is_called_slipping(tmp_path, capsys):
@@ -170,22 +147,3 @@ def test_one_force_level_asks_for_another(candidates, system):
     assert shows > 30.0
     several = searched(candidates, assemble_evidence(candidates, found, levels=levels))[0]
     assert second_level(several, search.base) is None
-
-
-def test_the_residual_of_levels_has_right_derivatives(candidates, system):
-    from updating.diagnosis.residual import residual
-
-    found, levels = levels_of(candidates, system, 31, LAW)
-    evidence = assemble_evidence(candidates, found, levels=levels)
-    parameters = evidence.parameters(["contact_slip"])
-    at, step = np.array([0.3, 0.1]), 1e-4
-    own = residual(evidence, evidence.start, parameters, at)
-    for i in range(2):
-        ahead, behind = (
-            residual(evidence, evidence.start, parameters, at + s * np.eye(2)[i]) for s in (step, -step)
-        )
-        slope = (ahead.rotated - behind.rotated) / (2 * step)
-        column = own.rotated_jacobian[:, len(evidence.nuisances) + i]
-        np.testing.assert_allclose(slope, column, atol=1e-3 * np.abs(column).max())
-    neutral = residual(evidence, evidence.start, parameters, np.zeros(2))
-    np.testing.assert_array_equal(neutral.rotated, residual(evidence, evidence.start).rotated)

@@ -21,12 +21,10 @@ from tests.recovery.other_worlds import simulated
 from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import diagnose
-from updating.pooled.beside import bench
-from updating.pooled.diagnosis import concluded
-from updating.pooled.fit import Fitted, fit
-from updating.pooled.search import Found, search
-from updating.pooled.specimen import Specimen, levels_of
-from updating.pooled.starts import usual_at_most
+from updating.inference.explain import Explanation, coordinates_of, explain
+from updating.pooled.diagnosis import concluded, specimens_model
+from updating.pooled.search import Found, begin, searched
+from updating.pooled.specimen import Specimen
 from updating.results.pooled_answer import PooledDiagnosis
 
 RECORD = BLIND / "pooled.jsonl"
@@ -171,8 +169,9 @@ def solved(
     """Simulate a case, diagnose it, and return what was said; `lone` gives the model of a specimen by itself."""
     planted, members = drawn(seed, kind)
     specimens, effects = specimens_of(seed, planted, members, world), model.catalogue()
-    found = search(bench(specimens, effects, reduced=reduced), levels_of(specimens))
-    case = judged(seed, kind, planted, members, concluded(str(seed), found))
+    whole, impossible = specimens_model(specimens, effects, reduced=reduced)
+    found = searched(begin(whole))
+    case = judged(seed, kind, planted, members, concluded(str(seed), found, impossible))
     if not case.truth:
         return case
     case = replace(case, shows=_shows(found, case))
@@ -184,26 +183,25 @@ def solved(
 
 def _shows(found: Found, case: PooledCase) -> bool:
     """Tell whether the planted effect, at its own level, lowers the errors of those that have it to `SHOWN`."""
-    own = next(
-        own
-        for own in found.screened
-        if own.term.effect == case.truth and own.term.level.kind == case.kind
-        and own.term.level.members == case.members
-    )  # fmt: skip
-    base = found.base
-    best = next((each for each in found.fitted if each.terms == (own.term,)), None)
+    name = next(
+        name
+        for name, own in found.model.meant.items()
+        if own.effect == case.truth and own.level.kind == case.kind and own.level.members == case.members
+    )
+    base, best = found.search.base, found.search.fitted.get(frozenset([name]))
     if best is None:
-        start = replace(base.at, coordinate=own.start)
-        best = fit(found.bench, (own.term,), start, usual_at_most(base.scales))
-    before, after = (_errors(each, case.members) for each in (base, best))
+        terms = [found.model.terms[name]]
+        new = [c.starts[-1] for c in coordinates_of(found.model, terms)[base.x.size :]]
+        best = explain(found.model, terms, found.search.setting, np.append(base.x, new))
+    before, after = (_errors(found, each, case.members) for each in (base, best))
     return any(b < SHOWN * a for a, b in zip(before, after, strict=True))
 
 
-def _errors(own: Fitted, members: Sequence[int]) -> tuple[float, float]:
-    found = [own.linear.found[s] for s in members]
+def _errors(found: Found, own: Explanation, members: Sequence[int]) -> tuple[float, float]:
+    errors = [own.errors[c] for s in members for c in found.model.states_of[s]]
     return (
-        float(np.mean([each.frequency_error for each in found])),
-        float(np.mean([each.damping_error for each in found])),
+        float(np.mean(np.abs(np.expm1(-np.concatenate([e.frequency for e in errors]))))),
+        float(np.nanmean(np.abs(np.expm1(-np.concatenate([e.damping for e in errors]))))),
     )
 
 

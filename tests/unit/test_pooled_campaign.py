@@ -175,9 +175,7 @@ def test_levels_are_rig_groups_and_specimens():
         ("specimen", "S1", (1,)),
         ("specimen", "S2", (2,)),
         ("specimen", "S3", (3,)),
-        ("each", "", (0, 1, 2, 3)),
     ]
-    assert found[-1].shares == ((0,), (1,), (2,), (3,))
 
 
 @pytest.mark.parametrize("name", ["pooled_a", "pooled_b"])

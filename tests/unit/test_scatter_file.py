@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from updating.diagnosis.discrepancy import Sizes
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.scatter_file import read_scatter
 from updating.errors import FitError
@@ -16,15 +15,6 @@ def test_what_is_stated_counts_and_the_rest_stays(tmp_path):
     (tmp_path / "scatter.toml").write_text("stiffness = 0.1\nheight = 0.005\n", encoding="utf-8")
     found = read_scatter(tmp_path / "scatter.toml")
     assert found == DiagnosisScatter(stiffness=0.1, height=0.005)
-    assert found.stated == ()
-
-
-def test_a_discrepancy_is_stated_where_it_is_named_and_elsewhere_estimated(tmp_path):
-    (tmp_path / "scatter.toml").write_text("shape = 0.05\npoint_place = 5e-4\n", encoding="utf-8")
-    found = read_scatter(tmp_path / "scatter.toml")
-    assert found.stated == ("shape",)
-    assert found.sizes == Sizes(shape=0.05)
-    assert found.point_place == 5e-4
 
 
 @pytest.mark.parametrize(

@@ -87,9 +87,13 @@ def fit_reference(
         Measured points do not lie on the stack.
     """
     evidence = assemble_evidence(candidates, tested[:1], scatter=scatter)
-    start = float(evidence.start[0]) if evidence.touching else 0.0
     model = StackModel(
-        candidates, evidence.tested, evidence.observation, evidence.scatter, evidence.effects, start=start
+        candidates,
+        evidence.tested,
+        evidence.observation,
+        evidence.scatter,
+        evidence.effects,
+        start=evidence.start["G_f"],
     )
     common, fit = begin(
         model, shares=SHARES, starts=[start_of(model, evidence)], priors=priors_of(evidence.scatter)

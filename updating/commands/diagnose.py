@@ -30,9 +30,9 @@ from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
+from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
 from updating.diagnosis.matrices_answer import diagnose_matrices
-from updating.diagnosis.scan import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command

@@ -11,8 +11,8 @@ from rich.table import Table
 from model import catalogue, find_effects
 from updating.commands.terminal import progress
 from updating.diagnosis.cached_model import cached_model
+from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
-from updating.pooled.beside import MESSAGES
 from updating.pooled.campaign_file import SpecimenCampaign, read_specimens, specimens_of
 from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
 from updating.pooled.specimen import Specimen

@@ -40,7 +40,9 @@ N_SNAPSHOT = 4
 N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
 N_SOLVED = 24
-"""Modes that are solved for: an effect can bring others below the last of those, which are still to be found."""
+"""Modes that the basis is cut for: an effect can bring others below the last of those that it is made for."""
+MESSAGES = 8
+"""In which work is sent to other processes: each holds a model, some 40 MB."""
 DIMENSIONS = ("length", "width", "height")
 _RESIZED = 1e-6  # relative change of a dimension from which its influence is taken
 _FINER = 5 / 3  # elements along each side of the finer mesh; with fewer, some stay as long

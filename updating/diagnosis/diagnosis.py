@@ -24,7 +24,7 @@ from updating.diagnosis.answer_parts import MixedUp
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
 from updating.diagnosis.contact_amplitude import contact_amplitudes
-from updating.diagnosis.evidence import DiagnosisScatter, Evidence, Tested
+from updating.diagnosis.evidence import DiagnosisScatter, Tested
 from updating.diagnosis.experiment import aids, rank_tests
 from updating.diagnosis.mixed_up import search_put_right
 from updating.diagnosis.point_change import point_change
@@ -135,7 +135,7 @@ def searched(
             evidence.observation,
             evidence.scatter,
             evidence.effects,
-            start=float(evidence.start[0]) if evidence.touching else 0.0,
+            start=evidence.start["G_f"],
         )
         return model, [start_of(model, evidence)]
 
@@ -153,7 +153,6 @@ def priors_of(scatter: DiagnosisScatter) -> tuple[SizePrior, SizePrior]:
     )
 
 
-def start_of(model: StackModel, evidence: Evidence) -> NDArray[np.float64]:
+def start_of(model: StackModel, evidence: Assembled) -> NDArray[np.float64]:
     """Return the coordinates of the base model from which its fit starts."""
-    known = dict(zip(evidence.nuisances, evidence.start.tolist(), strict=True))
-    return np.array([known.get(c.name, 0.0) if c.name in ("G_f", "d_f") else 0.0 for c in model.nuisances])
+    return np.array([evidence.start.get(c.name, 0.0) for c in model.nuisances])

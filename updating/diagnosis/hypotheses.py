@@ -5,10 +5,6 @@ Each hypothesis lets nuisances leave what is known of them. It explains nothing 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, Evidence
-
 MEASUREMENT = "measurement"
 """Family of these hypotheses."""
 STATED_PRESSURE, STATED_SIZE, STATED_PLACE = "stated_pressure", "stated_size", "stated_place"
@@ -28,20 +24,3 @@ PLACE = 8e-3
 """The same of a place, m."""
 FALL = 3.0
 """The same of a decay, 1/s: of a window that falls to a hundredth in 1.5 s."""
-
-
-def measurement_hypotheses(evidence: Evidence) -> dict[str, Mapping[str, float]]:
-    """Return the hypotheses that these data allow: of each, the standard deviations that nuisances then have."""
-    found: dict[str, Mapping[str, float]] = {}
-    if len(evidence.states) > 1 and evidence.touching:
-        found[STATED_PRESSURE] = {f"G_f[{name}]": PRESSURE for name in evidence.states}
-    if evidence.dimensions:
-        found[STATED_SIZE] = dict.fromkeys(evidence.dimensions, SIZE)
-    if evidence.places:
-        found[STATED_PLACE] = dict.fromkeys(evidence.places, PLACE)
-    if evidence.n_gain:
-        found[SENSOR_GAIN] = {f"gain[sensor {i + 2}]": GAIN for i in range(evidence.n_gain)}
-    found[STATED_POINTS] = {POINTS_SHIFT: PLACE}
-    if evidence.touching:  # else damping is not compared
-        found[WINDOW] = {DECAY: FALL}
-    return found

@@ -37,13 +37,14 @@ from model.stack.stack_file import stack_inputs
 from updating.correlation.shape_class import N_ROW, N_STATION, class_grid, solve_by_class
 from updating.diagnosis.candidates import G_F_RANGE, N_SNAPSHOT
 from updating.errors import FitError, StoreError
-from updating.pooled.beside import ALIKE
+from updating.pooled.groups import ALIKE
 from updating.pooled.modal_files import assembled, classes, modal_model
 from updating.pooled.specimen import Specimen
 from updating.results.store import digest, read_result
 
-_LARGE = 1e3
-"""Standard deviation of the components of shapes that stand for a class: they name modes, and are no data."""
+CLASS_STD = 0.1
+"""Standard deviation of each modal coordinate of a shape that stands for a class: a mode of a class resembles the
+model's, MAC 0.9 with some ten modes that it may be mixed with, and what it is mixed with is not known."""
 _EVERY = 4
 """Every so many stations along the length, which do to tell classes apart."""
 _UP = Dof(0, (0.0, 0.0, 1.0))
@@ -292,7 +293,7 @@ def _tabled(
 
 
 def _classed(name: str, of: Mapping[str, str], path: Path, stack: Stack, of_classes: _Classes) -> ModalModel:
-    """Return modes that are named by class: the model's shapes of these classes stand for theirs, and are no data."""
+    """Return modes that are named by class: the model's shapes of these classes stand for theirs, known so well."""
     wanted, poles = classes(path, of)
     system = of_classes.of(stack)
     grid = class_grid(stack)
@@ -309,7 +310,7 @@ def _classed(name: str, of: Mapping[str, str], path: Path, stack: Stack, of_clas
     return assembled(
         name,
         poles,
-        (shape, np.full(shape.shape, _LARGE)),
+        (shape, CLASS_STD * np.linalg.norm(shape, axis=0) * np.ones_like(shape)),
         geometry=geometry,
         dofs=Dofs(node=node, direction=grid.direction[upwards]),
         sensor=np.zeros(n, dtype=np.int64),

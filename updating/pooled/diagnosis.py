@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,32 +13,22 @@ from ema.types.threads import single_threaded
 from model import Effect
 from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
-from updating.diagnosis.discrepancy import KINDS
+from updating.diagnosis.diagnosis import priors_of
 from updating.diagnosis.evidence import DiagnosisScatter
-from updating.diagnosis.explanation import Z95
 from updating.diagnosis.nuisance_text import strained
 from updating.errors import FitError
-from updating.pooled.beside import Bench, bench
-from updating.pooled.fit import Fitted, Weighing
-from updating.pooled.held_out import SpecimensLeftOut, specimens_left_out, torques_left_out
-from updating.pooled.linear import Scales
-from updating.pooled.matter import far_off, relieves
-from updating.pooled.parts import parts_of
-from updating.pooled.screening import contrasts
-from updating.pooled.search import Found, asked, search
-from updating.pooled.specimen import Level, Specimen, levels_of
-from updating.pooled.states import (
-    UNITS,
-    contact_logs,
-    contact_states,
-    estimate,
-    modes_told,
-    nominal_contact,
-)
-from updating.pooled.term import CONTACT
-from updating.pooled.verdict import not_told_apart, verdict_of
+from updating.inference.decide import decide
+from updating.inference.explain import Explanation
+from updating.inference.left_out import LeftOut, left_out
+from updating.inference.search import Search
+from updating.pooled.groups import groups_of
+from updating.pooled.parts import part_of
+from updating.pooled.scoped import label_of
+from updating.pooled.search import Found, asked, begin, searched
+from updating.pooled.specimen import Specimen, levels_of
+from updating.pooled.specimens_model import SpecimensModel
+from updating.pooled.states import Contacts, contrasts_of, far_off, modes_told
 from updating.results.pooled_answer import (
-    Contrast,
     Part,
     PooledDiagnosis,
     PooledRanked,
@@ -49,11 +39,7 @@ from updating.results.pooled_text import sentences
 
 Vector = NDArray[np.float64]
 
-_RANKED = 12  # explanations that are told
-_UNTOLD = np.log(
-    100.0
-)  # half of an interval of a ratio's logarithm, beyond which nothing is said of the ratio
-_ENDS = 1e-4  # of a range, within which a coordinate lies on an end
+_RANKED = 12  # explanations that are reported
 
 
 @single_threaded
@@ -68,9 +54,9 @@ def diagnose_specimens(
 ) -> PooledDiagnosis:
     """Say what the rig of several specimens lacks, which of them differ and in what, and what a treatment changes.
 
-    Every effect is tried as the rig's, as a group's, as one specimen's and as each specimen's own. ln G_f and ln d_f
-    scatter from specimen to specimen about a mean, by a scatter that is estimated (Gelman and Hill, Data Analysis Using
-    Regression and Multilevel Models, 2007, chapter 12); what a model misses of a mode is common to all specimens.
+    Every effect is tried as the rig's, as a group's and as one specimen's. ln G_f and ln d_f scatter from specimen to
+    specimen about a mean, by a scatter that is estimated (Gelman and Hill, Data Analysis Using Regression and
+    Multilevel Models, 2007, chapter 12); of what a model misses a share is common to all specimens.
 
     Parameters
     ----------
@@ -94,8 +80,11 @@ def diagnose_specimens(
     PairingError
         Measured points do not lie on a stack, or are fewer than the modes.
     """
-    beside = bench(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
-    return concluded(name, search(beside, levels_of(specimens), executor))
+    model, impossible = specimens_model(
+        specimens, effects, scatter=scatter, executor=executor, reduced=reduced
+    )
+    begun = begin(model, priors_of(scatter or DiagnosisScatter()))
+    return concluded(name, searched(begun), impossible)
 
 
 @single_threaded
@@ -128,152 +117,167 @@ def fit_specimens(
     PairingError
         Measured points do not lie on a stack, or are fewer than the modes.
     """
-    beside = bench(specimens, effects, executor=executor, reduced=reduced)
-    if beside.impossible:
-        message = "; ".join(beside.impossible.values())
+    model, impossible = specimens_model(specimens, effects, executor=executor, reduced=reduced)
+    if impossible:
+        message = "; ".join(impossible.values())
         raise FitError(message)
-    return concluded(name, asked(beside, levels_of(specimens), tuple(effects), executor), "as asked")
+    return concluded(name, asked(begin(model), tuple(effects)), impossible, "as asked")
 
 
-def concluded(name: str, found: Found, verdict: PooledVerdict | None = None) -> PooledDiagnosis:
+def specimens_model(
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> tuple[SpecimensModel, dict[str, str]]:
+    """Return the model of specimens, and why effects cannot be; see `diagnose_specimens`.
+
+    Raises
+    ------
+    FitError
+        There are fewer than two specimens, or no measured mode of one resembles one of its model.
+    PairingError
+        Measured points do not lie on a stack, or are fewer than the modes.
+    """
+    if len(specimens) < 2:
+        message = f"a pooled diagnosis needs two specimens or more, found {len(specimens)}"
+        raise FitError(message)
+    groups, impossible = groups_of(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
+    return SpecimensModel(specimens, groups, levels_of(specimens)), impossible
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """An explanation with its errors where specimens, and where states, are left out."""
+
+    own: Explanation
+    specimen: LeftOut
+    state: LeftOut
+
+
+def concluded(
+    name: str, found: Found, impossible: Mapping[str, str], verdict: PooledVerdict | None = None
+) -> PooledDiagnosis:
     """Return the answer that a search comes to; the verdict too, where none is given."""
-    beside = found.bench
-    told, parts = _told(found)
-    odds = np.array([found.odds(own) for own in told])
+    model, results = found.model, found.search
+    every = sorted(results.fitted.values(), key=results.odds, reverse=True)
+    if verdict is None:
+        decision = decide(results)
+        verdict, left = decision.verdict, list(decision.left)
+    else:
+        left = [own for own in every if own.terms][:1]
+    first = left[0] if left else results.base
+    rest = [own for own in every[:_RANKED] if own not in left and own is not results.base]
+    order = [*left, *sorted([*rest, results.base], key=results.odds, reverse=True)]
+    if not left:
+        order = sorted({id(own): own for own in order}.values(), key=results.odds, reverse=True)
+    odds = np.array([results.odds(own) for own in order])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    left_out = [specimens_left_out(beside, own) for own in told]
-    base = next(i for i, own in enumerate(told) if not own.terms)
-    ranking = tuple(
-        PooledRanked(
-            parts=parts[i],
-            log_odds=float(odds[i]),
-            probability=float(probability[i]),
-            frequency_error=own.frequency_error,
-            left_out_error=float(np.mean(left_out[i].error)),
-            left_out_torque_error=_mean(torques_left_out(beside, own)),
-            left_out_score=float(np.sum(left_out[i].score - left_out[base].score)),
-            relieves=relieves(beside, told[base], own, range(len(beside.own))),
-        )
-        for i, own in enumerate(told)
-    )
-    adequate, near = told[0].scales.adequate, [0]
-    if verdict is None:
-        near = not_told_apart(ranking, ranking[base], [own.error for own in left_out], adequate=adequate)
-        enough = (adequate, told[base].scales.adequate)
-        verdict = verdict_of(ranking[near[0]], ranking[base], adequate=enough, n_near=len(near))
-    best = base if verdict in ("nothing missing", "unlike anything") else near[0]
-    order = [*near, *(i for i in range(len(told)) if i not in near)]
-    off = [far_off(beside, told[i]) for i in (base, best)]
+    judged = [_judged(own) for own in order]
+    of = {id(own.own): own for own in judged}
+    off = [far_off(model, own) for own in (results.base, first)]
+    kept = {own.name for own in off[1]}
+    middle = first.evidence.moments(results.setting.priors)[0]
+    tree = results.setting.tree
+    assert tree is not None
+    contacts = Contacts(model, first)
     answer = PooledDiagnosis(
         name=name,
         verdict=verdict,
-        ranking=tuple(ranking[i] for i in order),
-        left=len(near) if verdict in ("one of", "partly explained") else 1,
-        specimens=tuple(_specimens(beside, told[base], told[best], left_out[best])),
-        contrasts=tuple(_contrasts(beside, told[best], found.levels)),
-        scales=_told_scales(told[best].scales),
-        not_visible=tuple(
-            sorted(
-                own.term.effect
-                for own in found.screened
-                if own.term.level.kind == "rig"
-                and own.term.effect in beside.effects
-                and own.detectability < VISIBLE
-            )
+        ranking=tuple(
+            _ranked(model, results, own, float(chance))
+            for own, chance in zip(judged, probability, strict=True)
         ),
-        impossible=beside.impossible,
-        relieved=tuple(strained([own for own in off[0] if own.name not in {still.name for still in off[1]}])),
+        left=max(len(left), 1),
+        specimens=tuple(_specimens(model, contacts, results.base, of[id(first)])),
+        contrasts=tuple(contrasts_of(model, first)),
+        scales={
+            "frequency": middle.stiffness / float(np.sqrt(2.0)),
+            "damping": middle.damping,
+            "stiffness": model.scatter["G_f"],
+            "loss": model.scatter["d_f"],
+            **dict(zip(("rig", "specimen", "state"), tree.shares, strict=True)),
+        },
+        not_visible=tuple(
+            sorted(n for n, reach in found.reach.items() if n in model.first.effects and reach < VISIBLE)
+        ),
+        impossible=dict(impossible),
+        relieved=tuple(strained([own for own in off[0] if own.name not in kept])) if left else (),
         strained=tuple(strained(off[1])),
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))
 
 
-def _told(found: Found) -> tuple[list[Fitted], list[tuple[Part, ...]]]:
-    """Return the explanations that are told, each with its parts: of those that say the same the most probable one."""
-    told: list[Fitted] = []
-    parts: list[tuple[Part, ...]] = []
-    said = set()
-    for own in (*found.fitted[:_RANKED], _base(found)):
-        of = parts_of(found, own)
-        key = frozenset((part.effect, part.level, part.specimens) for part in of)
-        if key not in said:
-            said.add(key)
-            told.append(own)
-            parts.append(of)
-    return told, parts
+def _judged(own: Explanation) -> _Judged:
+    return _Judged(own=own, specimen=left_out(own, "specimen"), state=left_out(own, "state"))
 
 
-def _told_scales(scales: Scales) -> dict[str, float]:
-    """Return how much scatters, of discrepancies what is common and what is own together."""
-    return {
-        **{kind: scales.whole(kind) for kind in KINDS},
-        "stiffness": scales.stiffness,
-        "loss": scales.loss,
-    }
+def _ranked(model: SpecimensModel, results: Search, judged: _Judged, probability: float) -> PooledRanked:
+    own = judged.own
+    several = [c for states in model.states_of if len(states) > 1 for c in states]
+    return PooledRanked(
+        parts=_parts(model, results, own),
+        log_odds=results.odds(own),
+        probability=probability,
+        frequency_error=_error(own, range(len(own.errors))),
+        left_out_error=_mean(judged.specimen, range(len(own.errors))),
+        left_out_torque_error=_mean(judged.state, several),
+    )
 
 
-def _mean(errors: Vector) -> float:
-    return float(np.mean(errors)) if errors.size else float("nan")
+def _parts(model: SpecimensModel, results: Search, own: Explanation) -> tuple[Part, ...]:
+    """Return the terms of an explanation with what each brings beside the others."""
+    found = []
+    for name in own.terms:
+        rest = frozenset(own.terms) - {name}
+        without = results.fitted.get(rest)
+        log_odds = results.odds(own) - results.odds(without) if without else float("nan")
+        found.append(part_of(model, own, name, label_of(model.first, model.meant[name].effect), log_odds))
+    return tuple(found)
 
 
-def _base(found: Found) -> Fitted:
-    return next(own for own in found.fitted if not own.terms)
+def _error(own: Explanation, states: Sequence[int]) -> float:
+    """Return the mean relative error of the frequencies of some states."""
+    log = np.concatenate([own.errors[c].frequency for c in states])
+    return float(np.mean(np.abs(np.expm1(-log))))
 
 
-def _specimens(beside: Bench, base: Fitted, own: Fitted, left_out: SpecimensLeftOut) -> list[SpecimenAnswer]:
+def _mean(found: LeftOut, states: Sequence[int]) -> float:
+    """Return the mean magnitude of the errors of frequencies of some states; NaN of none."""
+    errors = found.errors["frequency"][np.isin(found.state, list(states))]
+    errors = errors[np.isfinite(errors)]
+    return float(np.mean(np.abs(errors))) if errors.size else float("nan")
+
+
+def _specimens(
+    model: SpecimensModel, contacts: Contacts, base: Explanation, judged: _Judged
+) -> list[SpecimenAnswer]:
     """Return what is said of each specimen."""
-    weighing = Weighing(beside, own.linear, own.coordinates, own.at.coordinate)
-    every = weighing.reduced(own.scales)
-    joint = weighing.joined(every, own.scales)
-    n = joint.slope.size - len(own.coordinates)
-    unseen = np.concatenate([np.zeros(n), [c.unseen for c in own.coordinates]])
-    covariance = np.linalg.inv(joint.precision + np.diag(unseen))
-    found, states = [], contact_states(beside, own)
-    for s, specimen in enumerate(beside.own):
-        names = specimen.evidence.nuisances
-        where = own.linear.placed(s, own.coordinates)
-        back = np.hstack([every[s].back[:, :n], every[s].back[:, n:-1] @ where])
-        std = np.sqrt(np.diag(every[s].covariance + back @ covariance @ back.T))
-        nominal, logs = nominal_contact(beside, s), contact_logs(own, s, names)
-        contact = {
-            name: estimate(name, nominal[name], logs[name], float(std[names.index(name)]))
-            if any(getattr(state, name) for state in states[s])
-            else None
-            for name in UNITS
-        }
+    own, found = judged.own, []
+    alone = {
+        s: [model.meant[n].effect for n in own.terms if model.meant[n].level.members == (s,)]
+        for s in range(len(model.specimens))
+    }
+    for s, specimen in enumerate(model.specimens):
+        states = model.states_of[s]
+        G_f, d_f = contacts.of_specimen(s)
         found.append(
             SpecimenAnswer(
-                name=specimen.specimen.name,
-                notes=dict(specimen.specimen.notes),
-                n_mode=sum(used.size for used in specimen.evidence.used),
-                G_f=contact["G_f"],
-                d_f=contact["d_f"],
-                base_error=base.linear.found[s].frequency_error,
-                error=own.linear.found[s].frequency_error,
-                left_out_error=float(left_out.error[s]),
-                odd=tuple(t.effect for t in own.terms if t.level.kind == "specimen" and s in t.level.members),
-                states=states[s],
-                modes=modes_told(specimen.evidence, base.linear.found[s], own.linear.found[s]),
-            )
-        )
-    return found
-
-
-def _contrasts(beside: Bench, own: Fitted, levels: Sequence[Level]) -> list[Contrast]:
-    """Return what groups have of contact parameters over the others."""
-    if not all(each.evidence.touching for each in beside.own):
-        return []
-    asked = [(name, level) for level in levels if level.kind == "group" for name in CONTACT]
-    found = []
-    for (name, level), (value, std) in zip(asked, contrasts(beside, own, asked), strict=True):
-        if Z95 * std > _UNTOLD:
-            continue
-        ratio, lower, upper = np.exp(value + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
-        found.append(
-            Contrast(
-                group=level.of, parameter=name, label=CONTACT[name], ratio=ratio, lower=lower, upper=upper
+                name=specimen.name,
+                notes=dict(specimen.notes),
+                n_mode=sum(model.states[c].frequency.size for c in states),
+                G_f=G_f,
+                d_f=d_f,
+                base_error=_error(base, states),
+                error=_error(own, states),
+                left_out_error=_mean(judged.specimen, states),
+                odd=tuple(alone[s]),
+                states=tuple(contacts.of_state(c) for c in states),
+                modes=modes_told(model, base, own, states),
             )
         )
     return found

@@ -1,14 +1,13 @@
-"""What each effect could explain at each level, by a linear step of all specimens at once: what is worth a full fit.
+"""What every term at every level could add to a fit, by one linear step of all specimens: what is worth a full fit.
 
-Once the specimens' own coordinates and what they share are eliminated, an effect at a level is a border of one or a few
-coordinates, so hundreds of them cost less than the signatures that they are made of.
+A change of the model acts linearly on equation errors, whatever its size. So one evaluation of all states, with the
+derivatives by all effects, does for every level: an effect of a group or of one specimen is the sum of what it does in
+these. Once all else is eliminated, a term is a border of one or a few coordinates.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,22 +15,16 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Parameter, SolveError
-from updating.diagnosis.coordinates import bounds_of
-from updating.diagnosis.explanation import TRUST
-from updating.pooled.algebra import Joined, Reduced, bounded, spread
-from updating.pooled.beside import MESSAGES, Bench
-from updating.pooled.fit import Fitted, Weighing
-from updating.pooled.linear import Linear, linearized
-from updating.pooled.specimen import Level
-from updating.pooled.term import Coordinate, Term, candidates, coordinates_of, log_prior
-from updating.workers.workers import distribute
+from updating.inference.discrepancy import Sizes
+from updating.inference.explain import Explanation, Setting, coordinates_of, errors_at
+from updating.inference.protocol import Coordinate, Term
+from updating.inference.tree import Passing, TreeProblem
+from updating.pooled.scoped import CONTACT
+from updating.pooled.specimens_model import SpecimensModel, SpecimensNear
 
 Vector = NDArray[np.float64]
 
-_SHAPES = 6  # values tried of a parameter that shapes an effect but has no strength of its own
-_SILENT = 1e-9  # relative length of a change that is none
-_SEEN = 1e-12  # share of a coordinate's precision that is its own, below which others do all that it does
+_ROUNDING = 1e-10  # of a diagonal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,203 +33,345 @@ class Screened:
 
     Attributes
     ----------
-    term : Term
-        What, and which specimens.
-    start : (n_coordinate,) float
-        Coordinates where its changes were taken. A fit starts there, so that own coordinates go along with its first
-        step: without them modes would be taken for others.
+    name : str
+        The term.
     log_gain : float
         Rise of the logarithm of the evidence by the linear step, that of the prior probability included.
-    detectability : float
-        Change of the data at the end of the range, beside all else, in standard deviations.
+    level : float
+        What the logarithm of the evidence rises to, up to a constant that all origins have in common.
+    leads : callable
+        Returns the coordinates where the step leads, by name.
+    reach : float
+        Standard deviations by which data would change at the farthest end of a range.
     """
 
-    term: Term
-    start: Vector
+    name: str
     log_gain: float
-    detectability: float
+    level: float
+    leads: Callable[[], dict[str, float]]
+    reach: float
+
+    @property
+    def at(self) -> dict[str, float]:
+        """Coordinates where the step leads, by name."""
+        return self.leads()
 
 
 def screen(
-    bench: Bench, at: Fitted, levels: Sequence[Level], executor: Executor | None = None
-) -> tuple[Screened, ...]:
-    """Return what every effect at every level could add to a fit, the most promising first.
+    model: SpecimensModel,
+    common: Setting,
+    at: Explanation,
+    origin: Mapping[str, float],
+) -> dict[str, Screened]:
+    """Return what every further term could add to a fit, by its name.
 
     Parameters
     ----------
-    bench : Bench
-        The specimens.
-    at : Fitted
-        What is fitted already.
-    levels : sequence of Level
-        At which effects are tried.
-    executor : Executor, optional
-        Where a part of the work may run.
+    model, common, at
+        The model, what fits share, and the fit.
+    origin : mapping of str to float
+        Coordinates of the fit about which steps are taken; terms that it has not are neutral there.
     """
-    fitted = {own.parameter.name for own in at.coordinates if own.parameter is not None}
-    parameters = list(
-        {p.name: p for e in bench.effects.values() for p in e.parameters if p.name not in fitted}.values()
-    )
-    every = [*candidates(bench, levels)]
-    n_effect = len({own.effect for own in every})
-    neutral = _Bordered(bench, at, linearized(bench, at.at, at.coordinates, parameters))
-    shaping = {p.name for p in parameters if neutral.is_silent(p)}
-    shaped = {
-        name
-        for name, e in bench.effects.items()
-        if {p.name for p in e.parameters} & shaping and len(e.parameters) > 1
+    present = coordinates_of(model, [model.terms[n] for n in at.terms])
+    effects = model.first.effects
+    base = [c.name for c in present]
+    further = [c for n in effects for c in model.terms[n].coordinates if c.name not in base]
+    coordinates = list({c.name: c for c in (*present, *further)}.values())
+    start = {c.name: float(origin.get(c.name, 0.0)) for c in coordinates}
+    near = model.about(coordinates, [np.array(list(start.values()))])
+    placed = {
+        n
+        for n in effects
+        if any(len(c.starts) > 2 and c.name not in base for c in model.terms[n].coordinates)
     }
-    new = [term for term in every if _is_new(term, at, fitted, bench)]
-    prior = {term: log_prior(n_effect, term, levels) for term in new}
-    best = {term: neutral.screened(term, {}, prior[term]) for term in new if term.effect not in shaped}
-    tried = partial(_tried, bench, at, {term: own for term, own in prior.items() if term.effect in shaped})
-    for further in distribute(
-        tried,
-        list(_shapes(bench, sorted(shaped & {term.effect for term in new}), shaping)),
-        executor,
-        MESSAGES,
-    ):
-        for own in further:
-            if own.term not in best or own.log_gain > best[own.term].log_gain:
-                best[own.term] = own
-    return tuple(sorted(best.values(), key=lambda own: -own.log_gain))
+    best: dict[str, Screened] = {}
+    most = max((len(c.starts) for n in placed for c in model.terms[n].coordinates), default=1)
+    for turn in range(max(most, 1)):
+        tried = [n for n in effects if turn == 0 or n in placed]
+        kept = [
+            *present,
+            *{c.name: c for n in tried for c in model.terms[n].coordinates if c.name not in base}.values(),
+        ]
+        here = {c.name: start[c.name] for c in kept}
+        here |= {
+            c.name: float(c.starts[turn % len(c.starts)])
+            for c in kept
+            if len(c.starts) > 2 and c.name not in base
+        }
+        for own in _turn(model, common, at, near, kept, here, tried, whole=turn == 0):
+            if own.name not in best or own.level > best[own.name].level:
+                best[own.name] = own
+    return best
 
 
-def _is_new(term: Term, at: Fitted, fitted: set[str], bench: Bench) -> bool:
-    """Tell whether a term is not fitted already, nor can be told from what is."""
-    if term in at.terms:
-        return False
-    return term.effect not in bench.effects or all(
-        p.name not in fitted for p in bench.effects[term.effect].parameters
+def _turn(
+    model: SpecimensModel,
+    common: Setting,
+    at: Explanation,
+    near: SpecimensNear,
+    kept: Sequence[Coordinate],
+    here: dict[str, float],
+    tried: Sequence[str],
+    *,
+    whole: bool,
+) -> Iterator[Screened]:
+    """Yield what terms of some effects could add, with their places as in `here`; `whole` tries all else as well."""
+    x = np.array([here[c.name] for c in kept])
+    local = near.of(kept)
+    try:
+        errors = errors_at(model, local, common, x)
+    except (np.linalg.LinAlgError, ValueError):  # no modes there
+        return
+    problem = common.join(errors, x.size)
+    assert isinstance(problem, TreeProblem)
+    n_base = at.x.size
+    precision = np.array([c.std**-2.0 for c in at.coordinates])
+    bordered = Bordered(model, problem, at.evidence.sizes, x[:n_base], precision)
+    column = {c.name: i for i, c in enumerate(kept)}
+    fitted = {c.name for c in at.coordinates}
+    for name, term in model.terms.items():
+        meant = model.meant[name]
+        if name in at.terms or _told(model, at, term):
+            continue
+        if meant.effect in tried:
+            own = [model.scope(c.name).local for c in term.coordinates]
+            columns = [column[n] for n in own]
+            # the same effect at another level has its place already; this one adds to it
+            values = np.array([0.0 if n in fitted else here[n] for n in own])
+            found = bordered.added(meant.level.members, columns, term.coordinates, values)
+        elif whole and meant.effect in CONTACT:
+            columns = [column[meant.effect]]
+            found = bordered.added(meant.level.members, columns, term.coordinates, np.zeros(1))
+        elif whole and term.frees:
+            freed = {column[n]: std for n, std in term.frees.items() if n in column}
+            found = bordered.freed(freed), np.zeros(0), bordered.step, 0.0
+        else:
+            continue
+        gain, values, step, reach = found
+        own_at = {c.name: float(v) for c, v in zip(term.coordinates, values, strict=True)}
+        prior = term.log_prior or 0.0
+        yield Screened(
+            name=name,
+            log_gain=gain + prior,
+            level=bordered.level + gain + prior,
+            leads=partial(_led, here, [c.name for c in kept[:n_base]], step, own_at),
+            reach=reach,
+        )
+
+
+def _led(
+    here: Mapping[str, float], names: Sequence[str], step: Callable[[], Vector], own: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the coordinates of a fit after a step, and those of a term."""
+    return {n: here[n] + float(d) for n, d in zip(names, step(), strict=True)} | dict(own)
+
+
+def _told(model: SpecimensModel, at: Explanation, term: Term) -> bool:
+    """Tell whether a term cannot be told from one that a fit has: the same at the same specimens."""
+    own = model.meant[term.name]
+    return any(
+        model.meant[n].effect == own.effect and set(model.meant[n].level.members) == set(own.level.members)
+        for n in at.terms
     )
 
 
-def _shapes(bench: Bench, names: Sequence[str], shaping: set[str]) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield where effects are taken that a parameter shapes, over the range of that."""
-    for name in names:
-        turned = [p for p in bench.effects[name].parameters if p.name in shaping]
-        low, high = bounds_of(turned)
-        axes = [np.linspace(a, b, _SHAPES) for a, b in zip(low, high, strict=True)]
-        for values in itertools.product(*axes):
-            yield name, dict(zip((p.name for p in turned), map(float, values), strict=True))
-
-
-def _tried(
-    bench: Bench, at: Fitted, prior: Mapping[Term, float], shape: tuple[str, dict[str, float]]
-) -> list[Screened]:
-    """Return what an effect could add at each level where it is taken, none where there is no such stack."""
-    name, where = shape
-    own = bench.effects[name].parameters
-    start = np.array([where.get(p.name, 0.0) for p in own])
-    try:
-        bordered = _Bordered(bench, at, linearized(bench, at.at, at.coordinates, own, start))
-    except SolveError:  # with what is fitted already
-        return []
-    return [bordered.screened(term, where, log) for term, log in prior.items() if term.effect == name]
-
-
-class _Bordered:
-    """A fit with columns beside it, all that is fitted eliminated."""
-
-    def __init__(self, bench: Bench, at: Fitted, linear: Linear) -> None:
-        self._bench, self._linear = bench, linear
-        weighing = Weighing(bench, linear, at.coordinates, at.at.coordinate)
-        self._found: list[Reduced] = weighing.reduced(at.scales)
-        joint: Joined = weighing.joined(self._found, at.scales)
-        k = len(at.coordinates)
-        self._n = joint.slope.size - k
-        held = joint.precision.copy()
-        at_end = np.arange(self._n, self._n + k)
-        held[at_end, at_end] += [TRUST if c.precision == 0.0 else 0.0 for c in at.coordinates]
-        root = la.cho_factor(held)
-        self._places = [linear.placed(s, at.coordinates) for s in range(len(linear.block))]
-        # of each specimen: how its effect columns go with what is fitted, with each other, and with the value
-        self._beside, self._own, self._slope = [], [], []
-        stays = -la.cho_solve(root, joint.slope)
-        for own, where in zip(self._found, self._places, strict=True):
-            n_column = where.shape[0]
-            both = spread(own.gram, self._n, np.hstack([where, np.eye(n_column)]))
-            base, column = self._n + k, slice(self._n + k, self._n + k + n_column)
-            self._beside.append(both[:base, column])
-            self._own.append(both[column, column])
-            self._slope.append(both[column, -1] + both[:base, column].T @ stays)
-        self._solved = [la.cho_solve(root, own) for own in self._beside]
-
-    def is_silent(self, parameter: Parameter) -> bool:
-        """Tell whether a parameter changes nothing where it is taken."""
-        k = self._linear.column.index(parameter.name)
-        longest = max(float(np.diag(own).max()) for own in self._own)
-        return max(float(own[k, k]) for own in self._own) <= _SILENT**2 * longest
-
-    def screened(self, term: Term, where: dict[str, float], prior: float) -> Screened:
-        """Return what a term could add by a step from where its columns were taken."""
-        every = coordinates_of(self._bench, term)
-        own = [c for c in every if c.name not in where]
-        precision, slope = self._border(own)
-        known = np.array([c.precision for c in own])
-        unseen = np.array([c.unseen for c in own])
-        low, high = (np.array([getattr(c, end) for c in own]) for end in ("lower", "upper"))
-        step = bounded(precision + np.diag(known), slope, low, high)
-        fall = -float(step @ (precision + np.diag(known)) @ step + 2.0 * slope @ step)
-        volume = np.linalg.slogdet(precision + np.diag(known + unseen))[1] - np.sum(np.log(known + unseen))
-        visible = np.sqrt(np.maximum(np.diag(precision), 0.0)) * np.maximum(np.abs(low), np.abs(high))
-        return Screened(
-            term=term,
-            start=np.array([where.get(c.name, 0.0) for c in every]),
-            log_gain=0.5 * (fall - float(volume)) + prior,
-            detectability=float(visible.max(initial=0.0)),
-        )
-
-    def free(self, own: Coordinate) -> tuple[float, float]:
-        """Return the value of one coordinate of which nothing is known beforehand, and its standard deviation."""
-        precision, slope = self._border([own])
-        return float(-slope[0] / precision[0, 0]), float(precision[0, 0] ** -0.5)
-
-    def _border(self, own: Sequence[Coordinate]) -> tuple[Vector, Vector]:
-        """Return precision and slope of coordinates when all that is fitted goes with them."""
-        column = [self._linear.column.index(c.name) for c in own]
-        beside = [sum(self._beside[s][:, k] for s in c.members) for c, k in zip(own, column, strict=True)]
-        solved = [sum(self._solved[s][:, k] for s in c.members) for c, k in zip(own, column, strict=True)]
-        precision = -np.array([[a @ b for b in solved] for a in beside])
-        for i, (one, k) in enumerate(zip(own, column, strict=True)):
-            for j, (other, m) in enumerate(zip(own, column, strict=True)):
-                both = set(one.members) & set(other.members)
-                precision[i, j] += sum(self._own[s][k, m] for s in both)
-        least = [_SEEN * sum(self._own[s][k, k] for s in c.members) for c, k in zip(own, column, strict=True)]
-        slope = np.array(
-            [sum(self._slope[s][k] for s in c.members) for c, k in zip(own, column, strict=True)]
-        )
-        return 0.5 * (precision + precision.T) + np.diag(least), slope
-
-
-def contrasts(
-    bench: Bench, at: Fitted, asked: Sequence[tuple[str, Level]]
-) -> tuple[tuple[float, float], ...]:
-    """Return logarithms of contact parameters of groups over those of the others, with their standard deviations.
-
-    Nothing is known of them beforehand. Where a group has a term of its own for a parameter, that gives way to what is
-    returned.
+class Bordered:
+    """A fit's linear system, with borders of further coordinates that some specimens have.
 
     Parameters
     ----------
-    bench : Bench
-        The specimens.
-    at : Fitted
-        The explanation.
-    asked : sequence of (str, Level)
-        The contact parameter, and the group.
+    model : SpecimensModel
+        The model.
+    problem : TreeProblem
+        Errors with derivatives by the fit's coordinates first, then by the effects' as the rig has them.
+    sizes : Sizes
+        Of the discrepancy.
+    x, precision : (n_base,)
+        Coordinates of the fit, and the precision of their priors.
+
+    Attributes
+    ----------
+    level : float
+        Logarithm of the evidence that a linear step of the fit's coordinates reaches, up to a constant of the sizes.
     """
-    bordered = _Bordered(bench, at, linearized(bench, at.at, at.coordinates))
-    return tuple(
-        bordered.free(
-            Coordinate(
-                name=parameter,
-                parameter=None,
-                members=level.members,
-                lower=-np.inf,
-                upper=np.inf,
-                precision=0.0,
-            )
+
+    level: float
+
+    def __init__(
+        self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, x: Vector, precision: Vector
+    ) -> None:
+        self.n, n_all = x.size, problem.n_coordinate
+        passing = Passing(problem, sizes.stiffness)
+        share = problem.tree.shares[0]
+        p = problem.leaves[0].columns.shape[1] - 1 - problem.leaves[0].touched.size if share > 0.0 else 0
+        inner = np.zeros((self.n + p, self.n + p))
+        slope = np.zeros(self.n + p)
+        n_specimen = len(model.specimens)
+        self.cross = np.zeros((n_specimen, self.n + p, n_all))
+        self.own = np.zeros((n_specimen, n_all, n_all))
+        self.pull = np.zeros((n_specimen, n_all))
+        self.constant, self.log = 0.0, 0.0
+        curved = _curvatures(problem, model, sizes)
+        for s, own in enumerate(model.specimens):
+            message = passing.of(("rig", own.name))
+            k = message.touched.size
+            full = np.zeros((1 + n_all + p,) * 2)
+            at = np.concatenate([[0], 1 + message.touched, 1 + n_all + np.arange(p)])
+            full[np.ix_(at, at)] = message.product[: 1 + k + p, : 1 + k + p]
+            full[1 : 1 + n_all, 1 : 1 + n_all] += curved[s][0]
+            full[0, 1 : 1 + n_all] += curved[s][1]
+            keep = np.concatenate([1 + np.arange(self.n), 1 + n_all + np.arange(p)])
+            inner += full[np.ix_(keep, keep)]
+            self.constant += float(message.product[0, 0])
+            self.log += message.log_determinant
+            slope += full[0, keep]
+            self.cross[s] = full[keep, 1 : 1 + n_all]
+            self.own[s] = full[1 : 1 + n_all, 1 : 1 + n_all]
+            self.pull[s] = full[0, 1 : 1 + n_all]
+        if p:
+            inner[self.n :, self.n :] += np.eye(p) / (sizes.stiffness**2 * share)
+        inner[: self.n, : self.n] += np.diag(precision + 1e-12)
+        slope[: self.n] += precision * x
+        self._damped(model, problem, sizes, inner, slope)
+        self.x, self.precision = x, precision
+        self.inner, self.slope = inner, slope
+        misfit = self.constant + float(np.sum(precision * x**2))
+        self.unit = 1.0 / np.sqrt(np.diag(inner))
+        scaled = self.unit[:, None] * inner * self.unit + _ROUNDING * np.eye(len(inner))
+        self.root = la.cholesky(scaled, lower=True)
+        self.base = self._solve(slope)
+        self.level = problem.log_map - 0.5 * (misfit - float(self.base @ self.base))
+        self.level -= float(np.sum(np.log(np.diag(self.root) / self.unit))) + 0.5 * self.log
+
+    def _damped(
+        self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, inner: Vector, slope: Vector
+    ) -> None:
+        """Add what damping ratios say, which are correlated across specimens."""
+        n_all, n_specimen = problem.n_coordinate, len(model.specimens)
+        self.loss = np.zeros((n_specimen, problem.damping.size, n_all))
+        if not problem.damping.size:
+            return
+        root = la.cholesky(problem.damping_noise + sizes.damping**2 * problem.damping_discrepancy, lower=True)
+        whose = np.array([model.place[c][0] for c in problem.damping_at])
+        value = la.solve_triangular(root, problem.damping, lower=True)
+        base = la.solve_triangular(root, problem.damping_jacobian[:, : self.n], lower=True)
+        self.constant += float(value @ value)
+        self.log += 2.0 * float(np.sum(np.log(np.diag(root))))
+        inner[: self.n, : self.n] += base.T @ base
+        slope[: self.n] += base.T @ value
+        for s in range(n_specimen):
+            masked = np.where((whose == s)[:, None], problem.damping_jacobian, 0.0)
+            self.loss[s] = la.solve_triangular(root, masked, lower=True)
+            self.cross[s, : self.n] += base.T @ self.loss[s]
+            self.pull[s] += self.loss[s].T @ value
+
+    def _solve(self, right: Vector) -> Vector:
+        """Return the root's inverse times something, scaled."""
+        return np.asarray(
+            la.solve_triangular(self.root, (self.unit * right.T).T, lower=True, check_finite=False)
         )
-        for parameter, level in asked
-    )
+
+    def step(self, right: Vector | None = None) -> Vector:
+        """Return the step of the fit's coordinates, (n_base,), against a slope, by default that of the fit."""
+        white = self.base if right is None else self._solve(right)
+        back = la.solve_triangular(self.root, white, lower=True, trans="T")
+        return np.asarray(-(self.unit * back)[: self.n])
+
+    def added(
+        self, members: Sequence[int], columns: Sequence[int], coordinates: Sequence[Coordinate], start: Vector
+    ) -> tuple[float, Vector, Callable[[], Vector], float]:
+        """Return what coordinates of some specimens add to the logarithm of the evidence, and where a step leads.
+
+        Parameters
+        ----------
+        members : sequence of int
+            Specimens.
+        columns : sequence of int
+            Where the coordinates' derivatives are.
+        coordinates : sequence of Coordinate
+            With their priors and bounds.
+        start : (n,) float
+            Where they stand.
+
+        Returns
+        -------
+        float, (n,), callable, float
+            The gain, the coordinates, what returns the step (n_base,) of the fit's, and by how many standard deviations
+            the widest change moves the data.
+        """
+        those, these = list(members), list(columns)
+        cross = sum(self.cross[s][:, these] for s in those)
+        own = sum(self.own[s][np.ix_(these, these)] for s in those)
+        loss = sum(self.loss[s][:, these] for s in those)
+        own = own + loss.T @ loss
+        pull = sum(self.pull[s][these] for s in those)
+        towards = self._solve(cross)
+        prior = np.array([c.std**-2.0 for c in coordinates])
+        left = own - towards.T @ towards
+        seen = np.maximum(np.diag(left), 0.0)
+        hessian = left + np.diag(prior + _ROUNDING * np.diag(own))
+        slope = pull - towards.T @ self.base + prior * start
+        low, high = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
+        step = np.clip(start - np.linalg.solve(hessian, slope), low, high) - start
+        for _ in range(4):  # to the least between the bounds, one coordinate after the other
+            for i in range(step.size):
+                rest = slope[i] + hessian[i] @ step - hessian[i, i] * step[i]
+                step[i] = np.clip(-rest / hessian[i, i], low[i] - start[i], high[i] - start[i])
+        gain = -float(slope @ step + 0.5 * step @ hessian @ step)
+        gain -= 0.5 * float(np.linalg.slogdet(hessian)[1] - np.sum(np.log(prior)))
+        reach = float(np.max(np.maximum(np.abs(low), np.abs(high)) * np.sqrt(seen)))
+        return gain, start + step, partial(self.step, self.slope + cross @ step), reach
+
+    def free(self, members: Sequence[int], column: int) -> tuple[float, float]:
+        """Return estimate and standard deviation of a coordinate of some specimens of which nothing is known."""
+        cross = self.cross[list(members), :, column].sum(axis=0)
+        loss = self.loss[list(members), :, column].sum(axis=0)
+        own = float(self.own[list(members), column, column].sum() + loss @ loss)
+        towards = self._solve(cross)
+        left = max(own - float(towards @ towards), _ROUNDING * own)
+        pull = float(self.pull[list(members), column].sum() - towards @ self.base)
+        return -pull / left, left**-0.5
+
+    def freed(self, wider: Mapping[int, float]) -> float:
+        """Return what wider priors of some of the fit's coordinates add to the logarithm of the evidence."""
+        if not wider:
+            return -np.inf
+        before = self._log(self.inner, self.slope, self.precision)
+        precision = self.precision.copy()
+        for i, std in wider.items():
+            precision[i] = min(std**-2.0, precision[i])
+        change = precision - self.precision
+        inner, slope = self.inner.copy(), self.slope.copy()
+        inner[np.arange(self.n), np.arange(self.n)] += change
+        slope[: self.n] += change * self.x
+        return self._log(inner, slope, precision) - before
+
+    def _log(self, inner: Vector, slope: Vector, precision: Vector) -> float:
+        root = la.cholesky(
+            self.unit[:, None] * inner * self.unit + _ROUNDING * np.eye(len(inner)), lower=True
+        )
+        white = la.solve_triangular(root, self.unit * slope, lower=True)
+        known = precision > 0.0
+        least = float(np.sum(precision * self.x**2) - white @ white)
+        return (
+            0.5 * float(np.sum(np.log(precision[known]))) - 0.5 * least - float(np.sum(np.log(np.diag(root))))
+        )
+
+
+def _curvatures(problem: TreeProblem, model: SpecimensModel, sizes: Sizes) -> list[tuple[Vector, Vector]]:
+    """Return of each specimen the curvature of what shapes are off by, and what the gradient has beside that of errors.
+
+    See `updating.inference.gradient`.
+    """
+    beside = problem.beside(sizes)
+    ends = np.cumsum([0, *(len(own.value) for own in problem.errors)])
+    n = problem.n_coordinate
+    found = []
+    for states in model.states_of:
+        curvature, slope = np.zeros((n, n)), np.zeros(n)
+        for c in states:
+            touched, own = problem.leaves[c].touched, problem.errors[c]
+            slope += beside[ends[c] : ends[c + 1]].sum(axis=0)
+            curvature[np.ix_(touched, touched)] += own.curvature
+        found.append((curvature, slope))
+    return found

@@ -1,394 +1,378 @@
-"""The search for what specimens and rig lack: terms one by one, each where it helps most, and a look back."""
+"""The search on many specimens: how it begins, what fits share, and which terms are worth a fit."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model import SolveError
-from updating.diagnosis.calibration import HALVES, MODEL_FORM, STEP, WIDER
-from updating.diagnosis.explanation import Z95
 from updating.errors import FitError
-from updating.pooled.beside import FAR_OFF, MESSAGES, Bench
-from updating.pooled.fit import Fitted, fit, stds
-from updating.pooled.linear import Place, Scales, roughly, shapes_that_meet, weighed_at
-from updating.pooled.matter import matters
-from updating.pooled.screening import Screened, screen
-from updating.pooled.specimen import Level
-from updating.pooled.starts import (
-    BEHIND,
-    FIRST,
-    MORE,
-    SAME,
-    Start,
-    beside,
-    elsewhere,
-    global_search,
-    in_common,
-    looked_back,
-    promising,
+from updating.inference.discrepancy import DAMPING, SPREAD, STIFFNESS, SizePrior
+from updating.inference.explain import (
+    Explanation,
+    Setting,
+    converged,
+    coordinates_of,
+    errors_at,
+    explain,
+    outlook,
+    setting,
 )
-from updating.pooled.term import Term, candidates, coordinates_of, log_prior
-from updating.workers.workers import distribute
+from updating.inference.levels import INADEQUATE, PULLED
+from updating.inference.search import Search, search
+from updating.inference.tree import Tree, TreeProblem
+from updating.pooled.scoped import SCATTER
+from updating.pooled.screening import screen
+from updating.pooled.specimens_model import SpecimensModel
 
 _LOG = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 
-MOST_TERMS = 4
-"""Terms that an explanation may have."""
-_CLOSE = 8.0  # within which a fit is followed to its end
-_ROUGH = 0.5  # the same as a share of what the best has risen, which a rough model has with such an error
-_NEUTRAL = (
-    0.5 * (Z95 * WIDER) ** 2
-)  # odds that one coordinate of a term may bring that is not told from neutral
-_AS_NEAR = 1.2  # ratio to the least error by which one is where no model is nearly right, whatever its odds
+SHARES = (0.6, 0.2, 0.2)
+"""Shares of the discrepancy that all specimens have in common, that each has in all its states, and that of each state:
+what a model misses of a structure is for the most part the same in all of a kind. They are estimated from here."""
+LEAST_SHARE = 0.02
+"""Of each of these: no two stacks are built alike, nor two states of one."""
+LOOSE = 3.0
+"""Times as much as of one stack the evidence may still rise where a fit ends: less than terms are told apart by."""
+_LADDER = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
+BEHIND = 8.0
+"""Logarithm of the odds by which a term may promise less than it is asked and is fitted all the same."""
+_LEVELS = 3  # of one effect at once that are worth a fit
+_SETTLED = 0.1  # of the logarithm of a scale
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """The base model of all specimens, fitted.
+
+    Attributes
+    ----------
+    model : SpecimensModel
+        With the scatter from specimen to specimen that these have.
+    common : Setting
+        What fits share.
+    base : Explanation
+        The fit.
+    start : (n_nuisance,) float
+        From where it started.
+    """
+
+    model: SpecimensModel
+    common: Setting
+    base: Explanation
+    start: Vector
+
+
+def begin(model: SpecimensModel, priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)) -> Begun:
+    """Fit the base model from where each specimen's frequencies are met best by its contact stiffness alone."""
+    start, common = _start(model, priors)
+    base = explain(model, [], common, start, rounds=1)
+    model, common, _ = settled(model, common, base)
+    return Begun(model, common, explain(model, [], common, base.x), start)
+
+
+@dataclass(frozen=True, eq=False)
 class Found:
     """What was found.
 
     Attributes
     ----------
-    bench : Bench
-        The specimens, weighed by the modes at the best of the first terms.
-    levels : tuple of Level
-        At which effects were tried.
-    base : Fitted
-        Without terms.
-    fitted : tuple of Fitted
-        All that were fitted to their end, the most probable first.
-    screened : tuple of Screened
-        All terms beside the base model.
-    n_effect : int
-        Effects and hypotheses that were tried.
+    model : SpecimensModel
+        With the scatter that the best explanation has.
+    search : Search
+        All that was fitted.
+    reach : mapping of str to float
+        Standard deviations by which data would change with each effect of the rig at the end of its range.
     """
 
-    bench: Bench
-    levels: tuple[Level, ...]
-    base: Fitted
-    fitted: tuple[Fitted, ...]
-    screened: tuple[Screened, ...]
-    n_effect: int
-
-    def odds(self, own: Fitted) -> float:
-        """Return the logarithm of the posterior odds of an explanation against the base model."""
-        prior = sum(log_prior(self.n_effect, term, self.levels) for term in own.terms)
-        return own.log_evidence - self.base.log_evidence + prior
+    model: SpecimensModel
+    search: Search
+    reach: Mapping[str, float]
 
 
-def search(bench: Bench, levels: Sequence[Level], executor: Executor | None = None) -> Found:
-    """Find the terms that explain what specimens beside their models have in common, and what sets some apart.
+def searched(begun: Begun) -> Found:
+    """Find what is missing, and whose it is."""
+    models, reach = [begun.model], dict[str, float]()
 
-    Forward selection by posterior odds, at most `MOST_TERMS`; then each term is left out, and tried at other levels,
-    to see whether it is needed as it is.
+    def extend(
+        model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Vector] = ()
+    ) -> list[Explanation]:
+        ahead, seen = outlooks(model, common, at, starts)
+        if not at.terms:
+            reach.update({name: r for name, r in seen.items() if name in model.first.effects})
+        return extended(model, common, at, ahead)
 
-    Parameters
-    ----------
-    bench : Bench
-        The specimens.
-    levels : sequence of Level
-        Where something can be.
-    executor : Executor, optional
-        Where fits that do not need each other run; in this process by default.
-    """
-    start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
-    base = fit(bench, (), start, Scales(), most=MORE)
-    first = screen(bench, base, levels, executor)
-    n_effect = len({term.effect for term in candidates(bench, levels)})
-    found = Found(
-        bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=first, n_effect=n_effect
+    def sharpen(
+        model: SpecimensModel, common: Setting, best: Explanation
+    ) -> tuple[SpecimensModel, Setting, bool]:
+        found = settled(model, common, best)
+        models.append(found[0])
+        return found
+
+    results = search(
+        begun.model,
+        begun.common,
+        begun.base,
+        starts=[begun.start],
+        in_full=6,
+        likeliest=2,
+        beside=2,
+        extend_by=extend,
+        sharpen=sharpen,
     )
-    best, screened = base, first
-    for n in range(MOST_TERMS):
-        _LOG.info("term %d of an explanation", n + 1)
-        starts = promising(best, screened)
-        if not best.terms or best.frequency_error > FAR_OFF:
-            starts += global_search(bench, best, levels)
-        least = found.odds(best) + STEP if n > 0 else -np.inf
-        if not best.terms:
-            found = _on_shapes_in_common(found, starts, executor)
-            base = best = found.base
-        followed = _followed(found, starts, executor, least)
-        followed += _followed(found, in_common(found.bench, levels, followed), executor, least)
-        top = max(followed, key=found.odds, default=None)
-        if n == 0 and top is not None and (found.odds(top) >= STEP or not base.scales.adequate):
-            found = _weighed(_with(found, followed), top, executor)
-            best, followed = found.base, [own for own in found.fitted if own.terms]
-            found = replace(found, fitted=(best,))
-        fitted = [
-            own for own in followed if not is_form(found.base, best, own) and matters(found.bench, best, own)
-        ]
-        found = _with(found, fitted)
-        top = max(fitted, key=found.odds, default=None)
-        if top is None:
-            break
-        if found.odds(top) < found.odds(best) + STEP and (n > 0 or base.scales.adequate):
-            # of a model that is far off, two may show that none alone does, and odds count little what all lack alike
-            nearest = min(fitted, key=lambda own: own.frequency_error)
-            if best.scales.adequate or nearest.frequency_error > HALVES * best.frequency_error:
-                break
-            top = nearest
-        best = top
-        screened = screen(found.bench, best, levels, executor)
-    _LOG.info("a look back at each term")
-    found, best = _at_better_place(found, best, executor)
-    known = {frozenset(own.terms) for own in found.fitted}
-    back = _followed(found, looked_back(found.bench, best, first, known), executor)
-    found = _with(found, [own for own in back if _is_beyond_form(found, own)])
-    return _without_neutral(found, executor)
+    return Found(models[-1], results, reach)
 
 
-def asked(
-    bench: Bench, levels: Sequence[Level], effects: Sequence[str], executor: Executor | None = None
-) -> Found:
-    """Fit effects of the rig, one after the other beside those before, each from all places where it promises most.
-
-    Those that a global search found places of come last, whatever the order in which they are asked for: which of its
-    places is best, an effect tells beside all others.
+def asked(begun: Begun, effects: Sequence[str]) -> Found:
+    """Fit effects of the rig, one after the other beside those before.
 
     Raises
     ------
     FitError
         The model has no modes with all of them.
     """
-    rig = next(own for own in levels if own.kind == "rig")
-    start = Place(nuisance=tuple(own.alone.nuisance for own in bench.own), coordinate=np.zeros(0))
-    base = best = fit(bench, (), start, Scales(), most=MORE)
-    found = Found(
-        bench=bench, levels=tuple(levels), base=base, fitted=(base,), screened=(), n_effect=len(effects)
-    )
-    found_at = {place.effect for place in bench.places}
-    for name in sorted(effects, key=lambda name: name in found_at):
-        _LOG.info("fit %s", name)
-        (own,) = (x for x in screen(found.bench, best, [rig], executor) if x.term.effect == name)
-        starts = [beside(best, own)]
-        starts += [x for x in global_search(found.bench, best, levels) if x.terms[-1].effect == name]
-        if not best.terms:
-            found = _on_shapes_in_common(found, starts, executor)
-        fitted = _followed(found, starts, executor)
-        if not fitted:
-            message = f"the stacks have no modes with {', '.join(own.effect for own in starts[0].terms)}"
-            raise FitError(message)
-        best = max(fitted, key=lambda own: own.log_evidence)
-        if len(best.terms) == 1:
-            found = _weighed(_with(found, [best]), best, executor)
-            best = next((own for own in found.fitted if own.terms == best.terms), best)
-    rest = () if best is found.base else (found.base,)
-    found, best = _at_better_place(replace(found, fitted=(best, *rest)), best, executor)
-    return replace(found, fitted=(best, *(own for own in found.fitted if own is not best)))
+    model, common, best = begun.model, begun.common, begun.base
+    for name in effects:
+        terms = [model.terms[n] for n in (*best.terms, name)]
+        have = {c.name: float(x) for c, x in zip(best.coordinates, best.x, strict=True)}
+        x = np.array([have.get(c.name, c.starts[-1]) for c in coordinates_of(model, terms)])
+        x = outlooks(model, common, best, [begun.start], only=name)[0].get(name, (0.0, x))[1]
+        try:
+            best = explain(model, terms, common, x)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            message = f"the stacks have no modes with {', '.join(term.name for term in terms)}"
+            raise FitError(message) from error
+    model, common, _ = settled(model, common, best)
+    if best.terms:
+        best = explain(model, [model.terms[n] for n in best.terms], common, best.x)
+    base = explain(model, [], common, begun.base.x)
+    priors = {name: term.log_prior or 0.0 for name, term in model.terms.items()}
+    fitted = {frozenset[str](): base} | ({frozenset(best.terms): best} if best.terms else {})
+    return Found(model, Search(common, priors, frozenset(), fitted, best if best.terms else base), {})
 
 
-def _on_shapes_in_common(found: Found, starts: Sequence[Start], executor: Executor | None) -> Found:
-    """Return the base model fitted to the shapes that take part wherever fits start that are weighed by modes there.
+def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[Vector, Setting]:
+    """Return the coordinates of the base model from which its fit starts, and what fits share there."""
+    names = [c.name for c in model.nuisances]
+    x = np.zeros(len(names))
+    tree = Tree(paths=tuple(own.path for own in model.states), shares=SHARES)
+    if model.first.touching:
+        G_f, d_f = np.mean([group.start for group in model.groups], axis=0)
+        x[names.index("G_f")], x[names.index("d_f")] = G_f, d_f
+        ends = [x + shift * (np.arange(x.size) == names.index("G_f")) for shift in (0.0, -1.0, 1.0)]
+        local = model.about(model.nuisances, ends)
+        common = replace(setting(model, local, x, shares=SHARES, priors=priors), tree=tree, loose=LOOSE)
+        cost = np.zeros((len(_LADDER), len(model.specimens)))
+        for i, shift in enumerate(_LADDER):
+            errors = errors_at(model, local, common, x + shift * (np.arange(x.size) == names.index("G_f")))
+            for s, states in enumerate(model.states_of):
+                cost[i, s] = float(
+                    np.mean(np.concatenate([np.minimum(errors[c].frequency ** 2, 0.1) for c in states]))
+                )
+        best = _LADDER[np.argmin(cost, axis=0)]
+        x[names.index("G_f")] += best.mean()
+        for s, own in enumerate(model.specimens):
+            x[names.index(f"G_f[{own.name}]")] = best[s] - best.mean()
+    local = model.about(model.nuisances, [x])
+    return x, replace(setting(model, local, x, shares=SHARES, priors=priors), tree=tree, loose=LOOSE)
 
-    Modes that are close at one place are not at another, so weighed there alone, evidences would be of other data.
+
+def settled(
+    model: SpecimensModel, common: Setting, best: Explanation
+) -> tuple[SpecimensModel, Setting, bool]:
+    """Return model and setting with what scatters as an explanation has it, and whether that matters.
+
+    These are the scatter of contact from specimen to specimen, the shares of the discrepancy, and the noise of shapes.
     """
-    there = [own for own in starts if own.weighed]
-    if not there:
+    assert common.tree is not None
+    scatter = scatter_of(model, best)
+    shares = shares_of(best)
+    beside = setting(model, model.about(best.coordinates, [best.x]), best.x, shares=(1.0, 0.0, 0.0))
+    noise = tuple(np.minimum(*pair) for pair in zip(common.noise, beside.noise, strict=True))
+    moved = [np.log(scatter[n] / model.scatter[n]) for n in scatter]
+    moved += np.log(np.array(shares) / common.tree.shares).tolist()
+    moved += [float(np.log(np.concatenate(noise) / np.concatenate(common.noise)).min())]
+    tree = replace(common.tree, shares=shares)
+    return (
+        model.with_scatter(scatter),
+        replace(common, noise=noise, tree=tree),
+        bool(np.max(np.abs(moved)) > _SETTLED),
+    )
+
+
+def scatter_of(model: SpecimensModel, own: Explanation) -> dict[str, float]:
+    """Return the scatter of ln G_f and ln d_f from specimen to specimen, by what they are in a fit.
+
+    A step of the algorithm of expectation and maximisation (Dempster, Laird and Rubin 1977) towards the likeliest, with
+    an inverse gamma prior that weighs as two specimens of the usual scatter do.
+    """
+    found = {}
+    for name, usual in SCATTER.items():
+        at = [i for i, c in enumerate(own.coordinates) if c.name.startswith(f"{name}[")]
+        at = [i for i in at if model.scope(own.coordinates[i].name).local == name]
+        if not at:
+            found[name] = usual
+            continue
+        x, std = own.x[at], np.minimum(own.std[at], model.scatter[name])
+        within = std**2 - np.mean(std) ** 2 / len(at)  # what all have in common is no scatter
+        square = float(np.sum((x - x.mean()) ** 2 + np.maximum(within, 0.0)))
+        found[name] = float(np.sqrt((square + 2.0 * usual**2) / (len(at) + 2.0)))
+    return found
+
+
+def shares_of(own: Explanation) -> tuple[float, ...]:
+    """Return the likeliest shares of the discrepancy, those of a fit being where they are looked for."""
+    problem, size = own.problem, own.evidence.sizes.stiffness
+    assert isinstance(problem, TreeProblem)
+    known = np.diag(np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12) + problem.curvature
+    usual = np.log(np.array(SHARES))
+
+    def log(z: Vector) -> float:
+        """Return the logarithm of the evidence at logarithms of the variances of the levels."""
+        variance = np.exp(z)
+        tree = Tree(paths=problem.tree.paths, shares=tuple((variance / variance.sum()).tolist()))
+        found = replace(problem, tree=tree).of_stiffness(float(np.sqrt(variance.sum())))
+        step = found.misfit + 2.0 * found.log + float(np.linalg.slogdet(found.hessian + known)[1])
+        away = (z - z.mean() - usual + usual.mean()) / SPREAD
+        return -0.5 * (step + float(away @ away))
+
+    z = np.log(size**2 * np.array(problem.tree.shares))
+    for h in (1.0, 0.4):
+        for i in range(z.size):
+            one = h * (np.arange(z.size) == i)
+            low, here, high = log(z - one), log(z), log(z + one)
+            bend = low + high - 2.0 * here
+            step = 0.5 * (low - high) / bend if bend < 0.0 else np.sign(high - low)
+            z = z + float(np.clip(step, -2.0, 2.0)) * one
+    share = np.maximum(np.exp(z - np.log(np.sum(np.exp(z)))), LEAST_SHARE)
+    return tuple((share / share.sum()).tolist())
+
+
+def outlooks(
+    model: SpecimensModel,
+    common: Setting,
+    at: Explanation,
+    starts: Sequence[Vector] = (),
+    *,
+    only: str | None = None,
+    asked: int = 12,
+) -> tuple[dict[str, tuple[float, Vector]], dict[str, float]]:
+    """Return what further terms are expected to reach beside a fit, and where from, and what terms reach in the data.
+
+    Linear steps from all places worth a look say which terms are worth a question. What they promise of strong effects
+    is no more than a rank, so the model itself is asked where they lead.
+
+    Parameters
+    ----------
+    model, common, at, starts
+        As `updating.inference.search.extended` takes them.
+    only : str, optional
+        A term that is asked alone.
+    asked : int
+        Terms of which the model is asked, for each place.
+
+    Returns
+    -------
+    dict of str to (float, (n_coordinate,) float)
+        Minus the cost that a step from there is expected to reach, prior probability included, and where it leads.
+    dict of str to float
+        Standard deviations by which data change at the farthest end of a term's range.
+    """
+    found, reach = dict[str, tuple[float, Vector]](), dict[str, float]()
+    present = [model.terms[n] for n in at.terms]
+    for origin in _origins(model, common, at, starts):
+        screened = screen(model, common, at, origin)
+        for name, own in screened.items():
+            reach[name] = max(own.reach, reach.get(name, 0.0))
+        order = sorted(screened.values(), key=lambda own: -own.level)
+        for own in [own for own in order if only in (None, own.name)][:asked]:
+            terms = [*present, model.terms[own.name]]
+            coordinates, led = coordinates_of(model, terms), own.at
+            x = np.array([led[c.name] for c in coordinates])
+            x = np.clip(x, *(np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper")))
+            try:
+                local = model.about(coordinates, [x])
+                level, to = outlook(model, terms, common, x, local, at.evidence.sizes)
+            except (np.linalg.LinAlgError, ValueError):  # no modes there
+                continue
+            level += terms[-1].log_prior or 0.0
+            if own.name not in found or level > found[own.name][0]:
+                found[own.name] = level, to
+    return found, reach
+
+
+def extended(
+    model: SpecimensModel,
+    common: Setting,
+    at: Explanation,
+    ahead: Mapping[str, tuple[float, Vector]],
+    *,
+    fits: int = 8,
+    promising: float = 0.5,
+) -> list[Explanation]:
+    """Fit the further terms beside an explanation that promise most, the likeliest first.
+
+    Parameters
+    ----------
+    model, common, at
+        As `updating.inference.search.extended` takes them.
+    ahead : mapping of str to (float, (n_coordinate,) float)
+        What each term promises, and from where.
+    fits : int
+        Most of them.
+    promising : float
+        Share of what the best promises that others must: steps of strong effects miss it by as much.
+    """
+    found, seen = list[Explanation](), Counter[str]()
+    if not ahead:
         return found
-    base = found.base
-    bench = _with_shapes_in_common(found.bench, [*there, _from_here(base)], executor)
-    bench = weighed_at(bench, base.at, ())
-    base = fit(bench, (), base.at, None, most=MORE)
-    return replace(found, bench=bench, base=base, fitted=(base,))
-
-
-def _at_better_place(found: Found, best: Fitted, executor: Executor | None) -> tuple[Found, Fitted]:
-    """Move an explanation to where another place of a global search over one of its effects leads, if better.
-
-    Of two places the better one may be the one that is worse as long as a further effect is missing.
-    """
-    starts = elsewhere(found.bench, best) if len(best.terms) > 1 else []
-    if not starts:
-        return found, best
-    bench = _with_shapes_in_common(found.bench, [_from_here(best), *starts], executor)
-    rough = roughly(bench, best.at, best.coordinates)
-    here, *others = _done(rough, [_from_here(best), *starts], executor, settled=False)
-    better = [own for own in others if here and own and own.log_evidence > here.log_evidence]
-    if not better:
-        return found, best
-    top = max(better, key=lambda own: own.log_evidence)
-    followed = [
-        _from_here(best),
-        Start(terms=top.terms, at=top.at, scales=top.scales, most=MORE, weighed=True),
-    ]
-    here, there = _done(bench, followed, executor, settled=True)
-    if not here or not there or there.log_evidence <= here.log_evidence:
-        return found, best
-    _LOG.info("another place of %s is better", ", ".join(term.effect for term in top.terms))
-    moved = replace(there, log_evidence=best.log_evidence + there.log_evidence - here.log_evidence)
-    found = _weighed(_with(found, [moved]), moved, executor)
-    return found, next(own for own in found.fitted if own.terms == moved.terms)
-
-
-def _from_here(own: Fitted) -> Start:
-    return Start(terms=own.terms, at=own.at, scales=None, most=FIRST, weighed=True)
-
-
-def _with_shapes_in_common(bench: Bench, starts: Sequence[Start], executor: Executor | None) -> Bench:
-    """Return the specimens of which shapes take no part whose modes are close where any of some fits starts."""
-    every = [
-        own for own in distribute(partial(_close_at, bench), starts, executor, MESSAGES) if own is not None
-    ]
-    return replace(bench, apart=tuple(frozenset().union(*own) for own in zip(*every, strict=True)))
-
-
-def _close_at(bench: Bench, start: Start) -> tuple[frozenset[int], ...] | None:
-    coordinates = [own for term in start.terms for own in coordinates_of(bench, term)]
-    try:
-        return shapes_that_meet(bench, start.at, coordinates)
-    except (SolveError, np.linalg.LinAlgError):
-        return None  # nor does the fit start
-
-
-def _without_neutral(found: Found, executor: Executor | None) -> Found:
-    """Pass over explanations with a term that may as well be neutral, and fit each without it from where it stands.
-
-    Such a term led the fit to a better place, and brings nothing of its own there. The most neutral one goes first, for
-    of two terms that do the same each may be neutral beside the other; and none goes without which the odds fall by
-    more than a term so near to neutral can bring.
-    """
-    while (best := found.fitted[0]).terms and (start := _without_most_neutral(found, best)) is not None:
-        further = [own for own in _done(found.bench, [start], executor, settled=True) if own is not None]
-        if not further or found.odds(best) - found.odds(further[0]) > _NEUTRAL:
+    present = [model.terms[n] for n in at.terms]
+    now = outlook(model, present, common, at.x, model.about(at.coordinates, [at.x]), at.evidence.sizes)[0]
+    order = sorted(ahead, key=lambda name: -ahead[name][0])
+    least = now + promising * max(ahead[order[0]][0] - now, 0.0) - BEHIND
+    for name in order:
+        level, x = ahead[name]
+        if len(found) == fits or level < least:
             break
-        others = tuple(own for own in found.fitted if own is not best)
-        found = _with(replace(found, fitted=others), further)
-        if not start.terms:
-            found = replace(found, base=next(own for own in found.fitted if not own.terms))
+        effect = model.meant[name].effect
+        seen[effect] += 1
+        if seen[effect] > _LEVELS:
+            continue
+        terms = [*present, model.terms[name]]
+        try:
+            found.append(
+                converged(model, terms, common, x, sizes=at.evidence.sizes, rounds=2, small=0.3, settled=1.0)
+            )
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        _LOG.info("%s: %.1f promised, %.1f", name, level - now, found[-1].log_evidence - at.log_evidence)
+    return sorted(found, key=lambda f: -f.log_evidence)
+
+
+def _origins(
+    model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Vector]
+) -> list[dict[str, float]]:
+    """Return from where linear steps are taken: the fit, and where nothing is pulled by what is missing."""
+    have = {c.name: float(x) for c, x in zip(at.coordinates, at.x, strict=True)}
+    found = [have]
+    shared = [c for c in model.nuisances if "[" not in c.name and np.isfinite(c.std)]
+    if any(abs(have[c.name]) > PULLED * c.std for c in shared):
+        found.append(
+            {
+                **have,
+                **{
+                    c.name: 0.0
+                    for c in model.nuisances
+                    if np.isfinite(c.std) and not c.name.startswith(("G_f", "d_f"))
+                },
+            }
+        )
+    if at.evidence.sizes.stiffness > common.priors[0].quantile(1.0 - INADEQUATE):
+        names = [c.name for c in model.nuisances]
+        found += [{**have, **dict(zip(names, start.tolist(), strict=True))} for start in starts]
     return found
-
-
-def _without_most_neutral(found: Found, best: Fitted) -> Start | None:
-    """Return the fit without the term that is nearest to neutral, if one may be: None where none is."""
-    std, at, farthest = stds(found.bench, best), 0, []
-    for term in best.terms:
-        own = slice(at, at + len(coordinates_of(found.bench, term)))
-        farthest.append((float(np.max(np.abs(best.at.coordinate[own]) / std[own])), term, own))
-        at = own.stop
-    away, neutral, own = min(farthest, key=lambda each: each[0])
-    if away > Z95:
-        return None
-    return Start(
-        terms=tuple(term for term in best.terms if term is not neutral),
-        at=replace(best.at, coordinate=np.delete(best.at.coordinate, own)),
-        scales=best.scales,
-        most=MORE,
-    )
-
-
-def is_form(base: Fitted, before: Fitted, after: Fitted) -> bool:
-    """Tell whether what a further term brings may be no more than the error of the form of one that is there already.
-
-    An effect that acts in another form than the catalogue's leaves a share of what it changes, alike in all specimens
-    that have it. So this is asked of a term that the same specimens have; what fewer have is no error of form.
-    """
-    (term,) = set(after.terms) - set(before.terms)
-    members = term.level.members
-    if not any(own.level.members == members for own in before.terms):
-        return False
-    left = [_misfit(own, members) for own in (base, before, after)]
-    return left[1] - left[2] < MODEL_FORM**2 * (left[0] - left[1])
-
-
-def _is_beyond_form(found: Found, own: Fitted) -> bool:
-    """Tell whether an explanation brings more than the form of what it has but for one term, the best of these."""
-    less = [x for x in found.fitted if x.terms and set(x.terms) < set(own.terms)]
-    before = next((x for x in less if len(x.terms) == len(own.terms) - 1), None)
-    return before is None or (not is_form(found.base, before, own) and matters(found.bench, before, own))
-
-
-def _misfit(own: Fitted, members: Sequence[int]) -> float:
-    """Return the squared residuals of some specimens at usual sizes of the discrepancy."""
-    found = [own.linear.found[s] for s in members]
-    return float(sum(np.sum(each.value[each.kind != "prior"] ** 2) for each in found))
-
-
-def _weighed(found: Found, best: Fitted, executor: Executor | None) -> Found:
-    """Weigh all data by the modes at an explanation, and fit anew what was fitted: what is far off by a few steps.
-
-    What is neither nearly as probable, nor near the least errors where even the best is not adequate, is passed over.
-    """
-    bench = weighed_at(found.bench, best.at, best.coordinates)
-    error = 0.0 if best.scales.adequate else _AS_NEAR * min(own.frequency_error for own in found.fitted)
-    starts = [
-        Start(terms=own.terms, at=own.at, scales=None, most=FIRST)
-        for own in found.fitted
-        if not own.terms or found.odds(own) > found.odds(best) - BEHIND or own.frequency_error < error
-    ]
-    fitted = [own for own in _done(bench, starts, executor, settled=True) if own is not None]
-    base = next(own for own in fitted if not own.terms)
-    return _with(replace(found, bench=bench, base=base, fitted=()), fitted)
-
-
-def _followed(
-    found: Found, starts: Sequence[Start], executor: Executor | None, least: float = -np.inf
-) -> list[Fitted]:
-    """Fit explanations, and those that are near the best of them to their end.
-
-    Near are those whose odds are, and that may still come to the least that is asked. Where the best comes to it and
-    leaves more than a nearly right model does, those are too that come nearest to the smallest errors: see
-    `updating.pooled.verdict.not_told_apart`. What is near is told beside rough models.
-    """
-    best = found.fitted[0]
-    is_near = best.frequency_error < FAR_OFF
-    bench = roughly(found.bench, best.at, best.coordinates) if is_near else roughly(found.bench)
-    first = [own for own in _done(bench, starts, executor, settled=False) if own is not None]
-    if not first:
-        return []
-    top = max(first, key=found.odds)
-    weighed = {start.terms: start.weighed for start in starts}
-    told_apart = top.scales.adequate or found.odds(top) < least
-    error = 0.0 if told_apart else _AS_NEAR * min(own.frequency_error for own in first)
-    odds = max(found.odds(top), least) - max(_CLOSE, _ROUGH * (found.odds(top) - found.odds(best)))
-    near = [
-        Start(terms=own.terms, at=own.at, scales=own.scales, most=MORE, weighed=weighed[own.terms])
-        for own in _apart(first)
-        if found.odds(own) > odds or own.frequency_error < error
-    ]
-    return [own for own in _done(found.bench, near, executor, settled=True) if own is not None]
-
-
-def _apart(fitted: Iterable[Fitted]) -> list[Fitted]:
-    """Return the fits of each explanation that ended apart from those that are more probable."""
-    found: list[Fitted] = []
-    for own in sorted(fitted, key=lambda own: -own.log_evidence):
-        same = (other for other in found if other.terms == own.terms)
-        if all(np.max(np.abs(own.at.coordinate - other.at.coordinate)) > SAME for other in same):
-            found.append(own)
-    return found
-
-
-def _done(
-    bench: Bench, starts: Sequence[Start], executor: Executor | None, *, settled: bool
-) -> Iterator[Fitted | None]:
-    return distribute(partial(_fitted, bench, settled), starts, executor, MESSAGES)
-
-
-def _fitted(bench: Bench, settled: bool, start: Start) -> Fitted | None:
-    """Fit an explanation from a start; its evidence is one over the noise of the bench, however it is weighed."""
-    coordinates = [own for term in start.terms for own in coordinates_of(bench, term)]
-    try:
-        here = weighed_at(bench, start.at, coordinates) if start.weighed else bench
-        own = fit(here, start.terms, start.at, start.scales, most=start.most, settled=settled)
-    except (SolveError, np.linalg.LinAlgError):
-        return None
-    noise = [sum(x.evidence.covariance.log_noise for x in every.own) for every in (here, bench)]
-    return replace(own, log_evidence=own.log_evidence - 0.5 * (noise[0] - noise[1]))
-
-
-def _with(found: Found, further: Iterable[Fitted]) -> Found:
-    """Return what was found with further fits; of fits of the same terms the best stays."""
-    best: dict[frozenset[Term], Fitted] = {}
-    for own in (*found.fitted, *further):
-        key = frozenset(own.terms)
-        if key not in best or own.log_evidence > best[key].log_evidence:
-            best[key] = own
-    return replace(found, fitted=tuple(sorted(best.values(), key=lambda own: -found.odds(own))))

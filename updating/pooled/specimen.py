@@ -44,8 +44,8 @@ class Level:
 
     Attributes
     ----------
-    kind : "rig", "group", "specimen" or "each"
-        All of them the same; those of a group the same; one alone; each as much as it will.
+    kind : "rig", "group" or "specimen"
+        All of them the same; those of a group the same; one alone.
     of : str
         Which group, such as "treatment = glued", or which specimen; empty where it is all.
     members : tuple of int
@@ -55,11 +55,6 @@ class Level:
     kind: LevelKind
     of: str
     members: tuple[int, ...]
-
-    @property
-    def shares(self) -> tuple[tuple[int, ...], ...]:
-        """Specimens that have the same value."""
-        return tuple((s,) for s in self.members) if self.kind == "each" else (self.members,)
 
 
 def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
@@ -81,4 +76,4 @@ def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
                 known.add(members)
                 found.append(Level(kind="group", of=f"{column} = {value}", members=members))
     found += [Level(kind="specimen", of=own.name, members=(i,)) for i, own in enumerate(specimens)]
-    return (*found, Level(kind="each", of="", members=every))
+    return tuple(found)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from updating.fitting.estimate import ParameterEstimate
 
-LevelKind = Literal["rig", "group", "specimen", "each"]
+LevelKind = Literal["rig", "group", "specimen"]
 PooledVerdict = Literal[
     "nothing missing", "identified", "one of", "partly explained", "unlike anything", "as asked"
 ]
@@ -22,7 +22,7 @@ class Part:
     ----------
     effect, label : str
         Its name and what a person calls it.
-    level : "rig", "group", "specimen" or "each"
+    level : "rig", "group" or "specimen"
         Whose it is.
     of : str
         Which group or specimen; empty where it is all.
@@ -30,8 +30,6 @@ class Part:
         Those that have it.
     parameter : tuple of ParameterEstimate
         With 95 % intervals; of shifts of what a file states or of contact parameters the ratio.
-    scatter : float
-        Of the rig's, by how much specimens differ in it, over the mean: 0 where all have one value.
     log_odds : float
         What it brings: logarithm of the odds of the explanation with it against the best without; NaN where that was
         not fitted.
@@ -43,7 +41,6 @@ class Part:
     of: str
     specimens: tuple[str, ...]
     parameter: tuple[ParameterEstimate, ...]
-    scatter: float
     log_odds: float
 
 
@@ -64,10 +61,6 @@ class PooledRanked:
     left_out_torque_error : float
         The same where the frequencies and damping ratios of a specimen at one torque are predicted from all else; NaN
         with one torque.
-    left_out_score : float
-        Logarithm of the probability density of each specimen given the others, summed, over that of the base model.
-    relieves : bool
-        Whether what is known of the stacks is far off in the mean without it, and is relieved with it.
     """
 
     parts: tuple[Part, ...]
@@ -76,8 +69,6 @@ class PooledRanked:
     frequency_error: float
     left_out_error: float
     left_out_torque_error: float
-    left_out_score: float
-    relieves: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,8 +198,9 @@ class PooledDiagnosis:
     contrasts : tuple of Contrast
         What groups do to contact parameters.
     scales : mapping of str to float
-        By the names of `updating.pooled.linear.Scales`: sizes of the discrepancy, and scatter of contact parameters
-        from specimen to specimen.
+        What the model is right to, of a `frequency` and of a `damping` ratio; the scatter of ln G_f and ln d_f from
+        specimen to specimen, `stiffness` and `loss`; and the shares of the discrepancy that the `rig`, each `specimen`
+        and each `state` has.
     not_visible : tuple of str
         Effects too weak to show at any plausible strength, were they the rig's.
     impossible : mapping of str to str

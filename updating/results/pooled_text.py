@@ -29,8 +29,6 @@ def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
     text += [f"Without it, in the mean of all specimens, {own}" for own in found.relieved[:_LISTED]]
     if found.left > 1:
         text.append(_cannot_tell(found))
-    if found.verdict == "partly explained":
-        text += _by_prediction(found)
     text.append(_odd(found))
     text += _groups(found.contrasts)
     text.append(_scatter(found))
@@ -45,7 +43,7 @@ def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
 
 def part_text(own: Part) -> str:
     """Return a term in words: what, and whose it is."""
-    alike = f", {_how_alike(own)} in all {len(own.specimens)} specimens" if own.level == "rig" else ""
+    alike = f", the same in all {len(own.specimens)} specimens" if own.level == "rig" else ""
     return f"{_named(own)}, {_whose(own)}{alike}"
 
 
@@ -58,12 +56,7 @@ def _whose(own: Part) -> str:
         "rig": "of the rig",
         "group": f"of the group {own.of}",
         "specimen": f"of specimen {own.of} alone",
-        "each": "of each specimen its own",
     }[own.level]
-
-
-def _how_alike(own: Part) -> str:
-    return f"within {percent(own.scatter)} the same" if own.scatter > 0.0 else "the same"
 
 
 def explanation_text(own: PooledRanked) -> str:
@@ -152,19 +145,6 @@ def _effects(own: PooledRanked) -> set[str]:
     return {part.effect for part in own.parts}
 
 
-def _by_prediction(found: PooledDiagnosis) -> list[str]:
-    """Say why what leads is not the most probable, where it is not."""
-    first, top = found.ranking[0], max(found.ranking, key=lambda own: own.log_odds)
-    if top is first:
-        return []
-    instead = " with ".join(map(_named, top.parts)) or "the base model"
-    return [
-        f"By the odds alone {instead} would lead; but none is a model that is nearly right, where odds "
-        "mislead, so what predicts specimens left out best comes first: that with an error of "
-        f"{percent(first.left_out_error)}, the most probable one with {percent(top.left_out_error)}."
-    ]
-
-
 def _odd(found: PooledDiagnosis) -> str:
     odd = [own for own in found.specimens if own.odd]
     if not odd:
@@ -197,8 +177,7 @@ def _scatter(found: PooledDiagnosis) -> str:
     return (
         f"From specimen to specimen G_f scatters by {percent(float(np.expm1(s['stiffness'])))} and d_f by "
         f"{percent(float(np.expm1(s['loss'])))}; beyond that and the noise the model is right to "
-        f"{percent(s['frequency'])} of a frequency, {percent(s['damping'])} of a damping ratio and "
-        f"{percent(s['shape'])} of a shape's length."
+        f"{percent(s['frequency'])} of a frequency and {percent(s['damping'])} of a damping ratio."
     )
 
 
