@@ -92,6 +92,21 @@ def test_what_acts_alike_is_not_told_apart():
     assert {x.terms for x in decision.left} == {("spot",), ("twin",)}
 
 
+def test_what_was_found_first_is_dropped_where_it_is_not_needed_any_more():
+    """A term that can do a part leads to the one that does it all, which was not asked alone."""
+    part = Term(name="part", coordinates=(replace(TERM.coordinates[0], name="as_spot", upper=0.15),))
+    model = Choice(states(0.4), (TERM, part))
+    common, base = begin(model, shares=SHARES, starts=[np.zeros(2)])
+
+    def one_by_one(model, common, at, starts=()):
+        terms = [model.terms[n] for n in (*at.terms, "spot" if at.terms else "part")]
+        return [] if len(terms) > 2 else [explain(model, terms, common, np.append(at.x, 0.1))]
+
+    found = search(model, common, base, extend_by=one_by_one, say=lambda _: None)
+    assert frozenset(("part", "spot")) in found.fitted
+    assert found.chosen.terms == ("spot",)
+
+
 def test_a_mode_that_is_left_out_is_predicted_as_a_fit_without_it_does():
     """To first order nothing is fitted again; the fit without a mode, of which it is to first order, is made here."""
     model = Choice(states(0.01)[:1])

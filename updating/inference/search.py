@@ -288,6 +288,7 @@ def search(
         for at in pool[:beside]:  # one that raises the odds, and is near the best
             if odds(at) > fewer and odds(pool[0]) - odds(at) < behind:
                 extend(at)
+    chosen = _needed(model, common, fitted, chosen, odds)
     for names in map(frozenset, asked):
         if names and names not in fitted:
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
@@ -373,6 +374,29 @@ def extended(
 def _named(own: Explanation, names: Sequence[str]) -> list[Coordinate]:
     by_name = {c.name: c for c in own.coordinates}
     return [by_name[n] for n in names]
+
+
+def _needed(
+    model: Model,
+    common: Setting,
+    fitted: dict[frozenset[str], Explanation],
+    chosen: Explanation,
+    odds: Callable[[Explanation], float],
+) -> Explanation:
+    """Drop the terms of an explanation that are no longer needed; what was not fitted without one is fitted now."""
+    while len(chosen.terms) > 1:
+        parts = [frozenset(chosen.terms) - {name} for name in chosen.terms]
+        have = {c.name: value for c, value in zip(chosen.coordinates, chosen.x, strict=True)}
+        for names in parts:
+            if names not in fitted:
+                terms = [model.terms[n] for n in chosen.terms if n in names]
+                x = np.array([have[c.name] for c in coordinates_of(model, terms)])
+                fitted[names] = explain(model, terms, replace(common, apart=chosen.apart), x)
+        part = max((fitted[names] for names in parts), key=odds)
+        if odds(chosen) - odds(part) > NAMED:
+            break
+        chosen = part
+    return chosen
 
 
 def _from_parts(

@@ -23,6 +23,7 @@ from updating.inference.explain import (
     setting,
 )
 from updating.inference.levels import INADEQUATE, PULLED
+from updating.inference.protocol import Term
 from updating.inference.search import Search, search
 from updating.inference.tree import Tree, TreeProblem
 from updating.pooled.scoped import SCATTER
@@ -260,7 +261,7 @@ def outlooks(
     starts: Sequence[Vector] = (),
     *,
     only: str | None = None,
-    asked: int = 12,
+    asked: int = 10,
 ) -> tuple[dict[str, tuple[float, Vector]], dict[str, float]]:
     """Return what further terms are expected to reach beside a fit, and where from, and what terms reach in the data.
 
@@ -285,25 +286,69 @@ def outlooks(
     """
     found, reach = dict[str, tuple[float, Vector]](), dict[str, float]()
     present = [model.terms[n] for n in at.terms]
+    now = _now(model, common, at)
     for origin in _origins(model, common, at, starts):
         screened = screen(model, common, at, origin)
         for name, own in screened.items():
             reach[name] = max(own.reach, reach.get(name, 0.0))
         order = sorted(screened.values(), key=lambda own: -own.level)
         for own in [own for own in order if only in (None, own.name)][:asked]:
-            terms = [*present, model.terms[own.name]]
-            coordinates, led = coordinates_of(model, terms), own.at
-            x = np.array([led[c.name] for c in coordinates])
-            x = np.clip(x, *(np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper")))
-            try:
-                local = model.about(coordinates, [x])
-                level, to = outlook(model, terms, common, x, local, at.evidence.sizes)
-            except (np.linalg.LinAlgError, ValueError):  # no modes there
-                continue
-            level += terms[-1].log_prior or 0.0
-            if own.name not in found or level > found[own.name][0]:
-                found[own.name] = level, to
+            ahead = _asked(model, common, at, [*present, model.terms[own.name]], own.at, now)
+            if ahead is not None and (own.name not in found or ahead[0] > found[own.name][0]):
+                found[own.name] = ahead
     return found, reach
+
+
+def _now(model: SpecimensModel, common: Setting, at: Explanation) -> float:
+    """Return what a fit itself is expected to reach, minus the cost."""
+    terms = [model.terms[n] for n in at.terms]
+    local = model.about(at.coordinates, [at.x])
+    return outlook(model, terms, common, at.x, local, at.evidence.sizes)[0]
+
+
+def _asked(
+    model: SpecimensModel,
+    common: Setting,
+    at: Explanation,
+    terms: Sequence[Term],
+    led: Mapping[str, float],
+    now: float,
+    *,
+    shares: Sequence[float] = (1.0, 0.5, 0.2),
+) -> tuple[float, Vector] | None:
+    """Return what a linear step is expected to lead to, and where; of a step that leads too far, a share of it.
+
+    Parameters
+    ----------
+    model, common, at
+        As `outlooks` takes them.
+    terms : sequence of Term
+        Of the fit, and the further one.
+    led : mapping of str to float
+        Where the linear step leads.
+    now : float
+        What the fit itself reaches: less than that is too far.
+    shares : sequence of float
+        Shares of the step that are tried, until one promises anything.
+    """
+    coordinates = coordinates_of(model, terms)
+    have = {c.name: float(x) for c, x in zip(at.coordinates, at.x, strict=True)}
+    here, there = (np.array([of.get(c.name, 0.0) for c in coordinates]) for of in (have, led))
+    ends = [np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper")]
+    best: tuple[float, Vector] | None = None
+    for share in shares:
+        x = np.clip(here + share * (there - here), *ends)
+        try:
+            local = model.about(coordinates, [x])
+            level, to = outlook(model, terms, common, x, local, at.evidence.sizes)
+        except (np.linalg.LinAlgError, ValueError):  # no modes there
+            continue
+        level += terms[-1].log_prior or 0.0
+        if best is None or level > best[0]:
+            best = level, to
+        if level > now:
+            break
+    return best
 
 
 def extended(
@@ -312,7 +357,7 @@ def extended(
     at: Explanation,
     ahead: Mapping[str, tuple[float, Vector]],
     *,
-    fits: int = 8,
+    fits: int = 6,
     promising: float = 0.5,
 ) -> list[Explanation]:
     """Fit the further terms beside an explanation that promise most, the likeliest first.
@@ -332,7 +377,7 @@ def extended(
     if not ahead:
         return found
     present = [model.terms[n] for n in at.terms]
-    now = outlook(model, present, common, at.x, model.about(at.coordinates, [at.x]), at.evidence.sizes)[0]
+    now = _now(model, common, at)
     order = sorted(ahead, key=lambda name: -ahead[name][0])
     least = now + promising * max(ahead[order[0]][0] - now, 0.0) - BEHIND
     for name in order:
