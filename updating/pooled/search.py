@@ -6,6 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,8 +229,7 @@ def scatter_of(model: SpecimensModel, own: Explanation) -> dict[str, float]:
 
 def shares_of(own: Explanation) -> tuple[float, ...]:
     """Return the likeliest shares of the discrepancy, those of a fit being where they are looked for."""
-    problem, size = own.problem, own.evidence.sizes.stiffness
-    assert isinstance(problem, TreeProblem)
+    problem, size = cast(TreeProblem, own.problem), own.evidence.sizes.stiffness
     known = np.diag(np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12) + problem.curvature
     usual = np.log(np.array(SHARES))
 
