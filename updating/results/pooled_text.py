@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from updating.inference.levels import NAMED
 from updating.results.pooled_answer import (
     ContactState,
     Contrast,
@@ -26,6 +27,7 @@ _FOLDED = 5  # names that are listed before a count stands for the rest
 def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
     """Write the verdict, whose each effect is, which specimens are odd, and what groups change."""
     text = [_verdict(found)]
+    text += _likelier(found)
     text += [f"Without it, in the mean of all specimens, {own}" for own in found.relieved[:_LISTED]]
     if found.left > 1:
         text.append(_cannot_tell(found))
@@ -92,6 +94,25 @@ def _verdict(found: PooledDiagnosis) -> str:
         f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
         f"; a torque predicted from all else {_change('left_out_torque_error', base, best)}."
     )
+
+
+def _likelier(found: PooledDiagnosis) -> list[str]:
+    """Say what is more probable than the answer and why it is not the answer: the table has it so."""
+    likeliest = max(found.ranking, key=lambda own: own.log_odds)
+    left = found.ranking[: found.left]
+    own = max(left, key=lambda one: one.log_odds)
+    if found.verdict == "as asked" or likeliest in left or likeliest.log_odds - own.log_odds < NAMED:
+        return []
+    known = {(one.effect, one.of) for one in own.parts}
+    further = [one for one in likeliest.parts if (one.effect, one.of) not in known]
+    beside = " beside it" if own.parts and len(further) < len(likeliest.parts) else ""
+    names = "; and ".join(map(part_text, further if beside else likeliest.parts))
+    return [
+        f"By probability alone {names}{beside} would be the answer, but with that the mean frequency error of a "
+        f"specimen predicted from the others goes from {percent(own.left_out_error)} to "
+        f"{percent(likeliest.left_out_error)}: what is not seen to foretell others much better may be an error of the "
+        "model alone, so it is not said to be there."
+    ]
 
 
 def _lowered(found: PooledDiagnosis, base: PooledRanked) -> str:
