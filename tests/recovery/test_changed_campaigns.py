@@ -46,8 +46,9 @@ def test_nothing_is_named_of_the_control(name):
 def test_the_transport_loosened_the_bolt_of_one_clamp():
     seen, answer = answered("change_a", "after")
     assert seen
-    assert answer.left[0] == "loose_clamp"
-    assert answer.kind("loose_clamp").part == "clamp 3"
+    assert "loose_clamp" in answer.left
+    assert answer.kind("loose_clamp").part == "clamp 4"
+    assert abs(answer.kind(answer.left[0]).place[0] - 0.109) < 0.1 * 0.465
 
 
 def test_the_repair_glued_a_patch_of_one_side():

@@ -165,13 +165,16 @@ def point_displacement(
     return displacement
 
 
-def shape_pair_figure(pair: ShapePair) -> Figure:
-    """Draw a measured shape, the modelled one, and both over each other; the measured alone without a model."""
+def shape_pair_figure(pair: ShapePair, names: tuple[str, str] = ("measured", "model")) -> Figure:
+    """Draw a measured shape, the modelled one, and both over each other; the measured alone without a model.
+
+    `names` are written above the two.
+    """
     from matplotlib.figure import Figure
 
-    titles = {"measured": f"measured {pair.measured_frequency:.1f} Hz"}
+    titles = {"measured": f"{names[0]} {pair.measured_frequency:.1f} Hz"}
     if pair.has_model:
-        titles |= {"model": f"model {pair.model_frequency:.1f} Hz", "both": f"both, MAC {pair.mac:.4f}"}
+        titles |= {"model": f"{names[1]} {pair.model_frequency:.1f} Hz", "both": f"both, MAC {pair.mac:.4f}"}
     figure = Figure(figsize=(2.4 * len(titles), 1.65))
     figure.subplots_adjust(0.005, 0.01, 0.995, 0.88, 0.02)
     for axes, (what, title) in zip(

@@ -94,7 +94,7 @@ def _still(name: str, number: int, pair: ShapePair, names: tuple[str, str]) -> P
     parts = ("", f"{names[0]} real ", f"{names[0]} imaginary ", f"{names[1]} ")
     return Picture(
         name=f"shape_{name}_{number:02d}",
-        content=png(shape_pair_figure(pair)),
+        content=png(shape_pair_figure(pair, names)),
         form="png",
         data=as_csv(
             [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in parts for axis in "xyz"],

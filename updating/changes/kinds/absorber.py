@@ -8,8 +8,9 @@ from updating.changes.candidate import Candidates, Kind, Part, always, amplitude
 from updating.changes.fields import Fields, Vector
 from updating.changes.kinds.point_masses import at_points
 
-N_TUNED = 40
-"""Frequencies to which it may be tuned: evenly in the logarithm from half the band's start to twice its end."""
+N_TUNED = 120
+"""Frequencies to which it may be tuned: evenly in the logarithm from half the band's start to twice its end, some 3 %
+apart, for what is lightly damped acts sharply."""
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:

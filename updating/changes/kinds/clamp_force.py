@@ -17,7 +17,7 @@ from both faces it is a half."""
 _RIDES = np.array([np.inf, *np.geomspace(0.5, 3.0, 16)])
 """Where the clamp's mass then resonates on its footprint, over the band's end: one that presses less rides on a softer
 spring."""
-_TOGETHER = np.array([0.1, 0.3, 1.0])
+_TOGETHER = np.array([0.1, 0.2, 0.4, 0.7, 1.0])
 """Share of the contact's stiffness that goes with the whole of the clamp's mass riding so."""
 
 
