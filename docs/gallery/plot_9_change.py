@@ -26,7 +26,7 @@ modes = {
 
 # %%
 # Has it changed? That needs no model: every frequency, damping ratio and shape is tested against what assemblies
-# scatter by.
+# scatter by. What the repair did is too little to be seen so.
 reference = ("before", "before_again")
 for own in modes.values():
     for state in ("control", "after"):
