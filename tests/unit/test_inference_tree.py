@@ -72,9 +72,9 @@ def test_coordinates_of_single_states_stand_among_all(every):
     wide = []
     for e in own:
         jacobian, damping = np.zeros((*e.value.shape, n)), np.zeros((len(e.damping), n))
-        curvature = np.zeros((n, n))
+        curvature = np.zeros((len(e.value), n, n))
         jacobian[:, :, e.touched], damping[:, e.touched] = e.jacobian, e.damping_jacobian
-        curvature[np.ix_(e.touched, e.touched)] = e.curvature
+        curvature[np.ix_(range(len(e.value)), e.touched, e.touched)] = e.curvature
         wide.append(
             replace(e, jacobian=jacobian, damping_jacobian=damping, curvature=curvature, touched=None)
         )  # fmt: skip

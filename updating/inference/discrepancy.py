@@ -163,21 +163,37 @@ class Problem:
     curvature: Vector
     errors: tuple[Errors, ...]
 
-    def beside(self, sizes: Sizes) -> Vector:
+    def beside(self, sizes: Sizes, kept: NDArray[np.bool_] | None = None) -> Vector:
         """Return what the cost's gradient has beside that at a given covariance, by measured mode, (n, n_coordinate).
 
-        See `gradient`: the noise of shapes follows the model, and so does the normalisation of the density.
+        See `gradient`: the noise of shapes follows the model, and so does the normalisation of the density. Where only
+        some modes are `kept`, (n,) bool, the others pull at nothing, and their rows are 0.
         """
-        inverse = la.inv(self.noise + sizes.stiffness**2 * self.discrepancy, check_finite=False)
-        pull, first, found = inverse @ self.value, 0, list[Vector]()
+        m, number = self.errors[0].value.shape[1], sum(len(own.value) for own in self.errors)
+        modes = np.ones(number, dtype=bool) if kept is None else kept
+        rows = np.repeat(modes, m)
+        covariance = (self.noise + sizes.stiffness**2 * self.discrepancy)[np.ix_(rows, rows)]
+        inverse = la.inv(covariance, check_finite=False)
+        pull, blocks = np.zeros((number, m)), np.zeros((number, m, m))
+        pull[modes] = (inverse @ self.value[rows]).reshape(-1, m)
+        each = np.arange(np.count_nonzero(modes))
+        blocks[modes] = inverse.reshape(each.size, m, each.size, m)[each, :, each]
+        first, found = 0, list[Vector]()
         for own in self.errors:
-            n, m = own.value.shape
-            here = slice(first, first + n * m)
-            blocks = inverse[here, here].reshape(n, m, n, m)[np.arange(n), :, np.arange(n)]
-            found.append(np.zeros((n, self.jacobian.shape[1])))
-            found[-1][:, : own.jacobian.shape[2]] = own.beside(pull[here].reshape(n, m), blocks)
-            first += n * m
-        return np.vstack(found)
+            here = slice(first, first + len(own.value))
+            found.append(np.zeros((len(own.value), self.jacobian.shape[1])))
+            found[-1][:, : own.jacobian.shape[2]] = own.beside(pull[here], blocks[here])
+            first = here.stop
+        return np.where(modes[:, None], np.vstack(found), 0.0)
+
+    def curvature_of(self, kept: NDArray[np.bool_]) -> Vector:
+        """Return what of the curvature some measured modes make, `kept` being (n,) bool."""
+        total, first = np.zeros_like(self.curvature), 0
+        for own in self.errors:
+            k = own.jacobian.shape[2]
+            total[:k, :k] += own.curvature[kept[first : first + len(own.value)]].sum(axis=0)
+            first += len(own.value)
+        return total
 
     def weighed(self, sizes: Sizes) -> Weighed:
         """Return misfit and derivatives over noise and a discrepancy of given sizes."""
@@ -240,7 +256,7 @@ def joined(errors: Sequence[Errors], common: Vector) -> Problem:
         damping_noise=np.diag(np.concatenate([own.damping_std for own in errors])[seen] ** 2),
         damping_discrepancy=(of_damping + 1e-6 * np.eye(n))[np.ix_(seen, seen)],
         log_map=sum(own.log_map for own in errors),
-        curvature=np.sum([own.curvature for own in errors], axis=0),
+        curvature=np.sum([own.curvature.sum(axis=0) for own in errors], axis=0),
         errors=tuple(errors),
     )
 

@@ -40,8 +40,8 @@ class Errors:
         Derivatives of e.
     log_map : float
         Logarithm of the density of (lambda_r, u_r) over that of e; what shapes are off by beyond all modes is in it.
-    curvature : (n_coordinate, n_coordinate) float
-        Gauss and Newton's approximation of the Hessian of half the square of that, over the noise.
+    curvature : (n, n_coordinate, n_coordinate) float
+        Gauss and Newton's approximation of the Hessian of half the square of that, over the noise, by measured mode.
     damping : (n,) float
         Logarithm of measured over modelled damping ratio; NaN where damping is not compared.
     damping_std : (n,) float
@@ -190,7 +190,7 @@ def equation_errors(
     da = -np.einsum("rij,rpj->rpi", covariance, look @ modal.rows) * sure[:, None, None]
     turned = -(look + da @ modal.rows.T) * np.sqrt(sure)[:, None, None]
     turned[list(apart)] = 0.0
-    curvature = np.einsum("rpd,rqd->pq", turned, turned, optimize=True)
+    curvature = turned @ turned.transpose(0, 2, 1)
     da -= weight[:, None, :] * np.einsum("ri,rpi->rp", weight, da)[:, :, None]
     jacobian += (gap[:, None, :] * da).transpose(0, 2, 1)
 

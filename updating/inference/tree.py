@@ -200,6 +200,15 @@ class TreeProblem:
             found[-1][:, leaf.touched] = errors.beside(*pull)
         return np.vstack(found)
 
+    def curvature_of(self, kept: NDArray[np.bool_]) -> Vector:
+        """Return what of the curvature some measured modes make, `kept` being (n,) bool."""
+        total, first = np.zeros_like(self.curvature), 0
+        for leaf, own in zip(self.leaves, self.errors, strict=True):
+            here = kept[first : first + len(own.value)]
+            total[np.ix_(leaf.touched, leaf.touched)] += own.curvature[here].sum(axis=0)
+            first += len(own.value)
+        return total
+
     def of_stiffness(self, size: float) -> Weighed:
         """Return the same of equation errors alone."""
         return self.whole(Passing(self, size).root())
@@ -365,7 +374,7 @@ def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> Tre
             turn = u @ v
         turned.append(own.weight @ turn.T)
         leaves.append(_leaf_of(own, turn, turned[-1], touched))
-        curvature[np.ix_(touched, touched)] += own.curvature
+        curvature[np.ix_(touched, touched)] += own.curvature.sum(axis=0)
         jacobian = np.zeros((len(own.damping), n_coordinate))
         jacobian[:, touched] = own.damping_jacobian
         damping_jacobian.append(jacobian)

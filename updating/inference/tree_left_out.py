@@ -59,8 +59,9 @@ def tree_left_out(
             gone = slice(None) if rows is None else np.isin(seen[c], _gone(problem, c, rows))
             damped[of_state[c][gone]] = False
         own = problem.whole(passing.root(out)) + problem.of_damping(sizes[1], damped)
-        hessian = own.hessian + np.diag(precision + 1e-12)
-        slope = own.slope + precision * x + beside[_kept(problem, out)].sum(axis=0)
+        kept = _kept(problem, out)
+        hessian = own.hessian + np.diag(precision + 1e-12) + problem.curvature_of(kept)
+        slope = own.slope + precision * x + beside[kept].sum(axis=0)
         step = np.zeros(x.size)
         step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
         if by == "specimen":
@@ -98,9 +99,11 @@ def _own_fitted(
     damped = np.isin(problem.damping_at, list(out))
     found = problem.whole(passing.root(others)) + problem.of_damping(size, damped)
     rest = np.setdiff1d(here, own)
-    slope = found.slope[own] + precision[own] * x[own] + beside[_kept(problem, others)].sum(axis=0)[own]
-    slope += found.hessian[np.ix_(own, rest)] @ step[rest]
-    step[own] = -scaled_solve(found.hessian[np.ix_(own, own)] + np.diag(precision[own] + 1e-12), slope)
+    kept = _kept(problem, others)
+    hessian = found.hessian + problem.curvature_of(kept)
+    slope = found.slope[own] + precision[own] * x[own] + beside[kept].sum(axis=0)[own]
+    slope += hessian[np.ix_(own, rest)] @ step[rest]
+    step[own] = -scaled_solve(hessian[np.ix_(own, own)] + np.diag(precision[own] + 1e-12), slope)
 
 
 def _kept(problem: TreeProblem, without: Without) -> NDArray[np.bool_]:

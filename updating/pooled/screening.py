@@ -372,6 +372,6 @@ def _curvatures(problem: TreeProblem, model: SpecimensModel, sizes: Sizes) -> li
         for c in states:
             touched, own = problem.leaves[c].touched, problem.errors[c]
             slope += beside[ends[c] : ends[c + 1]].sum(axis=0)
-            curvature[np.ix_(touched, touched)] += own.curvature
+            curvature[np.ix_(touched, touched)] += own.curvature.sum(axis=0)
         found.append((curvature, slope))
     return found
