@@ -201,6 +201,10 @@ class Problem:
         return Weighed(float(value @ value), jacobian.T @ value, jacobian.T @ jacobian, log)
 
 
+import os
+MASS = float(os.environ.get('MASS','0.5'))
+
+
 def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> Vector:
     """Return which share of the discrepancy two states have in common, (n_state, n_state).
 
@@ -238,7 +242,11 @@ def joined(errors: Sequence[Errors], common: Vector) -> Problem:
             forth, back = one.weight @ turn, other.weight @ turn.T  # in the coordinates of the other state
             dot = forth @ other.weight.T
             block = dot[:, None, :, None] * turn[None, :, None, :]
-            block = common[c, d] * (block + back.T[None, :, :, None] * forth[:, None, None, :])
+            block = block + back.T[None, :, :, None] * forth[:, None, None, :]
+            if MASS:
+                ra, rb = one.inertia, other.inertia
+                block = (1.0-MASS) * block + MASS * block * ra[:, :, None, None] * rb[None, None, :, :]
+            block = common[c, d] * block
             here, there = slice(first[c], first[c + 1]), slice(first[d], first[d + 1])
             discrepancy[here, :, there] = block
             discrepancy[there, :, here] = block.transpose(2, 3, 0, 1)

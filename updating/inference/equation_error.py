@@ -23,6 +23,9 @@ from updating.inference.protocol import Modal, State
 
 Vector = NDArray[np.float64]
 
+WIDE = 1.0
+"""Equation error that is possible before anything is known, and that of a measured mode which the model lacks."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Errors:
@@ -38,8 +41,9 @@ class Errors:
         Covariance of e by the noise of shapes and frequencies.
     jacobian : (n, m, n_coordinate) float
         Derivatives of e.
-    log_map : float
-        Logarithm of the density of (lambda_r, u_r) over that of e; what shapes are off by beyond all modes is in it.
+    log_maps : (n,) float
+        Logarithm of the density of (lambda_r, u_r) over that of e, by measured mode; what shapes are off by beyond all
+        modes is in it.
     curvature : (n, n_coordinate, n_coordinate) float
         Gauss and Newton's approximation of the Hessian of half the square of that, over the noise, by measured mode.
     damping : (n,) float
@@ -64,7 +68,7 @@ class Errors:
     weight: Vector
     noise: Vector
     jacobian: Vector
-    log_map: float
+    log_maps: Vector
     curvature: Vector
     damping: Vector
     damping_std: Vector
@@ -90,6 +94,17 @@ class Errors:
         """
         whole = self.latent.gradient(pull, inverse, self.jacobian.shape[2])
         return np.asarray(whole - np.einsum("rs,rsp->rp", pull, self.jacobian))
+
+    @property
+    def inertia(self) -> Vector:
+        """omega_r / omega_s, (n, m): 1 of rigid modes."""
+        modelled = np.where(self.modelled > 0.0, self.modelled, self.eigenvalue[:, None])
+        return np.asarray(np.sqrt(self.eigenvalue[:, None] / modelled))
+
+    @property
+    def log_map(self) -> float:
+        """Sum of `log_maps` over all modes."""
+        return float(np.sum(self.log_maps))
 
     @property
     def frequency(self) -> Vector:
@@ -139,7 +154,7 @@ def equation_errors(
     apart: Sequence[int] = (),
     *,
     usual: float = 0.03,
-    wide: float = 1.0,
+    wide: float = WIDE,
     rest: float = 1e-3,
 ) -> Errors:
     """Put the measured modes of a state into the equations of a model.
@@ -214,7 +229,7 @@ def equation_errors(
         weight=weight,
         noise=of_noise,
         jacobian=jacobian,
-        log_map=_log_map(latent, inverse, state, noise),
+        log_maps=_log_maps(latent, inverse, state, noise),
         curvature=curvature,
         damping=np.log(state.damping / (loss / (2.0 * omega))),
         damping_std=np.hypot(state.damping_std / state.damping, rest),
@@ -228,19 +243,19 @@ def equation_errors(
     return apart_from(errors, old=(), new=apart, wide=wide)
 
 
-def _log_map(own: Latent, inverse: Vector, state: State, noise: Vector) -> float:
-    """Return the logarithm of the density of (lambda_r, u_r) over that of e; `inverse` is that of the covariance."""
+def _log_maps(own: Latent, inverse: Vector, state: State, noise: Vector) -> Vector:
+    """Return the logarithms of the density of (lambda_r, u_r) over that of e, (n,).
+
+    `inverse` is that of the covariance of the modal coordinates.
+    """
     misfit = np.sum(state.shape**2, axis=0) / noise**2
     misfit -= np.einsum("ri,rij,rj->r", own.mean, inverse, own.mean)
     stretch = np.abs(np.sum(own.weight**2 / (own.gap * own.scale), axis=1) * own.eigenvalue)
-    return float(
-        np.sum(np.log(np.abs(own.gap)))
-        + np.sum(np.log(stretch))
-        + 0.5 * np.sum(np.linalg.slogdet(own.covariance)[1] - misfit)
-    )
+    within = 0.5 * (np.linalg.slogdet(own.covariance)[1] - misfit)
+    return np.asarray(np.sum(np.log(np.abs(own.gap)), axis=1) + np.log(stretch) + within)
 
 
-def apart_from(errors: Errors, *, old: Sequence[int], new: Sequence[int], wide: float = 1.0) -> Errors:
+def apart_from(errors: Errors, *, old: Sequence[int], new: Sequence[int], wide: float = WIDE) -> Errors:
     """Return errors with other modes apart: `wide` is the standard deviation of theirs."""
     noise, damping_std = errors.noise.copy(), errors.damping_std.copy()
     for sign, modes in ((-1.0, old), (1.0, new)):

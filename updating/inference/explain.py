@@ -221,11 +221,11 @@ def explain(
         )
 
     best = fit(setting.apart, start, sizes)
-    number = sum(state.frequency.size for state in model.states)
-    for _ in range(int(most_apart * number)):
+    most = int(most_apart * sum(state.frequency.size for state in model.states))
+    for _ in range(2 * most):
         if not best.apart and not too_large(best, setting.priors):
             break
-        other = _otherwise(best, setting)
+        other = _otherwise(best, setting, most)
         if other is None:
             break
         trial = fit(other, best.x, best.evidence.sizes)
@@ -255,11 +255,12 @@ def p_value(size: float, prior: SizePrior) -> float:
 
 
 def _otherwise(
-    own: Explanation, setting: Setting, *, suspicious: float = 3.0
+    own: Explanation, setting: Setting, most: int, *, suspicious: float = 3.0
 ) -> frozenset[tuple[int, int]] | None:
     """Return the modes apart with one more or one fewer, where the evidence of the fit as it stands rises by that.
 
-    More: the mode that the others predict worst, if the square of its error is `suspicious` times what is expected.
+    More, up to `most`: the mode that the others predict worst, if the square of its error is `suspicious` times what is
+    expected.
     """
     if isinstance(own.problem, TreeProblem):  # of many states, no mode is taken apart yet
         return None
@@ -276,7 +277,7 @@ def _otherwise(
     ]
     worst = max((s, one) for s, one in zip(square, numbered, strict=True) if one not in own.apart)
     trials = [own.apart - {one} for one in own.apart]
-    if worst[0] > suspicious:
+    if worst[0] > suspicious and len(own.apart) < most:
         trials.append(own.apart | {worst[1]})
     best, found = own.log_evidence, None
     for apart in trials:

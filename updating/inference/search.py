@@ -21,6 +21,7 @@ from updating.inference.explain import (
     explain,
     outlook,
     setting,
+    too_large,
 )
 from updating.inference.left_out import Kind, LeftOut, left_out
 from updating.inference.levels import (
@@ -36,6 +37,7 @@ from updating.inference.levels import (
     RISES,
 )
 from updating.inference.protocol import Coordinate, Model, Term
+from updating.inference.robust_start import robust_start
 from updating.inference.screen import screened
 
 Vector = NDArray[np.float64]
@@ -166,8 +168,8 @@ def begin(
 ) -> tuple[Setting, Explanation]:
     """Fit the base model from the best of several starts, and return what all fits share and the fit.
 
-    Where that is far off, fits start from either side of the first start as well, in what nothing is known of. The
-    noise of shapes is that beside the model where it fits: beside one that is far off, it would be misfit.
+    Where that leaves more than right models do, the fit begins at `robust_start` as well. The noise of shapes is that
+    beside the model where it fits: beside one that is far off, it would be misfit.
     """
     nuisances = model.nuisances
 
@@ -176,22 +178,18 @@ def begin(
         own = setting(model, local, start, shares=shares, priors=priors)
         return converged(model, [], own, start, local=local, rounds=1)
 
-    def off(one: Explanation) -> float:
-        return float(np.mean([np.mean(e.frequency**2) for e in one.errors]))
+    def beside(x: Vector) -> Setting:
+        return setting(model, model.about(nuisances, [x]), x, shares=shares, priors=priors)
 
-    best = min(map(first, starts), key=off)
-    if best.evidence.sizes.stiffness > priors[0].quantile(1.0 - INADEQUATE):
-        for i, sign in itertools.product(
-            [i for i, c in enumerate(nuisances) if np.isinf(c.std) and np.isfinite(c.longest)], (-1.0, 1.0)
-        ):
-            start = np.array(starts[0], float)
-            start[i] = np.clip(start[i] + sign * nuisances[i].longest, nuisances[i].lower, nuisances[i].upper)
-            with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                best = min(best, first(start), key=off)
-    for _ in range(2):
-        common = setting(model, model.about(nuisances, [best.x]), best.x, shares=shares, priors=priors)
-        best = explain(model, [], common, best.x)
-    return common, best
+    best = min(map(first, starts), key=lambda one: np.mean([np.mean(e.frequency**2) for e in one.errors]))
+    common = beside(best.x)
+    best = explain(model, [], common, best.x)
+    if too_large(best, priors):
+        robust = robust_start(model, common, starts[0])
+        other = explain(model, [], replace(common, apart=robust.apart), robust.x)
+        best = max(best, other, key=lambda one: one.log_evidence)
+    common = beside(best.x)
+    return common, explain(model, [], replace(common, apart=best.apart), best.x)
 
 
 def search(

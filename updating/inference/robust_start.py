@@ -1,0 +1,98 @@
+"""Where a fit of the base model begins that is far off, or that has measured modes which the model lacks.
+
+Each measured mode is one of the model's or, with a probability `STRANGE`, none of them: then its equation errors may be
+anything. The density of this mixture has one maximum over a coordinate of which nothing is known, however far off some
+modes are, where that of normal errors has as many as there are modes to be taken for one another.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from updating.inference.equation_error import WIDE, Errors
+from updating.inference.explain import Setting, errors_at
+from updating.inference.levels import STRANGE
+from updating.inference.protocol import Model
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RobustStart:
+    """Coordinates of the base model, and the measured modes, by state and number, that are none of its modes there."""
+
+    x: Vector
+    apart: frozenset[tuple[int, int]]
+
+
+def robust_start(
+    model: Model,
+    common: Setting,
+    start: Vector,
+    *,
+    sizes: Sequence[float] = (0.02, 0.05),
+    reach: float = 1.2,
+    per_step: int = 4,
+) -> RobustStart:
+    """Scan each coordinate of which nothing is known for the most probable mixture of modes.
+
+    Parameters
+    ----------
+    model, common : Model and Setting
+        The model, and what fits share.
+    start : (n_nuisance,)
+        About where to look.
+    sizes : sequence of float
+        Of the discrepancy: the largest that is usual, and more, for nothing else is fitted yet.
+    reach : float
+        How far to either side.
+    per_step : int
+        Points in the longest step of a fit; one local model holds for them.
+    """
+    best, found = -np.inf, RobustStart(np.array(start, float), frozenset())
+    for i, c in enumerate(model.nuisances):
+        if not (np.isinf(c.std) and np.isfinite(c.longest)):
+            continue
+        at = found.x
+        for middle in np.arange(-reach, reach + 1e-9, c.longest):
+            around = middle + c.longest * ((np.arange(per_step) + 0.5) / per_step - 0.5)
+            points = [np.array([*at[:i], at[i] + away, *at[i + 1 :]]) for away in (middle, *around)]
+            points = [x for x in points if c.lower <= x[i] <= c.upper]
+            if not points:
+                continue
+            local = model.about(model.nuisances, points[:1])
+            for x in points:
+                with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+                    errors = errors_at(model, local, common, x)
+                    for size in sizes:
+                        log, apart = _mixture(errors, size)
+                        if log > best + 1e-6:
+                            best, found = log, RobustStart(x, apart)
+    return found
+
+
+def _mixture(errors: Sequence[Errors], size: float) -> tuple[float, frozenset[tuple[int, int]]]:
+    """Return the logarithm of the density of all modes, one by one, and which are likelier none of the model's."""
+    total, apart = 0.0, set[tuple[int, int]]()
+    for c, own in enumerate(errors):
+        for r, (value, a, noise) in enumerate(zip(own.value, own.weight, own.noise, strict=True)):
+            acts = np.eye(a.size) + np.outer(a, a)
+            mine, strange = (_log_normal(value, noise + s**2 * acts) for s in (size, WIDE))
+            mine, strange = mine + math.log(1.0 - STRANGE), strange + math.log(STRANGE)
+            total += float(np.logaddexp(mine, strange)) + float(own.log_maps[r])
+            if strange > mine:
+                apart.add((c, r))
+    return total, frozenset(apart)
+
+
+def _log_normal(value: Vector, covariance: Vector) -> float:
+    root = la.cholesky(covariance, lower=True, check_finite=False)
+    white = la.solve_triangular(root, value, lower=True, check_finite=False)
+    return -0.5 * float(white @ white) - float(np.sum(np.log(np.diag(root))))
