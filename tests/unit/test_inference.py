@@ -131,16 +131,21 @@ def test_derivatives_of_frequencies_are_those_of_differences(i):
 
 
 def test_errors_scatter_as_a_random_perturbation_makes_them():
-    """Equation errors of chains whose stiffness is perturbed at random have the covariance of the discrepancy."""
+    """Equation errors of chains whose stiffness and mass are perturbed have the covariance of the discrepancy."""
     stiffness, mass, _ = matrices({})
     value, vector = la.eigh(stiffness, mass)
-    force = (mass @ vector * np.sqrt(value))[:, :M]  # of the modes whose equations are looked at
+    inertia = (mass @ vector)[:, :M]  # of the modes whose equations are looked at
+    force = inertia * np.sqrt(value[:M])
     size, rng = 1e-3, np.random.default_rng(1)
     samples = []
-    for _ in range(200):
+
+    def perturbed() -> np.ndarray:
         e = np.triu(rng.standard_normal((M, M)), 1)
-        e = size * (e + e.T + np.diag(np.sqrt(2.0) * rng.standard_normal(M)))
-        state = measured(stiffness + force @ e @ force.T, mass, noise=1e-7)
+        return size * np.sqrt(0.5) * (e + e.T + np.diag(np.sqrt(2.0) * rng.standard_normal(M)))
+
+    for _ in range(200):
+        stiffer, heavier = force @ perturbed() @ force.T, inertia @ perturbed() @ inertia.T
+        state = measured(stiffness + stiffer, mass + heavier, noise=1e-7)
         samples.append(errors(state, [0.0, 0.0]).value)
     variance = np.mean(np.square(samples), axis=0) / size**2
     own = errors(measured(stiffness, mass, noise=1e-7), [0.0, 0.0])

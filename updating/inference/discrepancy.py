@@ -1,10 +1,12 @@
 """The discrepancy of a model: one size of a random symmetric perturbation, shared between states.
 
-An honest model differs from the structure by a random symmetric relative perturbation E of its stiffness (and mass) in
-modal coordinates (Soize 2000): e_r = E a_r + noise, with independent entries of variance sigma**2 off the diagonal and
-2 sigma**2 on it. So cov(e_sr, e_s'r') = sigma**2 (delta_ss' a_r.a_r' + a_s'r a_sr'): frequencies and shapes follow from
-one size, shapes mix by sigma omega_s omega_r / (lambda_r - lambda_s), and frequencies move by sigma / sqrt 2. Of E a
-share is common to states that lie in the same part of the tree. Damping is perturbed likewise, in logarithms.
+An honest model differs from the structure by random symmetric relative perturbations of its stiffness and of its mass
+in modal coordinates (Soize 2000): e_r = (E_K + diag(omega_r / omega_s) E_M) a_r + noise, each with independent entries
+of variance sigma**2 / 2 off the diagonal and twice as much on it. So cov(e_sr, e_s'r') = sigma**2 (delta_ss' a_r.a_r' +
+a_s'r a_sr') (1 + omega_r omega_r' / (omega_s omega_s')) / 2: frequencies and shapes follow from one size, shapes mix by
+some sigma omega_s omega_r / (lambda_r - lambda_s), and frequencies move by sigma / sqrt 2. By stiffness alone two modes
+would have to take as much of one another to within the noise of shapes, which a missing mass does not do. Of E a share
+is common to states that lie in the same part of the tree. Damping is perturbed likewise, in logarithms.
 """
 
 from __future__ import annotations
@@ -83,6 +85,8 @@ SPREAD = float(np.log(5.0) / 1.645)
 """Standard deviation of the logarithm of a size: nine of ten lie within a factor of 5 of the median."""
 STIFFNESS = SizePrior(median=0.004, spread=SPREAD, lowest=3e-4, highest=0.1, n=16)
 """Of equation errors: models of laminated stacks and plates that lack nothing leave 0.1 to 1 % of an eigenvalue."""
+OF_MASS = 0.5
+"""Share of the variance that is the mass's: nobody knows either better."""
 DAMPING = SizePrior(median=0.1, spread=SPREAD, lowest=4e-3, highest=1.2, n=10)
 """Of the logarithm of a damping ratio: 2 to 50 %; the damping of reassembled stacks repeats to some 10 %."""
 
@@ -201,10 +205,6 @@ class Problem:
         return Weighed(float(value @ value), jacobian.T @ value, jacobian.T @ jacobian, log)
 
 
-import os
-MASS = float(os.environ.get('MASS','0.5'))
-
-
 def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> Vector:
     """Return which share of the discrepancy two states have in common, (n_state, n_state).
 
@@ -243,10 +243,8 @@ def joined(errors: Sequence[Errors], common: Vector) -> Problem:
             dot = forth @ other.weight.T
             block = dot[:, None, :, None] * turn[None, :, None, :]
             block = block + back.T[None, :, :, None] * forth[:, None, None, :]
-            if MASS:
-                ra, rb = one.inertia, other.inertia
-                block = (1.0-MASS) * block + MASS * block * ra[:, :, None, None] * rb[None, None, :, :]
-            block = common[c, d] * block
+            of_mass = one.inertia[:, :, None, None] * other.inertia[None, None, :, :]
+            block *= common[c, d] * (1.0 - OF_MASS + OF_MASS * of_mass)
             here, there = slice(first[c], first[c + 1]), slice(first[d], first[d + 1])
             discrepancy[here, :, there] = block
             discrepancy[there, :, here] = block.transpose(2, 3, 0, 1)

@@ -97,7 +97,7 @@ class Errors:
 
     @property
     def inertia(self) -> Vector:
-        """omega_r / omega_s, (n, m): 1 of rigid modes."""
+        """omega_r / omega_s, (n, m), by which a change of the mass acts: 1 of rigid modes."""
         modelled = np.where(self.modelled > 0.0, self.modelled, self.eigenvalue[:, None])
         return np.asarray(np.sqrt(self.eigenvalue[:, None] / modelled))
 

@@ -1,10 +1,10 @@
 """Errors of many states whose discrepancies are shared by levels of a tree, solved from its leaves to its root.
 
-The discrepancy of a state is E = E_rig + E_specimen + E_state: each a random symmetric matrix in the coordinates of one
-reference state, and each linear in the errors. So the covariance of all errors is one block for each state and, for
-every node of the tree, of the rank of such a matrix. Integrating out E from the leaves to the root (as in a Kalman
-filter on a tree; Chou, Willsky and Benveniste 1994) costs as many small factorisations as there are nodes, where the
-covariance in full would have thousands of rows. See `discrepancy` for one stack.
+The discrepancy of a state is E = E_rig + E_specimen + E_state: each two random symmetric matrices, of stiffness and of
+mass, in the coordinates of one reference state, and each linear in the errors. So the covariance of all errors is one
+block for each state and, for every node of the tree, of the rank of such matrices. Integrating out E from the leaves to
+the root (as in a Kalman filter on a tree; Chou, Willsky and Benveniste 1994) costs as many small factorisations as
+there are nodes, where the covariance in full would have thousands of rows. See `discrepancy` for one stack.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.discrepancy import Sizes, Weighed, shared_levels
+from updating.inference.discrepancy import OF_MASS, Sizes, Weighed, shared_levels
 from updating.inference.equation_error import Errors
 
 Vector = NDArray[np.float64]
@@ -410,7 +410,9 @@ def _leaf_of(own: Errors, turn: Vector, turned: Vector, touched: NDArray[np.intp
     follows = turn[low][:, :, None] * turned.T[high][:, None, :]  # (p, m, n)
     follows = follows + turn[high][:, :, None] * turned.T[low][:, None, :]
     follows *= np.where(low == high, np.sqrt(0.5), 1.0)[:, None, None]
-    latent = follows.transpose(2, 1, 0).reshape(n * m, low.size)
+    of_stiffness = follows.transpose(2, 1, 0).reshape(n * m, low.size)
+    of_mass = own.inertia.reshape(-1, 1) * of_stiffness
+    latent = np.hstack([np.sqrt(1.0 - OF_MASS) * of_stiffness, np.sqrt(OF_MASS) * of_mass])
     return Leaf(
         touched=touched,
         noise=la.block_diag(*own.noise) + _NUGGET * np.eye(n * m),
