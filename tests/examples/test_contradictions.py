@@ -65,9 +65,7 @@ def test_a_fit_that_leaves_no_pair_is_an_error(monkeypatch):
 
 
 def test_a_configuration_of_which_nothing_would_be_used_is_an_error(monkeypatch):
-    evidence = SimpleNamespace(rough=None, tested=[SimpleNamespace(name=name) for name in ("M1", "M2")])
-    monkeypatch.setattr(
-        assembly, "_matched", lambda *_: (1.0, (np.arange(0), np.arange(3)), (np.arange(0),) * 2)
-    )
+    tested = [SimpleNamespace(name=name) for name in ("M1", "M2")]
+    monkeypatch.setattr(assembly, "_far", lambda *_: (1.0, [0, 3]))
     with pytest.raises(FitError, match="no measured mode of M1 resembles one of the model"):
-        assembly._started(evidence)
+        assembly._nearest(SimpleNamespace(rough=None), tested, ())

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from typer.testing import CliRunner
 
 from ema import ModalModel
 from updating import read_result
-from updating.commands import diagnose, shipped
 from updating.commands.command_line import app
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.ledger import Ledger
@@ -20,31 +18,12 @@ ROOT = Path(__file__).parents[2]
 TRUTH = json.loads((ROOT / "data/demo_diagnosis/truth.json").read_text(encoding="utf-8"))
 
 
-COARSE = (("n_lamina = 240", "n_lamina = 48"), ("n_y = 4", "n_y = 2"))
-FEW = (
-    "accelerometer_roving", "clamp_inertia", "clamp_mass", "contact_direction", "lost_contact_ends",
-    "lost_contact_middle", "pressure_exponent", "stinger_mass",
-)  # fmt: skip
-
-
-@pytest.fixture(scope="module", params=["quick", pytest.param("as shipped", marks=pytest.mark.slow)])
-def told(request, tmp_path_factory):
-    """What `lamella demo` prints, and its folder: as shipped, or with a coarser model and a fifth of the catalogue."""
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """What `lamella demo` prints, and its folder."""
     folder = tmp_path_factory.mktemp("story")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
-        if request.param == "quick":
-            known = diagnose.catalogue()
-            patch.setattr(diagnose, "catalogue", lambda *_: {name: known[name] for name in FEW})
-            data = tmp_path_factory.mktemp("data")
-            shutil.copytree(ROOT / "data/demo_diagnosis", data / "demo_diagnosis")
-            file = data / "demo_diagnosis/stack.toml"
-            text = file.read_text(encoding="utf-8")
-            for fine, coarse in COARSE:
-                assert fine in text
-                text = text.replace(fine, coarse)
-            file.write_text(text, encoding="utf-8")
-            patch.setattr(shipped, "_CHECKOUT", data)
         done = CliRunner().invoke(app, ["demo", "-o", str(folder)])
     assert done.exit_code == 0, done.output
     return " ".join(done.output.split()), folder
