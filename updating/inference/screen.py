@@ -36,7 +36,6 @@ class _Origin:
     roots: tuple[Vector, Vector]
     value: Vector
     jacobian: Vector
-    beside: Vector
     log: float
 
 
@@ -53,8 +52,7 @@ def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes:
     problem = joined(errors, setting.common)
     factors = roots(problem, sizes)
     value, jacobian, log = whitened(problem, sizes, factors)
-    beside = problem.beside(sizes).sum(axis=0)
-    return _Origin(x, known, errors, problem, factors, value, jacobian, beside, log - problem.log_map)
+    return _Origin(x, known, errors, problem, factors, value, jacobian, log - problem.log_map)
 
 
 def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tuple[Vector, Vector]:
@@ -107,9 +105,10 @@ def screened(
     *,
     asked: int = 16,
     each: int = 3,
+    further_steps: int = 3,
     weak: float = 0.1,
 ) -> dict[str, tuple[float, Vector]]:
-    """Return what one step is expected to reach with each further term, minus the cost, and where it leads.
+    """Return what a few steps are expected to reach with each further term, minus the cost, and where it leads.
 
     Parameters
     ----------
@@ -120,7 +119,10 @@ def screened(
     origins : sequence of mapping of str to float
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
     asked, each : int
-        Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these.
+        Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these and
+        that of each origin.
+    further_steps : int
+        Steps that are taken from there, for what one promises of a start far off is little more than a rank.
     weak : float
         Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
     """
@@ -131,30 +133,38 @@ def screened(
     for x in points:
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
             at.append((x, _origin(model, setting, local, x, sizes)))
-    best: dict[str, list[tuple[float, Vector]]] = {}
+    best: dict[str, list[tuple[float, int, Vector]]] = {}
     for term in further:
         together = coordinates_of(model, [*present, term])
         columns = np.array([index[c.name] for c in together])
         new = [c for c in together if c.name not in origins[0]]
         trials = list(itertools.product(*(c.starts for c in new)))
         trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in own) for own in trials if new]
-        for values, (x, origin) in itertools.product(trials, at):
+        for values, (o, (x, origin)) in itertools.product(trials, enumerate(at)):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
             ahead = _ahead(model, origin, start, columns, together) if origin is not None else None
-            best.setdefault(term.name, []).append((np.inf if ahead is None else ahead, start[columns]))
+            best.setdefault(term.name, []).append((np.inf if ahead is None else ahead, o, start[columns]))
     ranked = sorted(best, key=lambda name: -max(own[0] for own in best[name]))
     found: dict[str, tuple[float, Vector]] = {}
     by_name = {term.name: term for term in further}
     for i, name in enumerate(ranked):
         tried = sorted(best[name], key=lambda own: -own[0])
-        if i >= asked and np.isfinite(tried[0][0]):
+        known = np.isfinite(tried[0][0])
+        if i >= asked and known:
             break
         near = local.of(coordinates_of(model, [*present, by_name[name]]))
-        for _, start in tried[:each] if np.isfinite(tried[0][0]) else tried:
+        first = {o: j for j, (_, o, _) in reversed(list(enumerate(tried)))}  # the best of each origin
+        for j, (_, o, start) in enumerate(tried):
+            if known and j >= each and first[o] != j:
+                continue
             try:
                 one = outlook(model, [*present, by_name[name]], setting, start, near, sizes)
-            except (np.linalg.LinAlgError, ValueError):  # no modes at this start
+                for _ in range(further_steps):
+                    before, one = one, outlook(model, [*present, by_name[name]], setting, one[1], near, sizes)
+                    if abs(one[0] - before[0]) < 1.0:
+                        break
+            except (np.linalg.LinAlgError, ValueError):  # no modes there
                 continue
             if name not in found or one[0] > found[name][0]:
                 found[name] = one
@@ -187,7 +197,7 @@ def _ahead(
         jacobian[:, [columns.tolist().index(i) for i in moved.tolist()]] = change_white[:, 1:]
     x = start[columns]
     precision = np.array([c.std**-2.0 for c in coordinates])
-    slope = jacobian.T @ value + precision * x + origin.beside[columns]
+    slope = jacobian.T @ value + precision * x
     hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
     step = step_within(slope, hessian, x, coordinates, damp=1e-3) - x
     total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log

@@ -34,7 +34,7 @@ from updating.inference.levels import (
     RELEASED,
     RISES,
 )
-from updating.inference.protocol import Coordinate, Model, Term
+from updating.inference.protocol import Model, Term
 from updating.inference.robust_start import robust_start
 from updating.inference.screen import screened
 
@@ -328,12 +328,13 @@ def extended(
     coordinates = coordinates_of(model, [*present, *further])
     have = {c.name: value for c, value in zip(at.coordinates, at.x, strict=True)}
     origins = [have]
-    known = [c.name for c in at.coordinates[: at.n_nuisance] if np.isfinite(c.std)]
-    if (
-        np.max(np.abs([have[n] / c.std for n, c in zip(known, _named(at, known), strict=True)]), initial=0.0)
-        > PULLED
-    ):
-        origins.append({**have, **dict.fromkeys(known, 0.0)})  # what is missing may have pulled them
+    pulled = [
+        c.name
+        for c, x in zip(at.coordinates[: at.n_nuisance], at.x, strict=False)
+        if np.isfinite(c.std) and abs(x) > PULLED * c.std
+    ]
+    if pulled:
+        origins.append({**have, **dict.fromkeys(pulled, 0.0)})  # what is missing may have pulled them
     if at.evidence.sizes.stiffness > common.priors[0].quantile(1.0 - INADEQUATE):
         names = [c.name for c in model.nuisances]
         origins += [{**have, **dict(zip(names, start, strict=True))} for start in starts]
@@ -365,11 +366,6 @@ def extended(
         except (np.linalg.LinAlgError, ValueError):
             continue
     return sorted(found, key=lambda f: -f.log_evidence)
-
-
-def _named(own: Explanation, names: Sequence[str]) -> list[Coordinate]:
-    by_name = {c.name: c for c in own.coordinates}
-    return [by_name[n] for n in names]
 
 
 def _needed(
