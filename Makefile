@@ -84,5 +84,5 @@ $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --quiet --no-compile --editable ".[dev]"
-	$(BIN)/python -c "from updating.commands.command_line import COMMANDS, load; [load(name) for name in COMMANDS]"
+	$(BIN)/python -c "from updating import commands; [getattr(commands, name) for name in commands.__all__]"
 	touch $(READY)

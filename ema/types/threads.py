@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
+import scipy.linalg  # noqa: F401  # with its own BLAS, whose threads can be limited once it is there
 from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")

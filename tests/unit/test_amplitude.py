@@ -13,7 +13,7 @@ from ema.identification.resonance import resonances
 from ema.plot.amplitude import amplitude_figure
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
-from updating.commands.ema import ema
+from updating.commands.usage import ema
 from updating.results.amplitude import over_amplitude, stored_amplitude
 from updating.results.identified import assignments, read_back
 

@@ -1,6 +1,7 @@
 """Commands begin at once: what is slow to import is imported when something is drawn, read or served."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -9,25 +10,32 @@ import tomllib
 import pytest
 
 from tests.command import ROOT, lamella
-from updating.commands.command_line import EXTRAS
+from updating import commands
+from updating.commands.command_line import EXTRAS, app
 
 DRAWING = {"matplotlib", "plotly", "pyvista", "vtkmodules", "PIL", "pptx", "jinja2"}
 SERVING = {"trame", "trame_server", "aiohttp", "wslink"}
 READING = {"h5py", "nptdms", "pandas"}
 SELDOM = {"scipy.stats", "scipy.signal"}  # half a second each, in each process
-NUMBERS = {"numpy", "scipy", "skfem", "pydantic", "cattrs", "dask", "distributed"}
+NUMBERS = {
+    "numpy",
+    "scipy",
+    "skfem",
+    "cattrs",
+    "dask",
+    "distributed",
+}  # typer takes pydantic for ranges of options
 COUNT = """
-import json, sys
-from updating.commands.command_line import load
+import contextlib, io, json, sys
+from updating.commands.command_line import app
 {job}
 print(json.dumps(sorted(sys.modules)))
 """
-HELP = """
-import contextlib, io
-from updating.commands.command_line import app
+ASK = """
 with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-    app(["--help"])
+    app({words!r})
 """
+EVERY = [command.name or command.callback.__name__ for command in app.registered_commands]
 
 
 def imported(job):
@@ -38,13 +46,39 @@ def imported(job):
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
-def test_the_list_of_commands_needs_no_numbers():
-    assert imported(HELP) & (DRAWING | SERVING | READING | NUMBERS) == set()
+def test_help_needs_no_numbers():
+    """Nor the modules that do what the commands say: of this package there are the words alone."""
+    asked = imported(
+        "".join(ASK.format(words=words) for words in (["--help"], *([c, "--help"] for c in EVERY)))
+    )
+    assert asked & (DRAWING | SERVING | READING | NUMBERS) == set()
+    own = {name for name in asked if name.startswith("updating.commands.")}
+    assert own == {f"updating.commands.{name}" for name in ("command_line", "options", "terminal", "usage")}
 
 
 def test_a_command_begins_without_what_it_may_need_later():
-    job = "\n".join(f"load({name!r})" for name in ("report", "open", "fit", "diagnose", "ema", "new"))
-    assert imported(job) & (DRAWING | SERVING | READING | SELDOM) == set()
+    job = "\n".join(f"commands.{name}" for name in commands.__all__)
+    assert imported(f"from updating import commands\n{job}") & (DRAWING | SERVING | READING | SELDOM) == set()
+
+
+def test_every_command_that_multiplies_uses_one_thread():
+    """`single_threaded` leaves what it wraps as `__wrapped__`."""
+    several = {name for name in commands.__all__ if not hasattr(getattr(commands, name), "__wrapped__")}
+    assert several == {"new_command"}
+
+
+def test_one_thread_holds_for_libraries_that_are_imported_later():
+    job = """
+from threadpoolctl import threadpool_info
+from ema.types.threads import single_threaded
+@single_threaded
+def later():
+    import numpy, scipy.linalg, scipy.spatial, scipy.sparse.linalg
+    return [own["num_threads"] for own in threadpool_info() if own["user_api"] == "blas"]
+assert set(later()) == {1}
+"""
+    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    subprocess.run([sys.executable, "-c", job], env=environment, timeout=120, check=True)
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

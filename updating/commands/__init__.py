@@ -1,1 +1,8 @@
-"""The command line: every command, what it reads and writes, and the tables it prints."""
+"""The command line: every command, what it reads and writes, and the tables it prints.
+
+What the commands do is imported when one of them runs; `__init__.pyi` says from where.
+"""
+
+from ema.types.lazy import exports
+
+__all__, __getattr__, __dir__ = exports(__name__, __file__)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from rich.table import Table
 
+from ema.types.threads import single_threaded
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.fit import Asked, campaign_ledger, fit_campaign
-from updating.commands.options import Folder
 from updating.commands.report import make_report
 from updating.commands.shipped import shipped_data
 from updating.commands.terminal import OUT
@@ -17,15 +17,12 @@ from updating.errors import FitError
 from updating.results.identified import Failed
 from updating.results.text import percent
 
-EXAMPLE = "lamella demo"
 _LEAST_MAC = 0.8
 
 
-def demo(output: Folder = Path("out/demo")) -> None:
-    """Identify the shipped campaign, fit the model, say what it lacks, add it and see the error fall.
-
-    The campaign travels with the program; nothing is fetched.
-    """
+@single_threaded
+def demo_command(output: Path) -> None:
+    """Tell the whole story on the shipped campaign."""
     campaign = shipped_data("demo_diagnosis") / "campaign.toml"
     _say(
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "

@@ -12,19 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import Campaign, read_campaign
+from ema.types.threads import single_threaded
 from model import Stack, catalogue, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
 from updating.commands.changes import changed_names, diagnose_changes
-from updating.commands.options import (
-    CampaignFile,
-    Cluster,
-    EffectFiles,
-    Folder,
-    IdentifyAnew,
-    Keep,
-    ScatterFile,
-)
 from updating.commands.specimens import diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
@@ -47,7 +39,6 @@ from updating.results.identified import Identified, assignments, every_identifie
 from updating.results.store import kept, write_result
 from updating.workers.workers import workers
 
-EXAMPLE = "lamella diagnose data/hidden_effect/a/campaign.toml -o out/a"
 _MOST_EXPLANATIONS = 8
 Reference = Annotated[
     bool,
@@ -58,24 +49,19 @@ Reference = Annotated[
 ]
 
 
-def diagnose(
-    campaign: CampaignFile,
-    output: Folder,
-    effect_file: EffectFiles = None,
-    scatter: ScatterFile = None,
-    cluster: Cluster = None,
-    keep: Keep = False,
-    identify_anew: IdentifyAnew = False,
-    reference: Reference = False,
+@single_threaded
+def diagnose_command(
+    campaign: Path,
+    output: Path,
+    effect_file: Sequence[Path],
+    scatter: Path | None,
+    cluster: str | None,
+    *,
+    keep: bool,
+    identify_anew: bool,
+    reference: bool,
 ) -> None:
-    """Say which physical effect the model lacks, how sure that is, what cannot be told apart, and what cannot be seen.
-
-    All configurations of the campaign count together. Writes diagnosis.json; one that an earlier run left is read back.
-    Where configurations have a reference (compare_to), says instead whether each changed, what, and where, and writes
-    what_changed.json beside its modes; --reference asks what the model of the others lacks.
-    A campaign that lists specimens is diagnosed as a whole: which effect is the rig's, which specimens are odd, and
-    what a treatment changes. Writes pooled_diagnosis.json.
-    """
+    """Diagnose what a campaign file lists, and print the answer."""
     if identify_anew:
         forget_choices(output)
     if is_modal_table(campaign):
@@ -85,9 +71,7 @@ def diagnose(
         )
         raise FitError(message)
     if has_specimens(campaign):
-        pooled = diagnose_pooled(
-            campaign, output, effect_file or [], OUT, scatter_file=scatter, cluster=cluster
-        )
+        pooled = diagnose_pooled(campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster)
         print_pooled(pooled, output, OUT)
         return
     if not reference and changed_names(read_campaign(campaign)):
@@ -99,13 +83,13 @@ def diagnose(
         )
         return
     found = diagnose_campaign(
-        campaign, output, effect_file or [], OUT, scatter_file=scatter, cluster=cluster, keep=keep
+        campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster, keep=keep
     )
     for sentence in found.sentences:
         OUT.print(sentence, highlight=False, markup=False)
     OUT.print(diagnosis_table(found))
     print_measurement_findings(campaign, output, keep=keep)
-    options = [("--effect-file", str(path)) for path in effect_file or ()]
+    options = [("--effect-file", str(path)) for path in effect_file]
     options += [] if scatter is None else [("--scatter", str(scatter))]
     added = next_command(found, str(campaign), str(output), options)
     if added is not None:

@@ -3,59 +3,38 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import get_args
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
+from ema.types.threads import single_threaded
 from model import Effect, Parameter, catalogue, find_effects, read_stack
 from model.effects.conformance import effect_faults
 from model.stack.effect import Family
-from updating.commands.options import EffectFiles
 from updating.commands.terminal import OUT, bar
 from updating.diagnosis.signature import Signature, signature, signature_figure
 from updating.fitting.fit_plot import as_png
 from updating.results.store import write_bytes
 
-EXAMPLE = "lamella effects clamp_inertia --stack data/demo_stack/stack.toml -o out/effects"
 _WIDTH = 98
 _SAME_SHAPE = 0.95  # cross-orthogonality of a mode with itself
 
 
-def effects(
-    name: Annotated[
-        str | None, typer.Argument(metavar="EFFECT", help="Effect to explain.", show_default=False)
-    ] = None,
-    stack: Annotated[
-        Path | None, typer.Option(metavar="STACK", help="Stack file (TOML) on which the effect is tried.")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the picture.")
-    ] = None,
-    effect_file: EffectFiles = None,
-) -> None:
-    """List the physical effects that a stack can have beyond the base model, or explain one.
-
-    With the name of an effect: what it is, where it enters, its parameters, and what it is mistaken for. With a stack
-    file too: what it does to the first modes of that stack at 160 and 320 kPa (M1 and M2 of the paper), computed at its
-    nominal strength; with -o a picture of it. An effect of your own file is checked as well.
-    """
+@single_threaded
+def effects_command(
+    name: str | None, stack: Path | None, output: Path | None, effect_file: Sequence[Path]
+) -> bool:
+    """List effects or explain one; return whether that has no fault."""
     if name is None:
-        if stack is not None or output is not None:
-            message = "which effect? give its name with --stack and -o, such as lamella effects clamp_inertia"
-            raise typer.BadParameter(message)
-        for table in effect_tables(catalogue(effect_file or ())):
+        for table in effect_tables(catalogue(effect_file)):
             OUT.print(table)
         OUT.print("More about one: lamella effects NAME --stack STACK")
-        return
-    if stack is None and output is not None:
-        message = "-o needs a stack for the picture; give it with --stack"
-        raise typer.BadParameter(message)
-    explained = explain(name, stack, output, effect_file or (), OUT)
+        return True
+    explained = explain(name, stack, output, effect_file, OUT)
     OUT.print(effect_text(explained.effect), markup=False, highlight=False)
     OUT.print(parameter_table(explained.effect))
     for fault in explained.faults:
@@ -64,8 +43,7 @@ def effects(
         OUT.print("What it does to your stack: add --stack STACK")
     else:
         OUT.print(signature_table(explained.signature))
-    if explained.faults:
-        raise typer.Exit(1)
+    return not explained.faults
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -34,7 +32,7 @@ from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.amplitude import amplitude_figure
 from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
-from updating.commands.options import CampaignFile, Cluster, Folder, IdentifyAnew, Keep
+from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
 from updating.results.amplitude import over_amplitude, stored_amplitude
@@ -53,32 +51,21 @@ from updating.results.identified import (
 from updating.results.store import read_frf, write_bytes, write_result
 from updating.workers.workers import in_parallel
 
-EXAMPLE = "lamella ema data/demo_stack/campaign.toml -o out/demo"
 _LONGEST_NAME = 24  # characters on one line
 _MODE_COLUMN = 16  # characters of "12345.6  12.34" with its frame
 
 
-def ema(
-    campaign: CampaignFile,
-    output: Folder,
-    poles: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of results whose edited poles.txt files are used from now on."
-        ),
-    ] = None,
-    cluster: Cluster = None,
-    keep: Keep = False,
-    identify_anew: IdentifyAnew = False,
+@single_threaded
+def ema_command(
+    campaign: Path,
+    output: Path,
+    poles: Path | None,
+    cluster: str | None,
+    *,
+    keep: bool,
+    identify_anew: bool,
 ) -> None:
-    """Identify frequencies, damping ratios and mode shapes of every configuration of a campaign.
-
-    Poles come from the LSCF method and are chosen without any frequency guess. Writes for each configuration
-    modal_model.json, modes.uff (points, modes, synthesised FRFs), modes.csv, shapes.csv and pictures, of several force
-    levels amplitude.json and amplitude.png, of one that is to be compared with a reference change.json and change.csv,
-    and a comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR;
-    every later command uses them until --identify-anew.
-    """
+    """Identify every configuration of a campaign, and print what was found."""
     if identify_anew:
         forget_choices(output)
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)

@@ -6,30 +6,19 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel, read_campaign
+from ema.types.threads import single_threaded
 from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
 from updating.commands.matrices import identify_and_fit_matrices, matrices_fit_table
-from updating.commands.options import (
-    CampaignFile,
-    Cluster,
-    EffectFiles,
-    Folder,
-    IdentifyAnew,
-    Keep,
-    ScatterFile,
-    SharedEffects,
-)
 from updating.commands.report import make_report
 from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT
@@ -67,47 +56,34 @@ from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
 
-EXAMPLE = "lamella fit data/pirnat2013/table7.toml -o out/pirnat2013"
 TORQUE_SCATTER = Scatter(pressure=0.03)
 """Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
 
 
-def fit(
-    campaign: CampaignFile,
-    output: Folder,
-    threshold: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")
-    ] = 0.8,
-    effect: SharedEffects = None,
-    effect_file: EffectFiles = None,
-    scatter: ScatterFile = None,
-    cluster: Cluster = None,
-    keep: Keep = False,
-    identify_anew: IdentifyAnew = False,
+@single_threaded
+def fit_command(
+    campaign: Path,
+    output: Path,
+    threshold: float,
+    effect: Sequence[str],
+    effect_file: Sequence[Path],
+    scatter: Path | None,
+    cluster: str | None,
+    *,
+    keep: bool,
+    identify_anew: bool,
 ) -> None:
-    """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
-
-    G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC. A campaign whose modes are
-    given as a table is fitted row by row, with modes paired by shape class.
-
-    With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
-    contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
-    held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers.
-
-    Of a campaign that lists specimens all are fitted together: effects are the rig's, contact each specimen's own.
-    """
-    known = catalogue(effect_file or [])
+    """Identify and fit what a campaign file lists, and print what came of it."""
+    known = catalogue(effect_file)
     if not _of_matrices(campaign):
-        find_effects(effect or [], known)  # before hours of work
+        find_effects(effect, known)  # before hours of work
     if identify_anew:
         forget_choices(output)
     if has_specimens(campaign):
-        print_pooled(
-            fit_pooled(campaign, output, effect or (), effect_file or (), OUT, cluster=cluster), output, OUT
-        )
+        print_pooled(fit_pooled(campaign, output, effect, effect_file, OUT, cluster=cluster), output, OUT)
         return
     if is_modal_table(campaign):
-        _print_table_fit(campaign, output, effect or [], known, cluster)
+        _print_table_fit(campaign, output, effect, known, cluster)
         return
     fits, done, failed = [], list[Identified](), []
     for one in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
@@ -124,7 +100,7 @@ def fit(
             fits.append(one)
     print_campaign_findings(done)
     if fits and effect:
-        asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file or ()), scatter_file=scatter)
+        asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
         OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
     if done:
         OUT.print(f"Report: {make_report(output, keep=keep)}")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
+from ema.types.threads import single_threaded
 from model import EffectError, Modes, Stack, catalogue, read_stack
 from model.contact.pressing import press
 from model.contact.pressure import PressureSummary
@@ -22,46 +22,22 @@ from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
 from updating.commands.effect_option import with_named_effects
 from updating.commands.matrices import solve_matrices
-from updating.commands.options import EffectFiles, Folder
 from updating.commands.terminal import OUT, bar
 from updating.correlation.shape_class import class_grid, shape_classes
 from updating.fitting.fit_plot import as_png
 from updating.results.store import write_bytes, write_result
 
-EXAMPLE = "lamella model data/demo_stack/stack.toml -o out/stack"
 
-
-def model(
-    stack: Annotated[
-        Path,
-        typer.Argument(
-            metavar="STACK", help="Stack file, or structure file with [matrices] (TOML).", show_default=False
-        ),
-    ],
-    output: Folder,
-    modes: Annotated[
-        int, typer.Option("--modes", "-n", min=1, max=200, help="Number of elastic modes.")
-    ] = 10,
-    tolerance: Annotated[
-        float, typer.Option(min=1e-7, max=1e-2, help="Relative error that a frequency may have.")
-    ] = 1e-4,
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME[:parameter=value,...]",
-            help="Physical effect, at its nominal strength but for the values given; may be given several times.",
-        ),
-    ] = None,
-    effect_file: EffectFiles = None,
+@single_threaded
+def model_command(
+    stack: Path,
+    output: Path,
+    modes: int,
+    tolerance: float,
+    effect: Sequence[str],
+    effect_file: Sequence[Path],
 ) -> None:
-    """Solve the model of a stack: natural frequencies, damping ratios, shapes, and the pressure between laminas.
-
-    Each frequency has an error estimated from the equations of all laminas; where it exceeds the tolerance, the basis
-    is enriched or all laminas are solved, and the table says so. Where the stack file has a table [pressing], the
-    static stage comes first. Writes modes.json, verification.json, pressure.json and pictures.
-    Physical effects beyond the base model are added with --effect; **lamella effects** lists them. A structure file
-    with [matrices] is read, checked and reduced instead.
-    """
+    """Solve the model of a stack or of matrices, and print its modes."""
     if is_structure_file(stack):
         if effect or effect_file:
             message = (
@@ -70,7 +46,7 @@ def model(
             raise EffectError(message)
         OUT.print(solve_matrices(stack, output, modes, OUT))
         return
-    added = AddedEffects(option=tuple(effect or ()), file=tuple(effect_file or ()))
+    added = AddedEffects(option=tuple(effect), file=tuple(effect_file))
     solved = solve(stack, output, modes, tolerance, OUT, added)
     if solved.pressure is not None:
         OUT.print(pressure_table(solved.pressure))

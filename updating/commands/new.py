@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, write_draft
@@ -13,22 +10,9 @@ from ema.campaign.draft_modes import draft_modes, modes_draft_file
 from model.matrices.draft import write_structure
 from updating.commands.terminal import OUT
 
-EXAMPLE = "lamella new my_test"
 
-
-def new(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Folder with measurements.", show_default=False)
-    ],
-) -> None:
-    """Look at the files in a folder and write a first campaign file there, campaign.toml.
-
-    Format, columns, points, directions and units come from the files, their headers and their names; each subfolder
-    with measurements is one configuration, and in a folder that holds modes alone each file of them. A comment stands
-    wherever something is guessed, and "?" where it cannot be known: fill it in, and reading the campaign names what is
-    left. A campaign file that is there is not overwritten. Where the folder has stiffness and mass matrices of another
-    program, and no model yet, a first structure file is written, too.
-    """
+def new_command(folder: Path) -> None:
+    """Look at the files in a folder, write a first campaign file, and say what it takes and what is left to fill in."""
     structure = write_structure(folder) if folder.is_dir() else None
     if structure is not None:
         OUT.print(f"Structure: {structure}; fill in units and reduction.band_Hz, and what may vary.")

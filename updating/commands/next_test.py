@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from rich.table import Table
 
 from ema import read_campaign
+from ema.types.threads import single_threaded
 from model import read_stack
 from updating.commands.diagnose import diagnose_campaign, print_measurement_findings
-from updating.commands.options import CampaignFile, EffectFiles, Folder, IdentifyAnew, ScatterFile
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.text import second_level_text
 from updating.fitting.target import model_file
 from updating.results.chosen_poles import forget_choices
 
-EXAMPLE = "lamella next-test data/hidden_effect/open/campaign.toml -o out/open"
 
-
-def next_test(
-    campaign: CampaignFile,
-    output: Folder,
-    effect_file: EffectFiles = None,
-    scatter: ScatterFile = None,
-    identify_anew: IdentifyAnew = False,
+@single_threaded
+def next_test_command(
+    campaign: Path,
+    output: Path,
+    effect_file: Sequence[Path],
+    scatter: Path | None,
+    *,
+    identify_anew: bool,
 ) -> None:
-    """Rank further tests by how well they would resolve the explanations that a diagnosis leaves open.
-
-    The diagnosis is made where the folder has none of this campaign.
-    """
+    """Print further tests, those first that separate best what a diagnosis leaves open."""
     if identify_anew:
         forget_choices(output)
     read_stack(model_file(read_campaign(campaign), "a further test"))  # tests are of stacks
-    found = diagnose_campaign(campaign, output, effect_file or [], OUT, scatter_file=scatter)
+    found = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter)
     if not found.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
     else:

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from ema import read_campaign, read_measurement, stabilization
 from ema.identification.poles_file import write_poles
 from ema.plot.picking import pick_poles
-from updating.commands.options import CampaignFile, Folder
+from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.results.chosen_poles import keep_choice
 from updating.results.store import folder_name
 
-EXAMPLE = "lamella pick data/demo_stack/campaign.toml M1 -o out/demo"
 
-
-def pick(
-    campaign: CampaignFile,
-    configuration: Annotated[
-        str,
-        typer.Argument(metavar="CONFIGURATION", help="Its name in the campaign file.", show_default=False),
-    ],
-    output: Folder,
-) -> None:
-    """Choose the poles of one configuration by clicks in its stabilisation chart.
-
-    A left click adds the nearest pole, a right click takes one away; closing the window writes poles.txt, and every
-    later command on these results identifies with them. Needs a display; without one, edit poles.txt with any editor
-    and run **lamella ema ... --poles DIR**.
-    """
+@single_threaded
+def pick_command(campaign: Path, configuration: str, output: Path) -> None:
+    """Let the user choose the poles of one configuration, and say where they are."""
     OUT.print(f"Poles: {choose_poles(campaign, configuration, output)}")
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.console import Console
 
+from ema.types.threads import single_threaded
 from model import catalogue, find_effects
-from updating.commands.options import Cluster, Folder, SharedEffects
 from updating.commands.shipped import shipped_data
 from updating.commands.terminal import OUT
 from updating.fitting.fit_plot import as_png
@@ -34,34 +32,17 @@ from updating.published.treatments import treated, treatments_csv
 from updating.results.store import kept, write_bytes
 from updating.workers.workers import in_parallel
 
-EXAMPLE = "lamella published --calibration C1 -o out/published"
 
-
-def published(
-    output: Folder,
-    calibration: Annotated[
-        list[str] | None,
-        typer.Option(help="C0, C1, C2 or C3; may be given several times. All four by default."),
-    ] = None,
-    effect: SharedEffects = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the published tables; those that travel by default.",
-            show_default=False,
-        ),
-    ] = None,
-    cluster: Cluster = None,
+@single_threaded
+def published_command(
+    output: Path,
+    calibration: Sequence[str] | None,
+    effect: Sequence[str],
+    data: Path | None,
+    cluster: str | None,
 ) -> None:
-    """Reproduce the published campaign of 18 stacks from its tables, then add effects that all stacks share.
-
-    Writes for each calibration of planform and clamps what is fitted, with Tables 6 and 7 and figures 12 to 16 beside
-    ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, how contact
-    stiffness grows with pressure, and what treatments change. A calibration takes some minutes. Which effects the
-    stacks ask for is what lamella diagnose says of their campaign file.
-    """
-    find_effects(effect or [], catalogue())
+    """Reproduce the published campaign, and print how far it is off."""
+    find_effects(effect, catalogue())
     calibrations = calibration or list(CALIBRATIONS)
     tables = shipped_data("pirnat2013") if data is None else data
     OUT.print(

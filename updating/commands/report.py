@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from updating.commands.options import Keep, ResultsFolder
+from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.report.identified_model import with_models
 from updating.report.moving import write_gifs
@@ -18,37 +15,14 @@ from updating.report.results import read_results
 from updating.report.slides import write_slides
 from updating.workers.workers import workers
 
-EXAMPLE = "lamella report out/demo --pdf"
 
-
-def report(
-    folder: ResultsFolder,
-    pdf: Annotated[
-        bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
-    ] = False,
-    pptx: Annotated[
-        bool, typer.Option("--pptx", help="Write the main pages as slides, report.pptx, too.")
-    ] = False,
-    gif: Annotated[
-        bool, typer.Option("--gif", help="Write every mode shape as a GIF that moves, too.")
-    ] = False,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--only",
-            metavar="TITLE",
-            help="Only the sections whose titles begin so, such as Answer; may be given several times.",
-            show_default=False,
-        ),
-    ] = None,
-    keep: Keep = False,
+@single_threaded
+def report_command(
+    folder: Path, *, pdf: bool, pptx: bool, gif: bool, only: Sequence[str], keep: bool
 ) -> None:
-    """Make one self-contained HTML page from the results in a folder.
-
-    Every figure is also written to the folder figures there, with its numbers as CSV.
-    """
+    """Make the report of a folder in the forms that are asked for, and say where they are."""
     with OUT.status("drawing"):
-        page = make_report(folder, keep=keep, only=only or ())
+        page = make_report(folder, keep=keep, only=only)
     results = with_models(read_results(folder, keep=keep))
     for sentence in results.remarks:
         OUT.print(sentence, highlight=False)

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from updating.commands.options import EffectFiles, Folder
+from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.virtual.campaign import write_virtual_test
 from updating.virtual.vibration_test_file import read_virtual_test
 
-EXAMPLE = "lamella simulate data/demo_stack/virtual_test.toml -o data/demo_stack"
 
-
-def simulate(
-    specification: Annotated[
-        Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False)
-    ],
-    output: Folder,
-    effect_file: EffectFiles = None,
-) -> None:
-    """Simulate a vibration test on a model and write its FRFs as a test system would.
-
-    The truth goes to truth.json, which no other command reads. The same file and seed give the same bytes.
-    """
-    write_virtual_test(read_virtual_test(specification, effect_file or ()), output)
+@single_threaded
+def simulate_command(specification: Path, output: Path, effect_file: Sequence[Path]) -> None:
+    """Simulate a vibration test, and say where its campaign file is."""
+    write_virtual_test(read_virtual_test(specification, effect_file), output)
     OUT.print(f"Campaign: {output / 'campaign.toml'}")

@@ -7,18 +7,16 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 from rich.console import Console
 from rich.table import Table
 
 import model
 from ema import read_campaign
+from ema.types.threads import single_threaded
 from model import Effect
 from model.stack.stack_file import stack_inputs
-from updating.commands.options import Cluster, EffectFiles, Folder, IdentifyAnew
 from updating.commands.terminal import OUT
 from updating.commands.update_file import CampaignSection, UpdateFile, read_update_file
 from updating.errors import FitError
@@ -48,28 +46,22 @@ from updating.results.store import folder_name, write_bytes, write_result
 from updating.results.updated import Updated
 from updating.workers.workers import workers
 
-EXAMPLE = "lamella update data/demo_stack/update.toml -o out/update"
 
-
-def update(
-    specification: Annotated[
-        Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False)
-    ],
-    output: Folder,
-    effect_file: EffectFiles = None,
-    cluster: Cluster = None,
-    identify_anew: IdentifyAnew = False,
+@single_threaded
+def update_command(
+    specification: Path,
+    output: Path,
+    effect_file: Sequence[Path],
+    cluster: str | None,
+    *,
+    identify_anew: bool,
 ) -> None:
-    """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
-
-    data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
-    with the error without effects, with each and with all, and both as tables and pictures.
-    """
+    """Fit what an updating file says, and print parameters and ledger."""
     if identify_anew:
         forget_choices(output)
-    updated = run_update(specification, output, OUT, effect_file or (), cluster)
+    updated = run_update(specification, output, OUT, effect_file, cluster)
     OUT.print(parameter_table(updated.fit))
-    OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file or ())))
+    OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file)))
     OUT.print(f"Results in {output}")
 
 

@@ -6,16 +6,15 @@ import os
 import sys
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from ema.identification.stabilization import stabilization
 from ema.plot import palette
 from ema.plot.figures import stabilization_figure
-from updating.commands.options import ResultsFolder
+from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.errors import StoreError
 from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
@@ -28,7 +27,6 @@ from updating.results.store import write_bytes
 if TYPE_CHECKING:
     import pyvista
 
-EXAMPLE = "lamella view out/demo"
 
 _STEPS = 48  # of one period
 _PAUSE = 40  # ms between them
@@ -36,18 +34,9 @@ _PANELS = (("measured",), ("model",), ("measured", "model"))
 _LINE = {"measured": (5, palette.MEASURED), "model": (2, palette.ACCENT)}
 
 
-def view(
-    folder: ResultsFolder,
-    configuration: Annotated[
-        str | None,
-        typer.Argument(metavar="CONFIGURATION", help="Its name; the first by default.", show_default=False),
-    ] = None,
-) -> None:
-    """Show mode shapes and stabilisation chart of one configuration.
-
-    In a window where there is a display: drag to turn, choose the mode with the slider. Otherwise a page, view.html,
-    is written and opened in the browser.
-    """
+@single_threaded
+def view_command(folder: Path, configuration: str | None) -> None:
+    """Show one configuration, and say where the page is if there is no window."""
     page = show(folder, configuration)
     if page is not None:
         OUT.print(f"No display for a window; page: {page}")

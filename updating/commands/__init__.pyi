@@ -1,0 +1,33 @@
+from updating.commands.demo import demo_command
+from updating.commands.diagnose import diagnose_command
+from updating.commands.effects import effects_command
+from updating.commands.ema import ema_command
+from updating.commands.fit import fit_command
+from updating.commands.model import model_command
+from updating.commands.new import new_command
+from updating.commands.next_test import next_test_command
+from updating.commands.open_ import open_command
+from updating.commands.pick import pick_command
+from updating.commands.published import published_command
+from updating.commands.report import report_command
+from updating.commands.simulate import simulate_command
+from updating.commands.update import update_command
+from updating.commands.view import view_command
+
+__all__ = [
+    "demo_command",
+    "diagnose_command",
+    "effects_command",
+    "ema_command",
+    "fit_command",
+    "model_command",
+    "new_command",
+    "next_test_command",
+    "open_command",
+    "pick_command",
+    "published_command",
+    "report_command",
+    "simulate_command",
+    "update_command",
+    "view_command",
+]
