@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 from ema.identification.functions import Functions
@@ -111,7 +111,7 @@ class Enlargement:
     @property
     def student(self) -> NDArray[np.float64]:
         """Student's over the normal quantile of 95 %, (n_mode,): what makes normal intervals wide enough."""
-        return np.asarray(special.stdtrit(self.freedom, _TWO_SIDED) / special.ndtri(_TWO_SIDED))
+        return np.asarray(scipy.special.stdtrit(self.freedom, _TWO_SIDED) / scipy.special.ndtri(_TWO_SIDED))
 
 
 def enlargement(runs: tuple[RunNoise, ...]) -> Enlargement:

@@ -9,9 +9,8 @@ flanks of modes are no noise but a misfit of these: beside a strong mode a weak 
 from __future__ import annotations
 
 import numpy as np
-import scipy.fft
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from ema.identification.functions import Functions
 from ema.identification.lsfd import mode_basis
@@ -87,7 +86,9 @@ def _of_pole(frequency: NDArray[np.float64], fit: Fit, r: int, quantity: Quantit
 
 def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
     """Power of all functions about every line, the mean over as many as a half bandwidth (lines) on each side."""
-    power: NDArray[np.float64] = uniform_filter1d(np.sum(np.abs(scaled) ** 2, axis=0), 2 * round(half) + 3)
+    power: NDArray[np.float64] = scipy.ndimage.uniform_filter1d(
+        np.sum(np.abs(scaled) ** 2, axis=0), 2 * round(half) + 3
+    )
     return power
 
 

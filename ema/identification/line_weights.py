@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 SMOOTHING = 5
 """Lines over which the variance is averaged: an estimate from few averages scatters much itself."""
@@ -36,7 +36,9 @@ def coherence_weight(value: NDArray[np.complex128], coherence: NDArray[np.float6
     """
     usable = np.all(np.isfinite(coherence) & (coherence >= 0.0) & (coherence <= 1.0 + 1e-6), axis=1)
     held = np.clip(np.where(usable[:, None], coherence, 0.5), 1e-6, 1.0)
-    variance = uniform_filter1d(np.abs(value) ** 2 * (1.0 - held) / held, SMOOTHING, axis=1, mode="nearest")
+    variance = scipy.ndimage.uniform_filter1d(
+        np.abs(value) ** 2 * (1.0 - held) / held, SMOOTHING, axis=1, mode="nearest"
+    )
     middle = np.median(variance, axis=1, keepdims=True)
     usable &= middle[:, 0] > 0.0
     middle = np.where(usable[:, None], middle, 1.0)

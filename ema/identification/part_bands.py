@@ -11,8 +11,8 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 MOST_LINES = 20_000
 """Lines up to which a band is taken at once."""
@@ -53,7 +53,7 @@ def part_bands(value: NDArray[np.complex128]) -> tuple[PartBand, ...]:
         return (PartBand(core=slice(0, n_line), lines=slice(0, n_line)),)
     square = np.abs(value.reshape(-1, n_line)) ** 2
     size = square.mean(axis=1, keepdims=True)
-    power = uniform_filter1d(np.sum(square / np.where(size > 0.0, size, 1.0), axis=0), _SMOOTH)
+    power = scipy.ndimage.uniform_filter1d(np.sum(square / np.where(size > 0.0, size, 1.0), axis=0), _SMOOTH)
     even = np.linspace(0, n_line, round(n_line / PART_LINES) + 1)
     room = int(_ROOM * (even[1] - even[0]))
     cuts = [int(at) - room + int(np.argmin(power[int(at) - room : int(at) + room])) for at in even[1:-1]]

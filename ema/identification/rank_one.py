@@ -20,8 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import scipy.linalg
-import scipy.special as special
 from numpy.typing import NDArray
 
 from ema.identification.significance import MIN_COLLINEARITY, MIN_REALNESS, inflation
@@ -150,7 +150,7 @@ def _factors(around: Around, pole: complex, most: int) -> _Factors:
     n = 1
     while n < min(gain.size, most):
         freedom = 2 * (n_output - n) * (n_input - n)
-        beyond = float(np.sum(gain[n:] ** 2)) > variance * special.chdtri(freedom, FALSE_ALARM)
+        beyond = float(np.sum(gain[n:] ** 2)) > variance * scipy.special.chdtri(freedom, FALSE_ALARM)
         own = gain[n] * np.outer(left[:, n], right[n])
         if not beyond or gain[n] < LEAST_PART * gain[0] or not _real(own, variance):
             break

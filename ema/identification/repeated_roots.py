@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 from ema.identification.rank_one import FALSE_ALARM, Around, RankOneModes, rank_one_modes
@@ -113,7 +113,7 @@ def _as_good(modes: RankOneModes, left: float, around: Around, n_before: int) ->
     saved = 2 * n_before * (n_function + 1) - 2 * modes.pole.size * (n_output + n_input)
     freedom = 2 * around.value.size - 2 * n_before * (n_function + 1)
     grown = max(left / (0.5 * freedom), np.finfo(float).tiny)
-    return 2.0 * (modes.left - left) / grown < special.chdtri(max(saved, 1), FALSE_ALARM)
+    return 2.0 * (modes.left - left) / grown < scipy.special.chdtri(max(saved, 1), FALSE_ALARM)
 
 
 def _with_modes(model: ModalModel, own: NDArray[np.int64], modes: RankOneModes) -> ModalModel:

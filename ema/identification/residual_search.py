@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 from ema.identification.functions import Functions, inside
@@ -212,7 +212,7 @@ def _objections(
     spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
     apart = np.abs(extended.pole.imag - 2.0 * np.pi * peak.frequency)
     gain = 2.0 * (around.without.objective - extended.objective)
-    threshold = float(special.chdtri(2 * n_function + 2, FALSE_ALARM / around.frequency.size))
+    threshold = float(scipy.special.chdtri(2 * n_function + 2, FALSE_ALARM / around.frequency.size))
     verdicts = judge(around.frequency, extended, data.quantity)
     far = gain > FAR_FROM_NOISE * threshold
     correlated = threshold * inflation(extended.whitened())

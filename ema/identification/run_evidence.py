@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 from ema.identification.functions import Functions
@@ -76,7 +76,7 @@ def run_evidence(data: Functions, fit: Fit, mode: int, candidates: NDArray[np.co
         alone = linear_fit(frequency, its, shared.pole, data.quantity)
         moved = refine(frequency, its, shared.pole[:1], data.quantity, held=shared.pole[1:], tolerance=_KNOWN)
         gain[k], noise[k] = 2.0 * (alone.objective - moved.objective), inflation(moved.whitened())
-    if not np.any(gain > noise.max() * special.chdtri(2, FALSE_ALARM / numbers.size)):
+    if not np.any(gain > noise.max() * scipy.special.chdtri(2, FALSE_ALARM / numbers.size)):
         return RunEvidence(moves=False, beside=None)
     start = [pole - 1j * aside * pole.real for aside in ASIDE]
     start += [c for c in candidates if 0.5 * -pole.real < np.abs(c - pole) < reach]

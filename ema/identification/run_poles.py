@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 from ema.identification.common_noise import enlargement, run_noise
@@ -263,7 +263,7 @@ def _visible(fit: Fit) -> NDArray[np.bool_]:
     # Per unit noise the two parts of a residue have nearly equal variance and no correlation.
     diagonal = np.diagonal(fit.linear_covariance, axis1=1, axis2=2)
     variance = 0.5 * (diagonal[:, index] + diagonal[:, index + 1]) * fit.noise[:, None] ** 2
-    return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > special.chdtri(
+    return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > scipy.special.chdtri(
         2 * fit.residue.shape[0], VISIBLE
     )
 
@@ -297,5 +297,7 @@ def _disagreement(
             centre = value[rank[np.searchsorted(weight, 0.5 * weight[-1])], r]
             # A median is pi / 2 times as uncertain, in variance, as the mean of normal numbers.
             spread = std[k, r] ** 2 + (0.5 * np.pi if others.size > 2 else 1.0) / weight[-1]
-            probability[k, r] = 2.0 * special.stdtr(freedom[r], -abs(value[k, r] - centre) / np.sqrt(spread))
+            probability[k, r] = 2.0 * scipy.special.stdtr(
+                freedom[r], -abs(value[k, r] - centre) / np.sqrt(spread)
+            )
     return np.minimum(1.0, probability * probability.size)

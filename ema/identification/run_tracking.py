@@ -14,8 +14,8 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.identification.functions import Functions, resonant
 from ema.identification.maximum_likelihood import Fit, linear_fit
@@ -186,7 +186,7 @@ def _pairs(own: NDArray[np.float64], centre: NDArray[np.float64]) -> list[tuple[
     """Assign logarithms of frequencies to those of tracks, none beyond reach."""
     square = (own[:, None] - centre) ** 2
     cost = np.where(square < REACH**2, square, 10.0 * REACH**2)
-    row, column = linear_sum_assignment(cost)
+    row, column = scipy.optimize.linear_sum_assignment(cost)
     return [(int(i), int(t)) for i, t in zip(row, column, strict=True) if square[i, t] < REACH**2]
 
 
@@ -261,7 +261,7 @@ def _carried(fit: Fit, runs: RunPoles) -> NDArray[np.complex128]:
     """Return where each run has the poles of a fit: those that were followed as far off the fit as they were."""
     centre = _mean(runs)
     track = np.tile(fit.pole, (runs.run.size, 1))
-    row, column = linear_sum_assignment(np.abs(fit.pole[:, None] - centre))
+    row, column = scipy.optimize.linear_sum_assignment(np.abs(fit.pole[:, None] - centre))
     for r, t in zip(row, column, strict=True):
         if abs(fit.pole[r] - centre[t]) < -(fit.pole[r].real + centre[t].real):
             track[:, r] += runs.pole[:, t] - centre[t]

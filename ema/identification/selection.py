@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.identification.functions import Functions, inside, resonant
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
@@ -221,7 +221,7 @@ def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | No
     close = np.abs(fit.pole[:, None] - fit.pole) < CLOSE * -(fit.pole.real[:, None] + fit.pole.real)
     np.fill_diagonal(close, False)
     distance = np.abs(fit.pole[:, None] - tried)
-    row, column = linear_sum_assignment(distance)
+    row, column = scipy.optimize.linear_sum_assignment(distance)
     added = np.ones(fit.pole.size, dtype=bool)
     added[row] = distance[row, column] > -fit.pole.real[row]
     suspects = np.any(close & (added[:, None] | added), axis=1)

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 from ema.identification.maximum_likelihood import Fit
@@ -83,7 +82,7 @@ def significance_threshold(n_function: int, n_frequency: int) -> float:
 
     The pole itself is searched for: it adds two unknowns, and about as many independent places as lines.
     """
-    return float(special.chdtri(2 * n_function + 2, FALSE_ALARM / n_frequency))
+    return float(scipy.special.chdtri(2 * n_function + 2, FALSE_ALARM / n_frequency))
 
 
 def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdicts:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.io import wavfile
 
 from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction
@@ -66,7 +66,7 @@ def _content(path: Path) -> tuple[float, NDArray[np.float64]]:
         with warnings.catch_warnings():
             warnings.filterwarnings("error", message="Reached EOF prematurely")  # what is cut off
             warnings.filterwarnings("ignore", message="Chunk")  # of text beside the samples
-            rate, raw = wavfile.read(io.BytesIO(plain_bytes(path)))
+            rate, raw = scipy.io.wavfile.read(io.BytesIO(plain_bytes(path)))
         samples: NDArray[Any] = np.atleast_1d(raw)
         full = _FULL.get(samples.dtype.name, 1.0)
         middle = _MIDDLE if samples.dtype.name == "uint8" else 0.0

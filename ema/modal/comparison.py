@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.modal.mac import mac
 from ema.types.arrays import readonly
@@ -74,7 +74,7 @@ def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparis
             before = max(track)
             values[t], score[t] = _likeness(models[before], track[before][0], model)
         score = np.where(score >= threshold, score, 0.0)
-        rows, columns = linear_sum_assignment(score, maximize=True)
+        rows, columns = scipy.optimize.linear_sum_assignment(score, maximize=True)
         taken = set()
         for t, r in zip(rows, columns, strict=True):
             if score[t, r] >= threshold:

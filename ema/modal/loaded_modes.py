@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 _MOST_YIELDING = 0.5
 """Share of the motion of a sensor's mass that may be the yielding of its point."""
@@ -46,7 +46,7 @@ def _places(size: NDArray[np.float64]) -> NDArray[np.int64]:
     every = size.reshape(-1, n, n)
     own = np.argmax(every, axis=-1)  # the largest of all, where no two rows want the same column
     for i in np.flatnonzero((np.sort(own, axis=-1) != np.arange(n)).any(axis=-1)):
-        own[i] = linear_sum_assignment(-every[i])[1]
+        own[i] = scipy.optimize.linear_sum_assignment(-every[i])[1]
     return np.asarray(own.reshape(size.shape[:-1]))
 
 

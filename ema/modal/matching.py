@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.modal.comparison import MANY_DOFS
 from ema.modal.mac import mac
@@ -60,7 +60,7 @@ def match(first: Modes, second: Modes) -> tuple[NDArray[np.int64], NDArray[np.in
         farthest = _NEAR
     possible = (likeness >= _ALIKE) & (apart <= farthest)
     score = np.where(possible, likeness * np.exp(-np.log(2.0) * (apart / _WIDTH) ** 2), 0.0)
-    rows, columns = linear_sum_assignment(score, maximize=True)
+    rows, columns = scipy.optimize.linear_sum_assignment(score, maximize=True)
     found = score[rows, columns] > 0.0
     return rows[found].astype(np.int64), columns[found].astype(np.int64)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from ema.modal.mass_cancellation import without_sensors
 from ema.modal.roved import roved
@@ -86,7 +86,7 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
             continue
         ratio = (whole - left) / pattern.unknowns / max(left / spare, 1.0)
         likelihood = np.log(max(left, spare)) + pattern.unknowns * np.log(freedom) / freedom
-        if fdtrc(pattern.unknowns, spare, ratio) < _CHANCE and likelihood < least:
+        if scipy.special.fdtrc(pattern.unknowns, spare, ratio) < _CHANCE and likelihood < least:
             best, least = pattern, likelihood
     if best.cause == "sensor mass" and modal_model.sensor_mass > 0.0:
         best = replace(best, text=f"{1e3 * modal_model.sensor_mass:.2g} g each")

@@ -7,9 +7,8 @@ repeated measurements of unequal precision.
 from __future__ import annotations
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 _TWO_SIDED = 0.975
 
@@ -40,7 +39,7 @@ def _between(value: NDArray[np.float64], std: NDArray[np.float64]) -> float:
     if value.size < 2 or excess(0.0) <= 0.0:
         return 0.0
     largest = float(np.ptp(value))
-    return float(brentq(excess, 0.0, largest * np.sqrt(value.size), xtol=1e-6 * largest))
+    return float(scipy.optimize.brentq(excess, 0.0, largest * np.sqrt(value.size), xtol=1e-6 * largest))
 
 
 def std_with_scatter(
@@ -68,6 +67,6 @@ def std_with_scatter(
         for s in (0.0, scatter)
     )
     freedom = np.maximum(known.sum(axis=0) - 1.0, 1.0)
-    quantile = special.stdtrit(freedom, _TWO_SIDED) / special.ndtri(_TWO_SIDED)
+    quantile = scipy.special.stdtrit(freedom, _TWO_SIDED) / scipy.special.ndtri(_TWO_SIDED)
     more = np.where(scatter > 0.0, both - within, 0.0)
     return np.sqrt(std**2 + quantile**2 * more)

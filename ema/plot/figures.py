@@ -1,7 +1,8 @@
-"""Figures of a modal identification, drawn with matplotlib without a display."""
+"""Figures of a modal identification, drawn with matplotlib without a display, and any figure as a file."""
 
 from __future__ import annotations
 
+import io
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
@@ -248,3 +249,10 @@ def comparison_figure(comparison: Comparison, at: NDArray[np.float64], label: st
         *left.get_legend_handles_labels(), loc="outside right center", title="mode (mean)", frameon=False
     )
     return figure
+
+
+def as_png(figure: Figure) -> bytes:
+    """Draw a figure as PNG, fine enough to print."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=160, metadata={"Software": None})
+    return buffer.getvalue()

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.special as special
+import scipy
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
@@ -96,7 +96,7 @@ class SlipLaw:
     def _at_sliding(self) -> float:
         """Softening where everything is about to slide."""
         n = self.exponent + 2.0
-        gamma = np.exp(special.gammaln(n + 0.5) - special.gammaln(n + 1.0))
+        gamma = np.exp(scipy.special.gammaln(n + 0.5) - scipy.special.gammaln(n + 1.0))
         return float(4.0 / np.sqrt(np.pi) * gamma / (n + 1.0) * self._power[0] / (n - 1.0))
 
     def growth(self, x: Vector) -> Vector:
@@ -126,7 +126,7 @@ class SlipLaw:
     def _limits(self) -> tuple[Vector, Vector]:
         """Slip limits and weights that integrate over the power law (Gauss and Jacobi)."""
         density, _ = self._power
-        node, weight = special.roots_jacobi(_NODES, 0.0, self.exponent)
+        node, weight = scipy.special.roots_jacobi(_NODES, 0.0, self.exponent)
         return 0.5 * (node + 1.0), density * weight / 2.0 ** (self.exponent + 1.0)
 
     def sliders(self, count: int) -> tuple[Vector, Vector]:

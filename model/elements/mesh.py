@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
-import scipy.spatial as spatial
 import skfem
 from numpy.typing import NDArray
 
@@ -207,7 +207,9 @@ class Plan:
             return x, mesh.element_finder(mapping=self.membrane.mapping)(*x)
         corners = mesh.p.T[mesh.t.T]
         n_near = min(_NEAREST, len(corners))
-        near = spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
+        near = (
+            scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
+        )
         candidate = _nearest_in_triangle(points[:, None], corners[near])
         chosen = np.argmin(np.linalg.norm(candidate - points[:, None], axis=2), axis=1)
         rows = np.arange(len(points))

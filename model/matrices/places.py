@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from model.matrices.labelled import Index
 from model.matrices.reduced import ReducedMatrices
@@ -132,7 +132,7 @@ def _near(
     place = structure.location[first[1][np.searchsorted(first[0], node)]]
     n, k = len(location), min(_ABOUT, node.size)
     spacing = _spacing(place)
-    near = KDTree(place / spacing).query(location / spacing, k)[1].reshape(n, k)
+    near = scipy.spatial.KDTree(place / spacing).query(location / spacing, k)[1].reshape(n, k)
     offset = place[near] - location[:, None]
     distance = np.linalg.norm(offset, axis=2)
     mesh = np.sort(np.linalg.norm(place[near] - place[near[:, :1]], axis=2), axis=1)[:, min(3, k - 1)]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import scipy.io
+import scipy
 import scipy.sparse as sp
 from numpy.typing import NDArray
 

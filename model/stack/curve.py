@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.interpolate as interpolate
+import scipy
 from numpy.typing import NDArray
 
 from model.stack.arrays import readonly
@@ -76,12 +76,12 @@ class CompressionCurve:
                 )
                 raise StackError(message)
 
-    def _spline(self) -> interpolate.CubicHermiteSpline:
-        slope = interpolate.PchipInterpolator(self.strain, self.pressure).derivative()(self.strain)
+    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
+        slope = scipy.interpolate.PchipInterpolator(self.strain, self.pressure).derivative()(self.strain)
         # the end formula may give 0 where a curve bends; contact that has closed is never without stiffness
         secant = np.diff(self.pressure) / np.diff(self.strain)
         slope[0], slope[-1] = max(slope[0], 0.5 * secant[0]), max(slope[-1], 0.5 * secant[-1])
-        return interpolate.CubicHermiteSpline(self.strain, self.pressure, slope)
+        return scipy.interpolate.CubicHermiteSpline(self.strain, self.pressure, slope)
 
     def evaluate(self, strain: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the pressure and the tangent modulus, Pa, at compressive strains of any shape.

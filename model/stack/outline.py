@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.spatial as spatial
+import scipy
 from numpy.typing import NDArray
 
 from model.stack.arrays import readonly
@@ -354,11 +354,11 @@ def _delaunay(
     grid = np.column_stack([x.ravel(), y.ravel()])
     grid = grid[inside(grid, polygons)]
     dense = np.vstack([_divided(r, size / 4.0) for r in rims])
-    distance = spatial.cKDTree(dense).query(grid)[0]
+    distance = scipy.spatial.cKDTree(dense).query(grid)[0]
     free = grid[distance > _CLEARANCE * size]
     point = np.vstack([rim, free])
     for step in range(_SMOOTHING + 1):
-        triangle = np.asarray(spatial.Delaunay(point).simplices, dtype=np.int64)
+        triangle = np.asarray(scipy.spatial.Delaunay(point).simplices, dtype=np.int64)
         centre = point[triangle].mean(axis=1)
         flat = _areas(point, triangle) < 1e-6 * size**2
         triangle = triangle[inside(centre, polygons) & ~flat]

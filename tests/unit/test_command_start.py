@@ -35,6 +35,7 @@ ASK = """
 with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
     app({words!r})
 """
+RUN = [name for name in commands.__all__ if name.endswith("_command")]
 EVERY = [command.name or command.callback.__name__ for command in app.registered_commands]
 
 
@@ -57,13 +58,29 @@ def test_help_needs_no_numbers():
 
 
 def test_a_command_begins_without_what_it_may_need_later():
-    job = "\n".join(f"commands.{name}" for name in commands.__all__)
+    job = "\n".join(f"commands.{name}" for name in RUN)
     assert imported(f"from updating import commands\n{job}") & (DRAWING | SERVING | READING | SELDOM) == set()
+
+
+@pytest.mark.parametrize(
+    ("name", "not_yet"),
+    [
+        ("new", {"scipy", "model.stack.stack", "updating.results"}),
+        ("ema", {"scipy.optimize", "scipy.special", "scipy.ndimage", "model.elements", "updating.fitting"}),
+        ("model", {"scipy.interpolate", "scipy.ndimage"}),
+        ("fit", {"scipy.interpolate", "scipy.ndimage", "updating.report"}),
+        ("diagnose", {"scipy.interpolate", "scipy.ndimage", "updating.report"}),
+    ],
+)
+def test_a_command_begins_with_its_own_part_of_the_program(name, not_yet):
+    """Each part takes some tenths of a second that a user waits for, also where a file is not there."""
+    begun = imported(f"from updating import commands\ncommands.{name}_command")
+    assert not begun & not_yet
 
 
 def test_every_command_that_multiplies_uses_one_thread():
     """`single_threaded` leaves what it wraps as `__wrapped__`."""
-    several = {name for name in commands.__all__ if not hasattr(getattr(commands, name), "__wrapped__")}
+    several = {name for name in RUN if not hasattr(getattr(commands, name), "__wrapped__")}
     assert several == {"new_command"}
 
 

@@ -11,12 +11,11 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io.table import read_points
 from ema.io.units import parse_unit
-from ema.plot.figures import shape_figure
+from ema.plot.figures import as_png, shape_figure
 from ema.types.geometry import Geometry
 from model import read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.update_file import read_update_file
-from updating.fitting.fit_plot import as_png
 from updating.fitting.modal_table import is_modal_table
 
 MARK = b"\xef\xbb\xbf"

@@ -1,6 +1,7 @@
 """The command line: every command, what it reads and writes, and the tables it prints.
 
-What the commands do is imported when one of them runs; `__init__.pyi` says from where.
+What the commands do is imported when one of them runs, and the report when there is one to make; `__init__.pyi` says
+from where.
 """
 
 from ema.types.lazy import exports

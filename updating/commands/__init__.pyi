@@ -9,7 +9,7 @@ from updating.commands.next_test import next_test_command
 from updating.commands.open_ import open_command
 from updating.commands.pick import pick_command
 from updating.commands.published import published_command
-from updating.commands.report import report_command
+from updating.commands.report import make_report, report_command
 from updating.commands.simulate import simulate_command
 from updating.commands.update import update_command
 from updating.commands.view import view_command
@@ -20,6 +20,7 @@ __all__ = [
     "effects_command",
     "ema_command",
     "fit_command",
+    "make_report",
     "model_command",
     "new_command",
     "next_test_command",

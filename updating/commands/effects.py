@@ -11,13 +11,13 @@ from typing import get_args
 from rich.console import Console
 from rich.table import Table
 
+from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model import Effect, Parameter, catalogue, find_effects, read_stack
 from model.effects.conformance import effect_faults
 from model.stack.effect import Family
 from updating.commands.terminal import OUT, bar
 from updating.diagnosis.signature import Signature, signature, signature_figure
-from updating.fitting.fit_plot import as_png
 from updating.results.store import write_bytes
 
 _WIDTH = 98

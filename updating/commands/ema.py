@@ -31,10 +31,9 @@ from ema.io.uff import write_uff
 from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.amplitude import amplitude_figure
-from ema.plot.figures import comparison_figure, frf_figure, shape_figure, stabilization_figure
+from ema.plot.figures import as_png, comparison_figure, frf_figure, shape_figure, stabilization_figure
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
-from updating.fitting.fit_plot import as_png
 from updating.results.amplitude import over_amplitude, stored_amplitude
 from updating.results.campaign_findings import campaign_findings
 from updating.results.changes import compared

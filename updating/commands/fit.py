@@ -16,10 +16,10 @@ from ema.types.threads import single_threaded
 from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
+from updating import commands
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
 from updating.commands.matrices import identify_and_fit_matrices, matrices_fit_table
-from updating.commands.report import make_report
 from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT
 from updating.correlation.correlation import correlate
@@ -103,7 +103,7 @@ def fit_command(
         asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
         OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
     if done:
-        OUT.print(f"Report: {make_report(output, keep=keep)}")
+        OUT.print(f"Report: {commands.make_report(output, keep=keep)}")
     require_none(failed, len(done) + len(failed))
 
 
@@ -115,7 +115,7 @@ def _print_table_fit(
     OUT.print(modal_table(rows))
     if effect:
         OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
-    OUT.print(f"Report: {make_report(output)}")
+    OUT.print(f"Report: {commands.make_report(output)}")
 
 
 def fit_campaign(

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model import EffectError, Modes, Stack, catalogue, read_stack
 from model.contact.pressing import press
@@ -24,7 +25,6 @@ from updating.commands.effect_option import with_named_effects
 from updating.commands.matrices import solve_matrices
 from updating.commands.terminal import OUT, bar
 from updating.correlation.shape_class import class_grid, shape_classes
-from updating.fitting.fit_plot import as_png
 from updating.results.store import write_bytes, write_result
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from rich.console import Console
 
+from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model import catalogue, find_effects
 from updating.commands.shipped import shipped_data
 from updating.commands.terminal import OUT
-from updating.fitting.fit_plot import as_png
 from updating.published.campaign import CALIBRATIONS, Calibrated, Published, read_published, reproduce
 from updating.published.plot import (
     contact_figure,

@@ -14,6 +14,7 @@ from rich.table import Table
 
 import model
 from ema import read_campaign
+from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model import Effect
 from model.stack.stack_file import stack_inputs
@@ -21,7 +22,6 @@ from updating.commands.terminal import OUT
 from updating.commands.update_file import CampaignSection, UpdateFile, read_update_file
 from updating.errors import FitError
 from updating.fitting.fit import G_F_BOUNDS
-from updating.fitting.fit_plot import as_png
 from updating.fitting.intervals import N_DRAW
 from updating.fitting.joint_fit import JointFit, joint_fit
 from updating.fitting.joint_plot import convergence_figure, correlation_figure

@@ -1,8 +1,7 @@
-"""The objectives of a fit as a figure, and figures as files."""
+"""The objectives of a fit as a figure."""
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,10 +47,3 @@ def draw_objective(axes: Axes, estimate: Estimate) -> None:
     axes.margins(y=0.2)
     if in_percent:
         axes.set_ylim(bottom=0.0)
-
-
-def as_png(figure: Figure) -> bytes:
-    """Draw a figure as PNG, fine enough to print."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=160, metadata={"Software": None})
-    return buffer.getvalue()

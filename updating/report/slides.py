@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ema.plot.figures import as_png
 from updating.correlation.frf_plot import within_band
-from updating.fitting.fit_plot import as_png
 from updating.report.change_part import errors_with_additions, mode_changes, mode_figure, step_figure, steps
 from updating.report.frf_part import frf_picture, model_functions
 from updating.report.location_part import location_section
