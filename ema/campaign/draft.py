@@ -92,7 +92,7 @@ def draft(folder: Path) -> Draft:
             continue
         files = sorted((f for f in place.iterdir() if f.is_file()), key=natural)
         contents = tuple(c for c in (_contents(file, left_out) for file in files) if c is not None)
-        contents = _beside_forces(contents)
+        contents = _told(_beside_forces(contents), left_out)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
@@ -189,6 +189,16 @@ def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
         else c
         for c in contents
     )
+
+
+def _told(contents: tuple[Contents, ...], left_out: list[str]) -> tuple[Contents, ...]:
+    """Return the files in which something tells that they are a measurement; say of the others that nothing does."""
+    nothing = [c for c in contents if c.keys.get("frf") == UNKNOWN and not c.guesses]
+    left_out += [
+        f"{c.file}: no array in it is complex, is called as FRFs or parts of them are, or looks like time histories"
+        for c in nothing
+    ]
+    return tuple(c for c in contents if c not in nothing)
 
 
 def _universal(file: Path) -> Contents | None:

@@ -92,10 +92,7 @@ def fit_band(
         own = None if chosen is None else chosen[_between(chosen, lower, upper)]
         around = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
         one = _fit_at_once(frf.band(lines[0], lines[-1]), order, own, around)
-        nothing = np.empty(
-            (len(one.fit.residual), 0), complex
-        )  # residuals of parts are not asked for, and are large
-        found.append(replace(one, fit=replace(one.fit, residual=nothing)))
+        found.append(replace(one, fit=_without_residual(one.fit)))
     return _joined(frf, parts, ends, found)
 
 
@@ -247,7 +244,7 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
     weight = _cores(parts, [own.fit.weight / own.fit.noise[:, None] ** 2 for own in found])
     weight /= np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
     data = _functions(replace(frf, value=value))
-    fit = linear_fit(data.frequency, data.value, pole, data.quantity, weight)
+    fit = _without_residual(linear_fit(data.frequency, data.value, pole, data.quantity, weight))
     owner = np.repeat(np.arange(len(parts)), [r.size for r in kept])
     pole, covariance = _beside_others(data, fit, parts, owner)
     fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight)
@@ -273,6 +270,11 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
             if a <= peak.frequency < b
         ),
     )
+
+
+def _without_residual(fit: Fit) -> Fit:
+    """Return a fit whose residual is not asked for any more without it, for it is large."""
+    return replace(fit, residual=np.empty((len(fit.residual), 0), complex))
 
 
 def _cores(parts: tuple[PartBand, ...], of_lines: list[_Values]) -> _Values:

@@ -14,7 +14,7 @@ from ema.identification.significance import MIN_COLLINEARITY, MIN_REALNESS, is_s
 from ema.identification.stabilization import StabilizationDiagram
 from ema.types.arrays import readonly
 from ema.types.frf import FRF
-from ema.types.modal_model import ModalModel
+from ema.types.modal_model import ModalModel, frequency_text
 
 STABLE_FREQUENCY, STABLE_DAMPING, STABLE_MAC = 0.01, 0.05, 0.98
 """Largest relative changes from one order to the next, and the least MAC, of what is called stable (the usual ones:
@@ -113,7 +113,9 @@ def dropped_columns(
         if distance[near] >= _NEAR * -poles[near].real:
             reason = _reason(data, poles, pole)
         elif rival != pole:
-            reason = f"the mode of the column at {np.abs(rival) / (2.0 * np.pi):.1f} Hz once more"
+            reason = (
+                f"the mode of the column at {frequency_text(np.abs(rival) / (2.0 * np.pi), 1)} Hz once more"
+            )
         elif near >= modal_model.pole.size:
             reason = "it lies at the end of the band; its flank was taken into account"
         else:

@@ -182,15 +182,14 @@ def write_uff(
         The frequency axis is not uniform, so that the format cannot hold it.
     """
     path = Path(path)
-    blocks = b""
     if frf is not None:
         geometry = with_axes_along(geometry, frf.output, frf.input)
-        blocks = b"".join(encoded_frfs(frf, geometry))
     sets = geometry_sets(geometry) + ([] if modal_model is None else mode_sets(modal_model, geometry))
     with whole(path, MeasurementError) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
-        with part.open("ab") as file:
-            file.write(blocks)
+        if frf is not None:
+            with part.open("ab") as file:
+                file.writelines(encoded_frfs(frf, geometry))
 
 
 def mass_unit(sets: list[DataSet]) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from ema.io.files import whole
 from ema.io.uff import write_uff
 from ema.modal.complexity import complexity
+from ema.types.arrays import frozen
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
@@ -33,7 +34,7 @@ def synthesized_frf(modal_model: ModalModel, step: float, quantity: Quantity) ->
     n_output = modal_model.node.size
     return FRF(
         frequency=frequency,
-        value=synthesize(modal_model, frequency, quantity),
+        value=frozen(synthesize(modal_model, frequency, quantity)),  # large
         quantity=quantity,
         output=Dofs(node=modal_model.node, direction=modal_model.direction),
         input=modal_model.input,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ema.modal.mass_cancellation import without_sensors
 from ema.modal.roved import roved
-from ema.types.modal_model import ModalModel
+from ema.types.modal_model import ModalModel, frequency_text
 
 Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
 _EXPLAINED = 0.5
@@ -166,7 +166,8 @@ def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
     if odd.size <= _EACH:
         modes = [
             ", ".join(
-                f"{modal_model.frequency[r]:.1f} Hz by {100 * own[r]:+.3f} %" for r in np.flatnonzero(which)
+                f"{frequency_text(modal_model.frequency[r], 1)} Hz by {100 * own[r]:+.3f} %"
+                for r in np.flatnonzero(which)
             )
             for own, which in zip(shift, differs[odd], strict=True)
         ]
@@ -185,7 +186,7 @@ def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
     return (
         f"{which}, in the median by "
         f"{100 * np.median(size[differs[odd]]):.2g} % and at most by {100 * size[i, r]:.2g} % "
-        f"(run {numbers[i]} at {modal_model.frequency[r]:.1f} Hz)"
+        f"(run {numbers[i]} at {frequency_text(modal_model.frequency[r], 1)} Hz)"
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.identification.amplitude import AmplitudeDependence
+from ema.types.modal_model import frequency_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +30,13 @@ def amplitude_figure(found: AmplitudeDependence) -> Figure:
     for r, marker in zip(followed.tolist(), cycle("osD^vPX<>"), strict=False):
         seen = np.isfinite(found.frequency[:, r])
         f, motion = found.frequency[seen, r], 1e6 * found.motion[seen, r]
-        style = {"marker": marker, "markersize": 4, "linewidth": 1.0, "capsize": 2, "label": f"{f[0]:.0f} Hz"}
+        style = {
+            "marker": marker,
+            "markersize": 4,
+            "linewidth": 1.0,
+            "capsize": 2,
+            "label": f"{frequency_text(f[0], 0)} Hz",
+        }
         left.errorbar(motion, 100.0 * (f / f[0] - 1.0), 200.0 * found.frequency_std[seen, r] / f[0], **style)
         damping, std = found.damping[seen, r], found.damping_std[seen, r]
         right.errorbar(motion, 100.0 * damping, 200.0 * std, **style)

@@ -16,7 +16,7 @@ from ema.modal.mac import real_shape
 from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
-from ema.types.modal_model import ModalModel, synthesize_runs
+from ema.types.modal_model import ModalModel, frequency_text, synthesize_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -234,7 +234,7 @@ def comparison_figure(comparison: Comparison, at: NDArray[np.float64], label: st
     left, right = figure.subplots(1, 2)
     order = np.argsort(at)
     for r, marker in zip(range(comparison.frequency.shape[1]), cycle("osD^vPX<>"), strict=False):
-        name = f"{np.nanmean(comparison.frequency[:, r]):.0f} Hz"
+        name = f"{frequency_text(np.nanmean(comparison.frequency[:, r]), 0)} Hz"
         style: dict[str, Any] = {"marker": marker, "markersize": 4, "linewidth": 1.0, "capsize": 2}
         for axes, value, std, factor in (
             (left, comparison.frequency, comparison.frequency_std, 1.0),

@@ -9,7 +9,7 @@ import numpy as np
 from ema.plot import palette
 from ema.plot.figures import draw_shape, shape_displacement, trace_rows
 from ema.types.errors import IdentificationError
-from ema.types.modal_model import ModalModel
+from ema.types.modal_model import ModalModel, frequency_text
 from ema.types.shown import figure_of, html_of, html_table
 
 if TYPE_CHECKING:
@@ -24,7 +24,14 @@ _ZOOM = 1.7  # axes leave much room about a body that is longer than high
 def modal_model_html(own: ModalModel) -> str:
     """List the modes with frequency and damping ratio, each with its standard deviation."""
     rows = [
-        (str(r), f"{f:.2f}", f"{fs:.2g}", f"{100 * x:.3g}", f"{100 * xs:.2g}", "yes" if scaled else "no")
+        (
+            str(r),
+            frequency_text(f, 2),
+            f"{fs:.2g}",
+            f"{100 * x:.3g}",
+            f"{100 * xs:.2g}",
+            "yes" if scaled else "no",
+        )
         for r, (f, fs, x, xs, scaled) in enumerate(
             zip(own.frequency, own.frequency_std, own.damping, own.damping_std, own.scaled, strict=True), 1
         )

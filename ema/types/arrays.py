@@ -29,7 +29,7 @@ def readonly(
     ValueError
         The shape differs from the expected one; the message names both.
     """
-    array = np.array(value, dtype=dtype, copy=None if _frozen(value) else True)
+    array = np.array(value, dtype=dtype, copy=None if _is_frozen(value) else True)
     fits = array.ndim == len(shape) and all(
         e is None or e == n for e, n in zip(shape, array.shape, strict=True)
     )
@@ -41,8 +41,17 @@ def readonly(
     return array
 
 
-def _frozen(value: object) -> bool:
+def frozen(value: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, with what it is a view of, that nobody writes any more, so that `readonly` does not copy it."""
+    part: Any = value
+    while isinstance(part, np.ndarray):
+        part.flags.writeable = False
+        part = part.base
+    return value
+
+
+def _is_frozen(value: object) -> bool:
     """Tell whether nobody writes an array: neither it nor what it is a view of can be written."""
     if not isinstance(value, np.ndarray) or value.flags.writeable:
         return False
-    return value.base is None or _frozen(value.base)
+    return value.base is None or _is_frozen(value.base)

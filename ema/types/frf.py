@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
+from ema.types.arrays import frozen, readonly
 from ema.types.geometry import Dofs
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
@@ -77,7 +77,7 @@ class FRF:
             return self
         return replace(
             self,
-            value=_frozen(self.value[keep]),
+            value=frozen(self.value[keep]),
             output=Dofs(node=self.output.node[keep], direction=self.output.direction[keep]),
             run=self.run[keep],
             source=tuple(s for s, k in zip(self.source, keep, strict=True) if k),
@@ -118,7 +118,7 @@ class FRF:
             return self
         lines = self._lines(self.frequency > 0) if power < 0 else self
         factor = (2j * np.pi * lines.frequency) ** power
-        return replace(lines, value=_frozen(lines.value * factor), quantity=quantity)
+        return replace(lines, value=frozen(lines.value * factor), quantity=quantity)
 
     def _lines(self, keep: NDArray[np.bool_]) -> FRF:
         (at,) = np.nonzero(keep)
@@ -128,15 +128,9 @@ class FRF:
         return replace(
             self,
             frequency=self.frequency[own],
-            value=_frozen(self.value[..., own]),
+            value=frozen(self.value[..., own]),
             coherence=None if self.coherence is None else self.coherence[..., own],
         )
-
-
-def _frozen(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return an array of its own that is not written any more, so that it is not copied again."""
-    value.flags.writeable = False
-    return value
 
 
 def place_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:

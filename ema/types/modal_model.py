@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -296,3 +297,10 @@ def synthesize_runs(
         own = run == number
         value[own] = synthesize(moved, frequency, quantity)[own]
     return value
+
+
+def frequency_text(frequency: float | np.floating[Any], decimals: int) -> str:
+    """Write a frequency, Hz, with some decimals; with more below 10 Hz, where too few digits would tell modes apart."""
+    if not 0.0 < frequency < 10.0:
+        return f"{frequency:.{decimals}f}"
+    return f"{frequency:.{decimals + 1 - int(np.floor(np.log10(frequency)))}f}"

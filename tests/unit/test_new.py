@@ -261,7 +261,7 @@ def test_points_of_output_and_input_are_told_apart(tmp_path):
             r"configuration\[1\]\.output\[1\]: '\?' is not a DOF",
         ),
         ({"H": VALUE}, r"variable '\?' \(frequency\)"),
-        ({"x": np.arange(3.0)}, r"variable '\?' \(frf\)"),
+        ({"Cross_Spec": VALUE, "f": FREQUENCY}, r"variable '\?' \(frf\)"),
     ],
 )
 def test_what_arrays_do_not_tell_is_asked_for(tmp_path, content, key):
@@ -629,8 +629,13 @@ def test_arrays_that_no_time_and_no_hammer_tells_of_are_no_histories(tmp_path):
         tmp_path / "a.mat",
         {"shapes": np.cos(np.outer(np.arange(900), [0.01, 0.02])), "x": np.eye(700)[:, :2] > 0},
     )
-    new(tmp_path)
-    assert 'frf = "?"' in campaign_text(tmp_path)
+    done = CliRunner().invoke(app, ["new", str(tmp_path)])
+    assert isinstance(done.exception, CampaignError)
+    assert "a.mat: no array in it is complex" in str(done.exception)
+    savemat(tmp_path / "frf.mat", {"H": VALUE, "f": FREQUENCY})
+    assert "left out: " in (said := new(tmp_path))
+    assert "a.mat: no array in it is complex" in said
+    assert 'files = ["frf.mat"]' in campaign_text(tmp_path)
 
 
 @pytest.mark.parametrize(

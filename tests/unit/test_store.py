@@ -1,6 +1,7 @@
 """Results to files and back: whole or not at all, with what made them."""
 
 import json
+import tracemalloc
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -152,6 +153,23 @@ def test_frfs_come_back_to_the_last_bit(tmp_path):
     np.testing.assert_array_equal(again.value, frf.value)
     np.testing.assert_array_equal(again.output.direction, frf.output.direction)
     assert (again.quantity, again.source, again.coherence) == ("mobility", ("a.uff", "b.uff"), None)
+
+
+def test_large_functions_are_read_without_a_copy(tmp_path):
+    rng = np.random.default_rng(0)
+    value = rng.normal(size=(15, 1, 100_000)) + 1j  # 24 MB
+    up = np.tile([0.0, 0.0, 1.0], (15, 1))
+    frf = FRF(
+        frequency=np.arange(1.0, 100_001.0), value=value, quantity="accelerance",
+        output=Dofs(node=np.arange(15), direction=up), input=Dofs(node=[0], direction=up[:1]),
+        run=np.zeros(15, dtype=int), source=("a",) * 15,
+    )  # fmt: skip
+    write_frf(tmp_path / "m.npz", frf)
+    tracemalloc.start()
+    read_frf(tmp_path / "m.npz")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.5 * value.nbytes
 
 
 @pytest.mark.parametrize("content", [b"PK\x03\x04 not really", "version", "deflated"])

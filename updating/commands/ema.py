@@ -32,6 +32,7 @@ from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
 from ema.plot.amplitude import amplitude_figure
 from ema.plot.figures import as_png, comparison_figure, frf_figure, shape_figure, stabilization_figure
+from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.results.amplitude import over_amplitude, stored_amplitude
@@ -184,7 +185,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
         table.add_column(name, justify="right")
     numbers = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
     for r, (f, f_std, xi, xi_std) in enumerate(zip(*numbers, strict=True)):
-        cells = [str(r + 1), f"{f:.3f}", f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
+        cells = [str(r + 1), frequency_text(f, 3), f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
         if not measured.read_from:
             cells += _explained(explained.around[r], explained.share[:, r], explained.channel)
         table.add_row(*cells, *((f"{found.mpc[r]:.3f}",) if notable else ()))
@@ -224,9 +225,12 @@ def _comparison_table(comparison: Comparison, modes: slice, names: int) -> Table
     table = Table(title=title if modes.start == 0 else None, title_justify="left")
     table.add_column("", min_width=names, overflow="fold")
     for f in np.nanmean(frequency, axis=0):
-        table.add_column(f"{f:.0f} Hz", justify="right", no_wrap=True)
+        table.add_column(f"{frequency_text(f, 0)} Hz", justify="right", no_wrap=True)
     for name, *own in zip(comparison.name, frequency, damping, strict=True):
-        cells = ("-" if np.isnan(f) else f"{f:.1f}  {100 * x:.2f}" for f, x in zip(*own, strict=True))
+        cells = (
+            "-" if np.isnan(f) else f"{frequency_text(f, 1)}  {100 * x:.2f}"
+            for f, x in zip(*own, strict=True)
+        )
         table.add_row(name, *cells)
     return table
 
@@ -258,10 +262,13 @@ def amplitude_table(found: AmplitudeDependence) -> Table:
     table.add_column("force [N]", justify="right")
     shown = np.flatnonzero(np.isfinite(found.softening))
     for r in shown:
-        table.add_column(f"{np.nanmean(found.frequency[:, r]):.0f} Hz", justify="right")
+        table.add_column(f"{frequency_text(np.nanmean(found.frequency[:, r]), 0)} Hz", justify="right")
     for k, force in enumerate(found.force):
         values = zip(found.motion[k], found.frequency[k], found.damping[k], strict=True)
-        cells = [f"{1e6 * x:.3g}  {f:.2f}  {100 * d:.3g}" if np.isfinite(f) else "-" for x, f, d in values]
+        cells = [
+            f"{1e6 * x:.3g}  {frequency_text(f, 2)}  {100 * d:.3g}" if np.isfinite(f) else "-"
+            for x, f, d in values
+        ]
         table.add_row(f"{force:g}", *(cells[r] for r in shown))
     return table
 

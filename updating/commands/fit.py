@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel, read_campaign
+from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
 from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
 from model.matrices.structure_file import is_structure_file
@@ -303,7 +304,7 @@ def fit_table(measured: ModalModel, fit: Fit) -> Table:
         f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}\nmean frequency error {100 * fit.error:.2f} %, of "
         f"{fit.pairing.measured.size} of {measured.frequency.size} measured modes"
     )
-    left_over = [f"{f:.1f}" for f in measured.frequency[fit.pairing.unpaired_measured]]
+    left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
     if left_over:
         caption += f"\nmeasured but not paired: {', '.join(left_over)} Hz"
     table = Table(

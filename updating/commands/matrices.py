@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel
+from ema.types.modal_model import frequency_text
 from model import MatricesError, read_matrices, reduce_matrices
 from model.matrices.structure_file import matrices_inputs
 from updating.commands.terminal import bar
@@ -83,7 +84,7 @@ def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
         for own in fit.moved
         if not own.name.startswith("gain")
     ]
-    left_over = [f"{f:.1f}" for f in measured.frequency[fit.pairing.unpaired_measured]]
+    left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
     caption = (
         f"mean frequency error {100 * fit.error:.2f} % ({100 * fit.initial_error:.2f} % before), of "
         f"{fit.pairing.measured.size} of {measured.frequency.size} measured modes\n"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ema.identification.stabilization import stabilization
 from ema.plot import palette
 from ema.plot.figures import stabilization_figure
+from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.errors import StoreError
@@ -170,9 +171,9 @@ class _Shapes:
         """Show a mode, counted from 1."""
         self.mode = round(number) - 1
         pair = self.pairs[self.mode]
-        texts = [f"measured {pair.measured_frequency:.1f} Hz", "no partner in the model", ""]
+        texts = [f"measured {frequency_text(pair.measured_frequency, 1)} Hz", "no partner in the model", ""]
         if pair.has_model:
-            texts[1:] = [f"model {pair.model_frequency:.1f} Hz", f"both, MAC {pair.mac:.4f}"]
+            texts[1:] = [f"model {frequency_text(pair.model_frequency, 1)} Hz", f"both, MAC {pair.mac:.4f}"]
         for column, text in enumerate(texts):
             self.plotter.subplot(0, column)
             self.plotter.add_text(text, name=f"title {column}", font_size=11, color=palette.INK)

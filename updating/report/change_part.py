@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.plot import palette
+from ema.types.modal_model import frequency_text
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, Telling, telling
 from updating.report.chart_part import axis, chart, legend_above
@@ -314,7 +315,7 @@ def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
 
 
 def _mode_name(own: ModeChange) -> str:
-    return f"{own.mode}: {own.frequency:.0f} Hz"
+    return f"{own.mode}: {frequency_text(own.frequency, 0)} Hz"
 
 
 def _bar_names(way: Sequence[Step]) -> list[str]:

@@ -15,6 +15,7 @@ from ema.modal.mac import mac
 from ema.plot import palette
 from ema.plot.figures import mac_figure
 from ema.quality.words import label, meaning
+from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import correlate
 from updating.correlation.correlation_plot import comac_figure
 from updating.correlation.point_correlation import PointCorrelation, correlate_points
@@ -122,7 +123,7 @@ def complexity_table(tested: Tested) -> Table:
         header=("mode", "frequency [Hz]", "MPC", "MPD [°]", "MCF", "phase scatter [°]", "finding"),
         rows=tuple(
             (
-                str(r), f"{f:.2f}", f"{p:.3f}", f"{d:.1f}", f"{c:.3f}", f"{s:.1f}",
+                str(r), frequency_text(f, 2), f"{p:.3f}", f"{d:.1f}", f"{c:.3f}", f"{s:.1f}",
                 "too complex to be compared as real" if wrong else "",
             )
             for r, (f, p, d, c, s, wrong) in enumerate(columns, start=1)
@@ -142,7 +143,7 @@ def pair_table(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> Tab
     measured = tested.measured
     c = correlate(measured, fit.modes, fit.pairing)
     used = fit.pairing.measured
-    left_over = [f"{f:.1f} Hz" for f in measured.frequency[fit.pairing.unpaired_measured]]
+    left_over = [f"{frequency_text(f, 1)} Hz" for f in measured.frequency[fit.pairing.unpaired_measured]]
     note = (
         "Error is (model - measured) / measured. ± is half the 95 % interval that the noise of the measurement "
         "leaves."
@@ -271,7 +272,7 @@ def mac_chart(
     down: str,
 ) -> str:
     """Return a MAC matrix as a chart; `across` and `down` say whose frequencies its columns and rows are."""
-    x, y = ([f"{k}: {f:.1f}" for k, f in enumerate(own, start=1)] for own in (columns, rows))
+    x, y = ([f"{k}: {frequency_text(f, 1)}" for k, f in enumerate(own, start=1)] for own in (columns, rows))
     trace = {
         "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": palette.LIKENESS,
         "xgap": 1, "ygap": 1, "texttemplate": "%{z:.2f}", "colorbar": {"title": {"text": "MAC"}, "thickness": 12},

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.plot import palette
+from ema.types.modal_model import frequency_text
 from ema.types.shown import figure_of, html_of, html_table
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit
@@ -51,7 +52,7 @@ def fit_figure(own: Fit) -> Figure:
     last = int(own.pairing.model.max(initial=0)) + 2
     image = right.imshow(own.pairing.mac[:, :last], cmap=palette.LIKENESS, vmin=0.0, vmax=1.0, aspect="auto")
     shown = own.modes.frequency[:last]
-    right.set_xticks(range(shown.size), [f"{f:.0f}" for f in shown], rotation=90, fontsize="small")
+    right.set_xticks(range(shown.size), [frequency_text(f, 0) for f in shown], rotation=90, fontsize="small")
     right.set_yticks(range(own.pairing.mac.shape[0]), [str(r + 1) for r in range(own.pairing.mac.shape[0])])
     right.set(xlabel="model [Hz]", ylabel="measured mode")
     figure.colorbar(image, ax=right, label="MAC")

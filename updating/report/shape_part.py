@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.types.modal_model import frequency_text
 from updating.fitting.fit import ModelFit
 from updating.fitting.shape_faces import faces
 from updating.fitting.shape_plot import AZIMUTH, ELEVATION, SWELL, ShapePair, shape_pair_figure, shape_pairs
@@ -81,12 +82,10 @@ def _whole(displacement: NDArray[np.float64]) -> list[int]:
 
 
 def _title(number: int, pair: ShapePair, names: tuple[str, str] = ("measured", "model")) -> str:
+    measured, model = (frequency_text(f, 1) for f in (pair.measured_frequency, pair.model_frequency))
     if not pair.has_model:
-        return f"Mode {number}: {names[0]} {pair.measured_frequency:.1f} Hz"
-    return (
-        f"Mode {number}: {names[0]} {pair.measured_frequency:.1f} Hz, {names[1]} {pair.model_frequency:.1f} Hz, "
-        f"MAC {pair.mac:.4f}"
-    )
+        return f"Mode {number}: {names[0]} {measured} Hz"
+    return f"Mode {number}: {names[0]} {measured} Hz, {names[1]} {model} Hz, MAC {pair.mac:.4f}"
 
 
 def _still(name: str, number: int, pair: ShapePair, names: tuple[str, str]) -> Picture:

@@ -12,6 +12,7 @@ from ema import Change, change_csv, change_sentence
 from ema.modal.change import KINDS, STATED_FREEDOM
 from ema.plot import palette
 from ema.plot.figures import mac_figure
+from ema.types.modal_model import frequency_text
 from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.modes_part import SHADES, mac_chart, matrix_csv
 from updating.report.part import Picture, Section, Table, as_csv, png, svg
@@ -184,4 +185,7 @@ def comac_figure(found: Change) -> Figure:
 
 
 def _labels(found: Change) -> list[str]:
-    return [f"{r + 1}: {f:.1f}" for r, f in zip(found.reference_mode, found.reference_frequency, strict=True)]
+    return [
+        f"{r + 1}: {frequency_text(f, 1)}"
+        for r, f in zip(found.reference_mode, found.reference_frequency, strict=True)
+    ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from ema.io.files import whole
+from ema.types.arrays import frozen
 from ema.types.frf import FRF
 from ema.types.geometry import Dof, Dofs
 from model import Effect, catalogue, find_effects
@@ -204,7 +204,6 @@ def folder_name(configuration: str) -> str:
 
 def write_frf(path: Path, frf: FRF) -> None:
     """Write FRFs as a compressed NumPy archive; the values are kept in full precision."""
-    buffer = io.BytesIO()
     arrays: dict[str, Any] = {n: value for n, value in vars(frf).items() if isinstance(value, np.ndarray)}
     for name in ("output", "input"):
         dofs: Dofs = getattr(frf, name)
@@ -215,8 +214,8 @@ def write_frf(path: Path, frf: FRF) -> None:
         "decay_rate": np.array(frf.decay_rate),
         "reciprocal": np.array(frf.reciprocal),
     }
-    np.savez_compressed(buffer, **arrays)
-    write_bytes(path, buffer.getvalue())
+    with whole(path, StoreError) as part, part.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def read_frf(path: Path) -> FRF:
@@ -228,10 +227,10 @@ def read_frf(path: Path) -> FRF:
         The file is missing or is not such an archive.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             return FRF(
                 frequency=archive["frequency"],
-                value=archive["value"],
+                value=frozen(archive["value"]),  # large
                 quantity=str(archive["quantity"]),  # type: ignore[arg-type]  # written from a Quantity
                 output=Dofs(node=archive["output_node"], direction=archive["output_direction"]),
                 input=Dofs(node=archive["input_node"], direction=archive["input_direction"]),

@@ -12,6 +12,7 @@ import numpy as np
 
 from ema import change_sentence
 from ema.plot import palette
+from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit, ModelFit
@@ -35,7 +36,7 @@ _BEYOND = 3  # model modes above the last that is paired
 def frequencies_chart(tested: Tested, fit: ModelFit) -> str:
     """Draw frequency errors with the measurement's 95 % intervals over damping ratios, of all pairs."""
     c, used = correlate(tested.measured, fit.modes, fit.pairing), fit.pairing.measured
-    names = [f"{m + 1}: {f:.0f} Hz" for m, f in zip(used, c.measured_frequency, strict=True)]
+    names = [f"{m + 1}: {frequency_text(f, 0)} Hz" for m, f in zip(used, c.measured_frequency, strict=True)]
 
     def bars(value: Any, color: str, name: str, place: str) -> dict[str, Any]:
         return {
@@ -118,8 +119,8 @@ def room(server: Any, opened: Opened) -> None:
 
     def say_pair(tested: Tested, fit: ModelFit, r: int, s: int) -> None:
         state.pair_text = (
-            f"Measured mode {r + 1} at {tested.measured.frequency[r]:.1f} Hz and model mode {s + 1} at "
-            f"{fit.modes.frequency[s]:.1f} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
+            f"Measured mode {r + 1} at {frequency_text(tested.measured.frequency[r], 1)} Hz and model mode {s + 1} at "
+            f"{frequency_text(fit.modes.frequency[s], 1)} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
         )
 
     @server.controller.set("locate")

@@ -14,7 +14,7 @@ from ema.modal.mac import mac
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
-from ema.types.modal_model import ModalModel
+from ema.types.modal_model import ModalModel, frequency_text
 from updating.fitting.shape_plot import lone_shape
 from updating.report.chart_part import axis, chart, legend_above, single
 from updating.report.modes_part import mac_chart
@@ -99,7 +99,7 @@ def runs_chart(measured: ModalModel) -> str:
     mean = hertz.mean(axis=0)
     traces = [
         {
-            "type": "scatter", "mode": "markers", "name": f"{r + 1}: {mean[r]:.1f} Hz",
+            "type": "scatter", "mode": "markers", "name": f"{r + 1}: {frequency_text(mean[r], 1)} Hz",
             "x": (measured.run + 1).tolist(), "y": single(100.0 * (hertz[:, r] / mean[r] - 1.0)), "marker": {"size": 5},
             "error_y": {
                 "type": "data", "array": single(100.0 * Z95 * measured.run_frequency_std[:, r] / mean[r]),

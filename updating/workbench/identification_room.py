@@ -15,6 +15,7 @@ from ema.identification.stabilization import highest_order
 from ema.plot import palette
 from ema.types.errors import EmaError
 from ema.types.frf import FRF
+from ema.types.modal_model import frequency_text
 from updating.errors import UpdatingError
 from updating.fitting.shape_plot import lone_shape
 from updating.report.results import Tested
@@ -108,7 +109,7 @@ class _Picking:
             dofs = frf.by_reciprocity().output
             first = lone_shape(measured.geometry, dofs, measured.shape[:, 0], float(measured.frequency[0]))
             state.pole_shape = moving_page(first, None)
-            state.pole_text = f"Shape of the mode at {measured.frequency[0]:.1f} Hz"
+            state.pole_text = f"Shape of the mode at {frequency_text(measured.frequency[0], 1)} Hz"
         self.stabilize()
 
     def _asked_order(self, n_line: int) -> int:
@@ -191,7 +192,7 @@ class _Picking:
             return
         numbers = shape_of(self._tested, self._lines, self._inside(), pole_of(hertz, percent))
         self.server.controller.send_pole_shape({"pair": numbers})
-        self.state.pole_text = f"Shape of the pole at {hertz:.2f} Hz, {percent:.3g} %"
+        self.state.pole_text = f"Shape of the pole at {frequency_text(hertz, 2)} Hz, {percent:.3g} %"
 
     def write(self) -> Sequence[str]:
         """Write poles.txt, and band and order into the campaign file; return the command that reads them."""

@@ -14,6 +14,7 @@ from ema.modal.mac import mac
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import DERIVATIVE, FRF
+from ema.types.modal_model import frequency_text
 from model import Modes, Observed, Stack, catalogue, find_effects, observe, read_stack
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Ranked
@@ -209,7 +210,7 @@ def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
 
 def outcome_chart(before: Outcome, now: Outcome) -> str:
     """Draw the frequency errors of all modes before and now, and the MAC of each."""
-    names = [f"{m + 1}: {f:.0f} Hz" for m, f in zip(now.mode, now.measured, strict=True)]
+    names = [f"{m + 1}: {frequency_text(f, 0)} Hz" for m, f in zip(now.mode, now.measured, strict=True)]
     traces = [
         {
             "type": "bar", "x": names, "y": (100.0 * (own.model / own.measured - 1.0)).tolist(), "name": name,
