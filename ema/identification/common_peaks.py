@@ -8,6 +8,8 @@ flanks of modes are no noise but a misfit of these: beside a strong mode a weak 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -55,30 +57,53 @@ def is_common(data: Functions, fit: Fit) -> NDArray[np.bool_]:
         if not start <= centre < stop:
             continue  # beyond the band
         lines = slice(start, stop)
-        response = _of_pole(frequency[lines], fit, r, data.quantity)
-        scale = np.sqrt(fit.weight[:, lines]) / fit.noise[:, None]
-        left = fit.residual[:, lines] * scale
-        noise = _line_statistic(left, width)
+        sums = _around_pole(data, fit, r, lines, width)
         number = np.arange(start, stop)
         free = np.all(np.abs(number[:, None] - place) > own, axis=1)
         if not free.any():
             continue
-        modes = (data.value[:, lines] - fit.residual[:, lines]) * scale
-        lost = free & (_power(left, width) > LEFT * _power(modes, width))
-        floor = float(np.median(noise[free]))
+        lost = free & (sums.left > LEFT * sums.modes)
+        floor = float(np.median(sums.noise[free]))
         k = int(np.clip(np.round(centre), start, stop - 1)) - start
-        whole = _line_statistic(left + response * scale, width)
-        peak = float(np.max(whole[max(0, k - 2) : k + 3])) - floor
-        high = _number_of_peaks(np.where(lost, noise - floor, 0.0), AS_HIGH * peak, int(own[r]))
+        peak = float(np.max(sums.whole[max(0, k - 2) : k + 3])) - floor
+        high = _number_of_peaks(np.where(lost, sums.noise - floor, 0.0), AS_HIGH * peak, int(own[r]))
         common[r] = peak <= 0.0 or high >= SEVERAL
     return common
 
 
-def _of_pole(frequency: NDArray[np.float64], fit: Fit, r: int, quantity: Quantity) -> NDArray[np.complex128]:
+@dataclass(kw_only=True)
+class _Sums:
+    """What all functions together hold on the lines around a pole, `(n_line,)` each."""
+
+    left: NDArray[np.float64]  # power that the fit leaves
+    modes: NDArray[np.float64]  # power that it explains
+    noise: NDArray[np.float64]  # likelihood of a line as wide as the pole's in what is left
+    whole: NDArray[np.float64]  # the same with the pole itself
+
+
+def _around_pole(data: Functions, fit: Fit, r: int, lines: slice, width: float) -> _Sums:
+    """Add up the functions, some at a time: all at once would take several times their memory."""
+    frequency = data.frequency[lines]
+    sums = _Sums(**{name: np.zeros(frequency.size) for name in ("left", "modes", "noise", "whole")})
+    few = max(1, _AT_ONCE // (2 * frequency.size))  # transforms have twice the lines
+    for first in range(0, len(data.value), few):
+        own = slice(first, first + few)
+        scale = np.sqrt(fit.weight[own, lines]) / fit.noise[own, None]
+        left = fit.residual[own, lines] * scale
+        sums.left += _power(left, width)
+        sums.modes += _power((data.value[own, lines] - fit.residual[own, lines]) * scale, width)
+        sums.noise += _line_statistic(left, width)
+        response = _of_pole(frequency, fit.pole[r], fit.residue[own, r], data.quantity)
+        sums.whole += _line_statistic(left + response * scale, width)
+    return sums
+
+
+def _of_pole(
+    frequency: NDArray[np.float64], pole: complex, residue: NDArray[np.complex128], quantity: Quantity
+) -> NDArray[np.complex128]:
     """Response of one pole and its conjugate, ``(n_function, n_line)``."""
-    basis = mode_basis(frequency, fit.pole[[r]], quantity)[:, :2]
-    parts = np.stack([fit.residue[:, r].real, fit.residue[:, r].imag])
-    response = basis @ parts
+    basis = mode_basis(frequency, np.array([pole]), quantity)[:, :2]
+    response = basis @ np.stack([residue.real, residue.imag])
     n = frequency.size
     answer: NDArray[np.complex128] = (response[:n] + 1j * response[n:]).T
     return answer
@@ -99,11 +124,8 @@ def _line_statistic(scaled: NDArray[np.complex128], half: float) -> NDArray[np.f
     offset = np.arange(size, dtype=float)
     offset[offset > size // 2] -= size
     line = 1.0 / (1.0 + 1j * offset / max(half, _NARROWEST))
-    turned, total = scipy.fft.fft(line).conj(), np.zeros(n)
-    few = max(1, _AT_ONCE // size)
-    for first in range(0, len(scaled), few):  # all functions at once would take several times their memory
-        spectrum = scipy.fft.fft(scaled[first : first + few], size, axis=1) * turned
-        total += np.sum(np.abs(scipy.fft.ifft(spectrum, axis=1)[:, :n]) ** 2, axis=0)
+    spectrum = scipy.fft.fft(scaled, size, axis=1) * scipy.fft.fft(line).conj()
+    total = np.sum(np.abs(scipy.fft.ifft(spectrum, axis=1)[:, :n]) ** 2, axis=0)
     square = scipy.fft.rfft(np.abs(line) ** 2)
     energy = scipy.fft.irfft(scipy.fft.rfft(np.ones(n), size) * square, size)[:n]
     return np.asarray(2.0 * total / energy)

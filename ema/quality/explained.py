@@ -19,6 +19,7 @@ WARN, FAIL = 0.9, 0.7
 """Shares of the power explained below which a set is warned of, and below which its identification has failed."""
 BESIDE = 2.0
 """Half bandwidths of a mode within which a further peak is of its resonance, or of what stands for two."""
+_LINES = 1024  # that are compared at a time: all functions may be large
 _LISTED = 6
 _MOST_TOLD = 12  # peaks that are told one by one
 
@@ -90,28 +91,27 @@ class ExplainedPower:
 def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     """Compare what was identified, at the outputs and inputs of the model, with what the model stands for."""
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
-    lines = lines.convert(whitest(lines))
-    rest = synthesize_runs(modal_model, lines.frequency, lines.quantity, lines.run)
-    np.subtract(lines.value, rest, out=rest)
-    left_over, powers = [], []
-    for own, value in zip(rest, lines.value, strict=True):  # each output alone: all may be large
-        power = np.abs(value) ** 2
-        size = power.sum(axis=1, keepdims=True) * len(power)
-        left_over.append((np.abs(own) ** 2 / size).sum(axis=0))
-        powers.append((power / size).sum(axis=0))
-    rest, power = np.array(left_over), np.array(powers)
+    quantity = whitest(lines)
     middle = 0.5 * (modal_model.frequency[1:] + modal_model.frequency[:-1])
     edge = np.concatenate([modal_model.band[:1], middle, modal_model.band[1:]])
-    place = np.clip(np.searchsorted(edge, lines.frequency, side="right") - 1, 0, edge.size - 2)
-    of_band = (place == np.arange(edge.size - 1)[:, None]).astype(float)
-    left, held = rest @ of_band.T, power @ of_band.T
+    left, held = np.zeros((2, *lines.value.shape[:2], edge.size - 1))
+    for first in range(0, lines.frequency.size, _LINES):
+        own = lines.frequency[first : first + _LINES]
+        part = lines.band(own[0], own[-1]).convert(quantity)
+        place = np.clip(np.searchsorted(edge, part.frequency, side="right") - 1, 0, edge.size - 2)
+        of_band = (place[:, None] == np.arange(edge.size - 1)).astype(float)
+        rest = part.value - synthesize_runs(modal_model, part.frequency, quantity, part.run)
+        left += np.abs(rest) ** 2 @ of_band
+        held += np.abs(part.value) ** 2 @ of_band
+    size = held.sum(axis=2, keepdims=True) * held.shape[1]
+    left, held = (left / size).sum(axis=1), (held / size).sum(axis=1)
     output = Dofs(node=modal_model.node, direction=modal_model.direction)
     return ExplainedPower(
         channel=tuple(output.name(c) for c in range(output.node.size)),
         edge=edge,
         share=np.where(held > 0.0, 1.0 - left / np.where(held > 0.0, held, 1.0), np.nan),
-        whole=1.0 - rest.sum(axis=1),
-        quantity=lines.quantity,
+        whole=1.0 - left.sum(axis=1),
+        quantity=quantity,
         power=held,
     )
 
