@@ -15,7 +15,7 @@ from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.explained_model import explained_stack
 from updating.errors import FitError
 from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import fit
+from updating.fitting.fit import Fit, fit
 from updating.report import identified_model as module
 from updating.report.answer import before_after_table
 from updating.report.identified_model import Found, identified_model, what_was_found, with_models
@@ -23,8 +23,9 @@ from updating.report.modes_part import by_model, complexity_table, pair_tables
 from updating.report.opening import frac_sentence
 from updating.report.page import render
 from updating.report.part import Picture, Section, Table, of_model
-from updating.report.results import Results
+from updating.report.results import IdentifiedModel, Results
 from updating.report.results import Tested as Configuration
+from updating.results.store import read_result, write_result
 
 EFFECT, PARAMETER, VALUE = "lost_contact_middle", "middle_loss", 0.4
 
@@ -115,6 +116,15 @@ def test_effects_at_their_values_with_G_f_fitted_again_meet_what_they_made(with_
     assert own.fit.d_f.value == pytest.approx(1e-11, rel=1e-2)
     assert own.fit.stack.effect_values[PARAMETER] == VALUE
     assert np.isnan(own.frac)  # modes that were read have no functions
+
+
+def test_a_model_that_is_read_back_is_still_that_of_a_stack(with_model, tmp_path):
+    """Functions and slides are those of the stack: without it a report made again has the base model's alone."""
+    write_result(tmp_path / "identified_model.json", with_model.identified, inputs=(), options={})
+    again = read_result(tmp_path / "identified_model.json", IdentifiedModel).fit
+    assert isinstance(again, Fit)
+    assert again.stack.effect_values == with_model.identified.fit.stack.effect_values
+    assert again.G_f.value == with_model.identified.fit.G_f.value
 
 
 def test_every_table_and_picture_is_there_for_both_models_and_that_with_what_was_found_comes_first(

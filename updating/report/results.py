@@ -49,7 +49,7 @@ class IdentifiedModel:
 
     effects: tuple[str, ...]
     value: Mapping[str, float]
-    fit: ModelFit
+    fit: Fit | ModelFit  # of a stack, or of matrices: each is read back as what it was
     base_frac: float
     frac: float
 
