@@ -292,6 +292,11 @@ def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
         cut = """[...document.querySelectorAll("td, .opening, .command")].filter((e) => e.getClientRects().length
           && e.getBoundingClientRect().right > innerWidth).map((e) => e.textContent)"""
         assert shown.evaluate(cut) == []
+        narrow = """[...document.querySelectorAll("figure:not(.chart):not(.shape) img")].filter((e) =>
+          e.getBoundingClientRect().width < 600 || e.parentElement.tabIndex !== 0).map((e) => e.alt)"""
+        assert (
+            shown.evaluate(narrow) == []
+        )  # they are swiped, or moved by the arrow keys: see above for the page
         ink, ground = (
             sum(map(int, re.findall(r"\d+", shown.evaluate(f"getComputedStyle(document.body).{name}"))[:3]))
             for name in ("color", "backgroundColor")

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 from pptx import Presentation
 from pptx.enum.shapes import MSO_SHAPE_TYPE
@@ -59,7 +60,7 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
         ("errors_with_additions", lambda _: {}),
         ("shape_section", lambda _: Section(title="Shapes", blocks=shapes)),
         ("auto_mac_picture", lambda _: shapes[0]),
-        ("frf_picture", lambda *_: shapes[1]),
+        ("frf_figure", lambda *_, beside: Figure(figsize=(12, 6) if beside else (6, 12))),
         ("model_functions", lambda *_: {}),
         ("within_band", lambda *_: None),
     ):
@@ -85,6 +86,12 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
     ]
     rows = [len(s.table.rows) for slide in show.slides for s in slide.shapes if s.has_table]
     assert rows == [15, 3]
+    functions = next(
+        s for s in show.slides[titles.index("FRFs of M1")].shapes if s.shape_type == MSO_SHAPE_TYPE.PICTURE
+    )
+    assert (
+        functions.width > 0.8 * show.slide_width
+    )  # beside each other: one under the other they fill a third of it
     for slide in show.slides:
         for shape in slide.shapes:
             assert 0 <= shape.left < shape.left + shape.width <= show.slide_width

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _GAPS = (0, (1.5, 3.5))  # through which the other curves are seen
 _SPARSE = 16
+_SLIDE = (12.3, 5.9)  # in, that a slide has below its title
 
 
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
@@ -29,7 +30,12 @@ def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
 
 
 def overlay_figure(
-    frf: FRF, measured: ModalModel, model: NDArray[np.complex128] | None = None, *, found: bool = False
+    frf: FRF,
+    measured: ModalModel,
+    model: NDArray[np.complex128] | None = None,
+    *,
+    found: bool = False,
+    beside: bool = False,
 ) -> Figure:
     """Draw functions with the synthesised ones over them, their difference, their phase and their coherence.
 
@@ -46,17 +52,20 @@ def overlay_figure(
         What a fitted model gives for the chosen functions at the lines of the band.
     found : bool
         Whether that is the model with what was identified, not the base model.
+    beside : bool
+        Whether functions stand beside each other, as on a slide, or under each other.
     """
     from matplotlib.figure import Figure
 
     lines, fitted = synthesized(frf, measured)
     chosen = chosen_functions(measured)
     n = 2 if lines.coherence is None else 3
-    height = 0.95 + 2.3 * len(chosen) if n == 2 else 0.95 + 2.8 * len(chosen)
-    figure = Figure(figsize=(7.5, height))
+    width, height = _SLIDE if beside else (7.5, 0.95 + (2.3 if n == 2 else 2.8) * len(chosen))
+    figure = Figure(figsize=(width, height))
     outer = figure.add_gridspec(
-        len(chosen), 1, hspace=0.17, left=0.1, right=0.97, top=1.0 - 0.5 / height, bottom=0.45 / height
-    )
+        *((1, len(chosen)) if beside else (len(chosen), 1)), hspace=0.17, wspace=0.25, left=0.75 / width,
+        right=1.0 - 0.2 / width, top=1.0 - (0.8 if beside else 0.5) / height, bottom=0.45 / height,
+    )  # fmt: skip
     panels: list[Axes] = []
     for k in range(len(chosen)):
         inner = outer[k].subgridspec(n, 1, height_ratios=[3, 1.2, 0.9][:n], hspace=0.14)
@@ -73,7 +82,8 @@ def overlay_figure(
         if model is not None:
             _draw_model(magnitude, phase, lines.frequency, model[k], found=found)
             name = "model with what was identified" if found else "fitted model"
-            title += f", of the {name} {float(frac(lines.value[o, 0], model[k])):.4f}"
+            title += ",\n" if beside else ", "
+            title += f"of the {name} {float(frac(lines.value[o, 0], model[k])):.4f}"
         phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
         if lines.coherence is not None:
             panels[n * k + 2].plot(
@@ -81,14 +91,18 @@ def overlay_figure(
             )
             panels[n * k + 2].set(ylabel="coh. [1]", ylim=(0.0, 1.1), yticks=[0, 1])
         magnitude.set_title(title, fontsize="small", loc="left")
+    lowest = panels[n - 1 :: n] if beside else panels[-1:]
     for axes in panels:
         axes.set_xlim(lines.frequency[0], lines.frequency[-1])
-        axes.tick_params(labelsize=8, labelbottom=axes is panels[-1])
+        axes.tick_params(labelsize=8, labelbottom=axes in lowest)
         axes.yaxis.label.set_fontsize(8)
         for f in measured.frequency:
             axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
+    for axes in panels[n:] if beside else ():
+        axes.set_ylabel("")  # as in the first column
     figure.align_ylabels()
-    panels[-1].set_xlabel("frequency [Hz]")
+    for axes in lowest:
+        axes.set_xlabel("frequency [Hz]")
     figure.legend(
         *panels[0].get_legend_handles_labels(),
         loc="upper right",

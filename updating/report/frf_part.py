@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from updating.report.identified_model import fracs, modelled
 from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
 from updating.report.stabilization_part import stabilization_blocks
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _WITH = {BASE: "with the base model", FOUND: "with what was identified"}
 
@@ -58,16 +62,14 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
     `models` holds the functions of each model within the band, see `model_functions`.
     """
     lines, fitted = synthesized(frf, tested.measured)
-    shown = models.get(FOUND, models.get(BASE))
     chosen = chosen_functions(tested.measured)
-    drawn = None if shown is None else shown[list(chosen)]
     functions = frf_functions(tested.measured, lines)
     curves = {"measured": lines.value[:, 0], "from the modes": fitted[:, 0], **models}
     if len(models) == 1:
         curves = {FITTED_MODEL if name in models else name: value for name, value in curves.items()}
     return Picture(
         name=f"frf_{tested.name}",
-        content=png(overlay_figure(frf, tested.measured, drawn, found=FOUND in models)),
+        content=png(frf_figure(tested, frf, models)),
         form="png",
         data=_numbers(lines, curves, chosen),
         alt="Measured and synthesised FRFs",
@@ -76,7 +78,7 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
         "large as the function, noise governs."
         + (
             ""
-            if shown is None
+            if not models
             else f" Dotted: the model{' with what was identified' if FOUND in models else ''}."
         )
         + ("" if lines.coherence is not None else " The test system stored no coherence."),
@@ -84,6 +86,15 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
         choices=tuple(name for _, name in functions),
         model="both" if len(models) > 1 else "",
     )
+
+
+def frf_figure(
+    tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.complex128]], *, beside: bool = False
+) -> Figure:
+    """Draw the chosen functions with those of the model with what was identified, else of the base model."""
+    shown = models.get(FOUND, models.get(BASE))
+    drawn = None if shown is None else shown[list(chosen_functions(tested.measured))]
+    return overlay_figure(frf, tested.measured, drawn, found=FOUND in models, beside=beside)
 
 
 def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:

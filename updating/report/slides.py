@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ema.plot.figures import as_png
 from updating.correlation.frf_plot import within_band
 from updating.report.change_part import errors_with_additions, mode_changes, mode_figure, step_figure, steps
-from updating.report.frf_part import frf_picture, model_functions
+from updating.report.frf_part import frf_figure, model_functions
 from updating.report.location_part import location_section
 from updating.report.modes_part import auto_mac_picture, identified_table, mac_picture, pair_tables
 from updating.report.opening import opening
@@ -95,8 +95,9 @@ def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> Non
     _likeness(show, tested)
     if tested.has_functions:
         frf = tested.frf()
-        functions = frf_picture(tested, frf, model_functions(tested, within_band(frf, tested.measured)))
-        _picture(_slide(show, f"FRFs of {tested.name}"), functions.content, _TOP - 0.2, _HIGH - _TOP - 0.1)
+        models = model_functions(tested, within_band(frf, tested.measured))
+        content = as_png(frf_figure(tested, frf, models, beside=True))
+        _picture(_slide(show, f"FRFs of {tested.name}"), content, _TOP - 0.2, _HIGH - _TOP - 0.1)
     shapes = [p for p in shape_section(tested).pictures if tested.identified is None or "_found" in p.name]
     for start in range(0, len(shapes), _SHAPES):
         slide = _slide(show, f"Mode shapes of {tested.name}")
