@@ -8,9 +8,10 @@ import pytest
 from tests.unit.test_inference import BASE, TERM, Chain, matrices, measured
 from updating.inference.decide import decide
 from updating.inference.discrepancy import SizePrior
-from updating.inference.explain import coordinates_of, errors_at, explain
+from updating.inference.explain import coordinates_of, errors_at, explain, setting
 from updating.inference.left_out import LeftOut, left_out
 from updating.inference.protocol import Term
+from updating.inference.robust_start import robust_start
 from updating.inference.search import Prediction, begin, better, search
 from updating.inference.spread import information
 
@@ -171,3 +172,15 @@ def prediction(frequency, damping=0.1, pull=1.0):
 )
 def test_what_predicts_better(new, old, expected):
     assert better(new, old) == expected
+
+
+@pytest.mark.parametrize("far", [-0.5, 0.9])
+def test_a_start_far_off_leads_near_the_truth_past_a_mode_that_the_model_lacks(far):
+    """The third measured frequency is 20 % off: of the rig, say. Most others agree where the stiffness is right."""
+    (state,) = states(0.0)[:1]
+    frequency = state.frequency * np.where(np.arange(state.frequency.size) == 2, 1.2, 1.0)
+    model = Choice((replace(state, frequency=frequency),))
+    common = setting(model, model.about(BASE, []), np.zeros(2), shares=SHARES)
+    x, apart = robust_start(model, common, np.array([far, 0.0]))
+    assert x[0] == pytest.approx(0.0, abs=0.06)
+    assert apart == {(0, 2)}

@@ -43,20 +43,23 @@ class DampingKind:
     ----------
     name, label : str
         Its key, and what it is called.
-    candidates : callable
-        Takes the fields and locations; returns what to try, or None where the structure has nothing of the kind.
+    candidates : callable, optional
+        Takes the fields and locations; returns what to try, or None where the structure has nothing of the kind. A kind
+        without any changes all damping ratios by one factor.
     sign : float
         1 where damping rises, -1 where it falls.
     quantity, unit : str
         What its size is.
     absolute : bool
         Whether the size is the amplitude; otherwise it is the share of damping ratios, root mean square.
+    local : bool
+        Whether it sits at one location; otherwise it is all over.
     """
 
     name: str
     label: str
-    candidates: Callable[[Fields, Vector], Candidates | None]
     sign: float
+    candidates: Callable[[Fields, Vector], Candidates | None] | None = None
     quantity: str = "share of damping ratios, root mean square"
     unit: str = "1"
     absolute: bool = False
@@ -80,12 +83,8 @@ def _dashpot(fields: Fields, at: Vector) -> Candidates:
 
 
 KINDS = (
-    DampingKind(
-        name="more_loss", label="more damping of all modes alike", candidates=lambda *_: None, sign=1.0
-    ),
-    DampingKind(
-        name="less_loss", label="less damping of all modes alike", candidates=lambda *_: None, sign=-1.0
-    ),
+    DampingKind(name="more_loss", label="more damping of all modes alike", sign=1.0),
+    DampingKind(name="less_loss", label="less damping of all modes alike", sign=-1.0),
     DampingKind(
         name="contact_damping", label="more damping of the contact all over", candidates=_contact, sign=1.0
     ),
@@ -113,7 +112,7 @@ KINDS = (
         local=True,
     ),
 )
-"""Kinds of change of damping; `more_loss` and `less_loss` need no candidate: all ratios change by one factor."""
+"""Kinds of change of damping."""
 
 
 def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
@@ -134,8 +133,8 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
     place, _ = places(at.fields)
     found = []
     for kind in KINDS:
-        candidates = kind.candidates(at.fields, place)
-        if candidates is None and not kind.name.endswith("_loss"):
+        candidates = None if kind.candidates is None else kind.candidates(at.fields, place)
+        if candidates is None and kind.candidates is not None:
             continue
         added = np.ones((1, shift.size)) if candidates is None else _added(at, candidates)[:, known] / ratio
         size = np.sqrt(np.mean(added**2, axis=1))

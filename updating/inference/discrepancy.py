@@ -85,10 +85,10 @@ SPREAD = float(np.log(5.0) / 1.645)
 """Standard deviation of the logarithm of a size: nine of ten lie within a factor of 5 of the median."""
 STIFFNESS = SizePrior(median=0.004, spread=SPREAD, lowest=3e-4, highest=0.1, n=16)
 """Of equation errors: models of laminated stacks and plates that lack nothing leave 0.1 to 1 % of an eigenvalue."""
-OF_MASS = 0.5
-"""Share of the variance that is the mass's: nobody knows either better."""
 DAMPING = SizePrior(median=0.1, spread=SPREAD, lowest=4e-3, highest=1.2, n=10)
 """Of the logarithm of a damping ratio: 2 to 50 %; the damping of reassembled stacks repeats to some 10 %."""
+OF_MASS = 0.5
+"""Share of the variance of equation errors that is the mass's: nobody knows either better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,28 +167,23 @@ class Problem:
     curvature: Vector
     errors: tuple[Errors, ...]
 
-    def beside(self, sizes: Sizes, kept: NDArray[np.bool_] | None = None) -> Vector:
+    def beside(self, sizes: Sizes) -> Vector:
         """Return what the cost's gradient has beside that at a given covariance, by measured mode, (n, n_coordinate).
 
-        See `gradient`: the noise of shapes follows the model, and so does the normalisation of the density. Where only
-        some modes are `kept`, (n,) bool, the others pull at nothing, and their rows are 0.
+        See `gradient`: the noise of shapes follows the model, and so does the normalisation of the density.
         """
-        m, number = self.errors[0].value.shape[1], sum(len(own.value) for own in self.errors)
-        modes = np.ones(number, dtype=bool) if kept is None else kept
-        rows = np.repeat(modes, m)
-        covariance = (self.noise + sizes.stiffness**2 * self.discrepancy)[np.ix_(rows, rows)]
-        inverse = la.inv(covariance, check_finite=False)
-        pull, blocks = np.zeros((number, m)), np.zeros((number, m, m))
-        pull[modes] = (inverse @ self.value[rows]).reshape(-1, m)
-        each = np.arange(np.count_nonzero(modes))
-        blocks[modes] = inverse.reshape(each.size, m, each.size, m)[each, :, each]
+        m = self.errors[0].value.shape[1]
+        inverse = la.inv(self.noise + sizes.stiffness**2 * self.discrepancy, check_finite=False)
+        pull = (inverse @ self.value).reshape(-1, m)
+        each = np.arange(len(pull))
+        blocks = inverse.reshape(each.size, m, each.size, m)[each, :, each]
         first, found = 0, list[Vector]()
         for own in self.errors:
             here = slice(first, first + len(own.value))
             found.append(np.zeros((len(own.value), self.jacobian.shape[1])))
             found[-1][:, : own.jacobian.shape[2]] = own.beside(pull[here], blocks[here])
             first = here.stop
-        return np.where(modes[:, None], np.vstack(found), 0.0)
+        return np.vstack(found)
 
     def curvature_of(self, kept: NDArray[np.bool_]) -> Vector:
         """Return what of the curvature some measured modes make, `kept` being (n,) bool."""

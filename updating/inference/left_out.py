@@ -104,6 +104,7 @@ def left_out(
     value = problem.value.reshape(-1, m)
     jacobian = problem.jacobian.reshape(-1, m, own.x.size)
     frequency, damping = np.full((2, state.size), np.nan)
+    beside = problem.beside(sizes)
     strange = {int(np.flatnonzero(state == c)[0]) + r for c, r in own.apart}
     for r in range(state.size):
         if by == "state":
@@ -116,7 +117,8 @@ def left_out(
             return LeftOut(errors={"frequency": nothing, "damping": nothing}, state=state)
         if r in strange:
             continue
-        step = _step_without(own, out, m, covariance, of_damping, precision, damped)
+        pull = beside[~out].sum(axis=0)
+        step = _step_without(own, out, pull, covariance, of_damping, precision, damped)
         a = own.errors[state[r]].weight[r - int(np.flatnonzero(state == state[r])[0])]
         frequency[r] = 0.5 * float((value[r] + jacobian[r] @ step) @ a)
         if damped[r]:
@@ -128,17 +130,20 @@ def left_out(
 def _step_without(
     own: Explanation,
     out: NDArray[np.bool_],
-    m: int,
+    pull: Vector,
     covariance: Vector,
     of_damping: Vector,
     precision: Vector,
     damped: NDArray[np.bool_],
 ) -> Vector:
-    """Return the step of the coordinates that the errors of all other modes ask for, (n_coordinate,)."""
+    """Return the step of the coordinates that the errors of all other modes ask for, (n_coordinate,).
+
+    `pull` is what these modes add to the gradient beside that of their errors (`Problem.beside`).
+    """
     problem = own.problem
     assert isinstance(problem, Problem)
-    beside = problem.beside(own.evidence.sizes, ~out).sum(axis=0)
-    hessian, slope = np.diag(precision) + problem.curvature_of(~out), precision * own.x + beside
+    m = own.errors[0].value.shape[1]
+    hessian, slope = np.diag(precision) + problem.curvature_of(~out), precision * own.x + pull
     for value, jacobian, matrix, keep in (
         (problem.value, problem.jacobian, covariance, ~np.repeat(out, m)),
         (problem.damping, problem.damping_jacobian, of_damping, ~out[damped]),

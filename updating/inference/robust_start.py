@@ -10,26 +10,18 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.equation_error import WIDE, Errors
+from updating.inference.discrepancy import joined
+from updating.inference.equation_error import Errors, apart_from
 from updating.inference.explain import Setting, errors_at
 from updating.inference.levels import STRANGE
 from updating.inference.protocol import Model
 
 Vector = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class RobustStart:
-    """Coordinates of the base model, and the measured modes, by state and number, that are none of its modes there."""
-
-    x: Vector
-    apart: frozenset[tuple[int, int]]
 
 
 def robust_start(
@@ -40,8 +32,8 @@ def robust_start(
     sizes: Sequence[float] = (0.02, 0.05),
     reach: float = 1.2,
     per_step: int = 4,
-) -> RobustStart:
-    """Scan each coordinate of which nothing is known for the most probable mixture of modes.
+) -> tuple[Vector, frozenset[tuple[int, int]]]:
+    """Scan each coordinate of which nothing is known, and which moves modes, for the most probable mixture of modes.
 
     Parameters
     ----------
@@ -55,15 +47,23 @@ def robust_start(
         How far to either side.
     per_step : int
         Points in the longest step of a fit; one local model holds for them.
+
+    Returns
+    -------
+    (n_nuisance,) float and frozenset of (int, int)
+        Coordinates of the base model, and the measured modes, by state and number, that are none of its modes there.
     """
-    best, found = -np.inf, RobustStart(np.array(start, float), frozenset())
+    best, at, apart = -np.inf, np.array(start, float), frozenset[tuple[int, int]]()
+    moving = model.about(model.nuisances, [at]).modal(at, 0).moves
     for i, c in enumerate(model.nuisances):
-        if not (np.isinf(c.std) and np.isfinite(c.longest)):
+        if i not in moving or not (np.isinf(c.std) and np.isfinite(c.longest)):
             continue
-        at = found.x
+        before = at
         for middle in np.arange(-reach, reach + 1e-9, c.longest):
             around = middle + c.longest * ((np.arange(per_step) + 0.5) / per_step - 0.5)
-            points = [np.array([*at[:i], at[i] + away, *at[i + 1 :]]) for away in (middle, *around)]
+            points = [
+                np.array([*before[:i], before[i] + away, *before[i + 1 :]]) for away in (middle, *around)
+            ]
             points = [x for x in points if c.lower <= x[i] <= c.upper]
             if not points:
                 continue
@@ -72,20 +72,22 @@ def robust_start(
                 with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
                     errors = errors_at(model, local, common, x)
                     for size in sizes:
-                        log, apart = _mixture(errors, size)
+                        log, strange = _mixture(errors, size)
                         if log > best + 1e-6:
-                            best, found = log, RobustStart(x, apart)
-    return found
+                            best, at, apart = log, x, strange
+    return at, apart
 
 
 def _mixture(errors: Sequence[Errors], size: float) -> tuple[float, frozenset[tuple[int, int]]]:
     """Return the logarithm of the density of all modes, one by one, and which are likelier none of the model's."""
     total, apart = 0.0, set[tuple[int, int]]()
     for c, own in enumerate(errors):
-        for r, (value, a, noise) in enumerate(zip(own.value, own.weight, own.noise, strict=True)):
-            acts = np.eye(a.size) + np.outer(a, a)
-            mine, strange = (_log_normal(value, noise + s**2 * acts) for s in (size, WIDE))
-            mine, strange = mine + math.log(1.0 - STRANGE), strange + math.log(STRANGE)
+        n, m = own.value.shape
+        discrepancy = joined([own], np.ones((1, 1))).discrepancy.reshape(n, m, n, m)
+        wide = apart_from(own, old=(), new=range(n)).noise
+        for r, value in enumerate(own.value):
+            mine = math.log(1.0 - STRANGE) + _log_normal(value, own.noise[r] + size**2 * discrepancy[r, :, r])
+            strange = math.log(STRANGE) + _log_normal(value, wide[r])
             total += float(np.logaddexp(mine, strange)) + float(own.log_maps[r])
             if strange > mine:
                 apart.add((c, r))

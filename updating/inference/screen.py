@@ -105,7 +105,7 @@ def screened(
     *,
     asked: int = 16,
     each: int = 3,
-    further_steps: int = 3,
+    steps: int = 4,
     weak: float = 0.1,
 ) -> dict[str, tuple[float, Vector]]:
     """Return what a few steps are expected to reach with each further term, minus the cost, and where it leads.
@@ -121,8 +121,8 @@ def screened(
     asked, each : int
         Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these and
         that of each origin.
-    further_steps : int
-        Steps that are taken from there, for what one promises of a start far off is little more than a rank.
+    steps : int
+        Most steps that are taken from there, for what one promises of a start far off is little more than a rank.
     weak : float
         Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
     """
@@ -145,28 +145,27 @@ def screened(
             start[[index[c.name] for c in new]] = values
             ahead = _ahead(model, origin, start, columns, together) if origin is not None else None
             best.setdefault(term.name, []).append((np.inf if ahead is None else ahead, o, start[columns]))
-    ranked = sorted(best, key=lambda name: -max(own[0] for own in best[name]))
+    ranked = sorted(best, key=lambda name: -max(ahead for ahead, *_ in best[name]))
     found: dict[str, tuple[float, Vector]] = {}
     by_name = {term.name: term for term in further}
     for i, name in enumerate(ranked):
-        tried = sorted(best[name], key=lambda own: -own[0])
+        tried = sorted(best[name], key=lambda one: -one[0])
         known = np.isfinite(tried[0][0])
         if i >= asked and known:
             break
-        near = local.of(coordinates_of(model, [*present, by_name[name]]))
-        first = {o: j for j, (_, o, _) in reversed(list(enumerate(tried)))}  # the best of each origin
-        for j, (_, o, start) in enumerate(tried):
-            if known and j >= each and first[o] != j:
-                continue
-            try:
-                one = outlook(model, [*present, by_name[name]], setting, start, near, sizes)
-                for _ in range(further_steps):
-                    before, one = one, outlook(model, [*present, by_name[name]], setting, one[1], near, sizes)
+        first = [next(j for j, one in enumerate(tried) if one[1] == o) for o in {one[1] for one in tried}]
+        chosen = sorted({*range(min(each, len(tried))), *first}) if known else range(len(tried))
+        terms = [*present, by_name[name]]
+        near = local.of(coordinates_of(model, terms))
+        for j in chosen:
+            one = None
+            with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+                one = outlook(model, terms, setting, tried[j][2], near, sizes)
+                for _ in range(steps - 1):
+                    before, one = one, outlook(model, terms, setting, one[1], near, sizes)
                     if abs(one[0] - before[0]) < 1.0:
                         break
-            except (np.linalg.LinAlgError, ValueError):  # no modes there
-                continue
-            if name not in found or one[0] > found[name][0]:
+            if one is not None and (name not in found or one[0] > found[name][0]):
                 found[name] = one
     return found
 

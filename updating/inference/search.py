@@ -183,8 +183,8 @@ def begin(
     common = beside(best.x)
     best = explain(model, [], common, best.x)
     if too_large(best, priors):
-        robust = robust_start(model, common, starts[0])
-        other = explain(model, [], replace(common, apart=robust.apart), robust.x)
+        x, strange = robust_start(model, common, starts[0])
+        other = explain(model, [], replace(common, apart=strange), x)
         best = max(best, other, key=lambda one: one.log_evidence)
     common = beside(best.x)
     return common, explain(model, [], replace(common, apart=best.apart), best.x)
