@@ -32,7 +32,7 @@ _SHARING = 2  # how far apart places are that may share a station
 
 
 def _of_places(t: Theta, i: int, j: int) -> Any:
-    shares = shared_among(t["clamp_station"], _GRID)
+    shares = shared_among(t["clamp_station"], _GRID.size)
     return t["clamp_roll_inertia"] * shares[i] * shares[j]
 
 
@@ -84,6 +84,7 @@ EFFECT = Effect(
             neutral=0.6,
             source="0 in the middle, 1 where the clamp ends with the stack; clamps stand anywhere along it",
             sampled=True,
+            n_start=3,
         ),
     ),
     terms=terms,

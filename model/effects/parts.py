@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -308,18 +308,18 @@ def pressure_change(
     )
 
 
-def shared_among(position: Any, grid: Vector) -> list[Any]:
-    """Return the shares of what is at a position that each place of an even grid has, real or complex.
+@lru_cache(maxsize=128)
+def shared_among(position: complex, n: int, first: float = 0.0, last: float = 1.0) -> tuple[Any, ...]:
+    """Return the shares of what is at a position that each of n places on an even grid has, real or complex.
 
     They are quadratic B-splines (de Boor, A Practical Guide to Splines, 1978, chapter IX): they sum to 1, neither they
     nor their slopes jump, and whatever the position, they spread it alike, with a variance of a quarter of the square
-    of the spacing. What would be shared beyond an end is at the end.
+    of the spacing. What would be shared beyond an end is at the end. Many terms of an effect ask for the same shares.
     """
-    h = grid[1] - grid[0]
-    last = len(grid) - 1
-    i = min(max(round(float((np.real(position) - grid[0]) / h)), 0), last)
-    u = (position - grid[i]) / h
-    shares: list[Any] = [0.0] * len(grid)
+    h = (last - first) / (n - 1)
+    i = min(max(round(float((np.real(position) - first) / h)), 0), n - 1)
+    u = (position - first) / h - i
+    shares: list[Any] = [0.0] * n
     for place, share in ((i - 1, (0.5 - u) ** 2 / 2.0), (i, 0.75 - u**2), (i + 1, (0.5 + u) ** 2 / 2.0)):
-        shares[min(max(place, 0), last)] += share
-    return shares
+        shares[min(max(place, 0), n - 1)] += share
+    return tuple(shares)

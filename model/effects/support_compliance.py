@@ -64,6 +64,7 @@ EFFECT = Effect(
             neutral=_RIGID["edge_translation"],
             scale="log",
             sampled=True,
+            n_start=3,
             source="from a free edge to a vice; a steel jaw of 10 mm gives way by 1e11 N/m per m",
         ),
         Parameter(
@@ -75,6 +76,7 @@ EFFECT = Effect(
             neutral=_RIGID["edge_rotation"],
             scale="log",
             sampled=True,
+            n_start=3,
             source="from a hinge to a vice; a plate of 1 to 10 mm has 20 to 20 000 N m, over its length",
         ),
     ),

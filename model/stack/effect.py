@@ -52,6 +52,9 @@ class Parameter:
         Where the range comes from.
     sampled : bool
         Whether modes change so much over the range that a reduced model is made for several values of it.
+    n_start : int
+        Values, evenly over its range, from which fits start, of a location or of a strength of unknown order; 0 where
+        they start from the nominal value and from a fifth of it.
     """
 
     name: str
@@ -63,6 +66,7 @@ class Parameter:
     scale: Scale = "lin"
     source: str
     sampled: bool = False
+    n_start: int = 0
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -86,8 +90,9 @@ class Parameter:
             raise EffectError(message)
 
     def trials(self, n: int) -> tuple[float, ...]:
-        """Return values to try: n over the range where the parameter is sampled, else the ends and the nominal one."""
-        if self.sampled:
+        """Return values to try: n where it is sampled, `n_start` of a location, else the ends and the nominal one."""
+        n = n if self.sampled else self.n_start
+        if n:
             spaced = np.geomspace if self.scale == "log" else np.linspace
             return tuple(np.clip(spaced(self.lower, self.upper, n), self.lower, self.upper).tolist())
         return (self.lower, self.nominal, self.upper)

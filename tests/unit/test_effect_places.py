@@ -1,18 +1,22 @@
 """What is shared among places of a grid, and a mass that moves along it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 
 import model
-from model.effects.parts import shared_among
+from model.effects.parts import shared_among, square
+from model.elements.equations import Monomial, Term
 
 GRID = np.linspace(0.0, 1.0, 9)
 INSIDE = np.linspace(0.0625, 0.9375, 300)
 
 
 def shares(positions):
-    return np.array([shared_among(float(x), GRID) for x in positions])
+    return np.array([shared_among(float(x), GRID.size) for x in positions])
 
 
 def test_shares_are_positive_and_sum_to_one_and_lie_about_the_position_alike():
@@ -29,7 +33,7 @@ def test_neither_shares_nor_their_slopes_jump():
     for edge in [*edges, *GRID[1:-1]]:
         before, after = shares([edge - 1e-9, edge + 1e-9])
         np.testing.assert_allclose(after, before, atol=1e-7)
-        slopes = [np.imag(shared_among(edge + side * 1e-9 + 1e-30j, GRID)) / 1e-30 for side in (-1, 1)]
+        slopes = [np.imag(shared_among(edge + side * 1e-9 + 1e-30j, GRID.size)) / 1e-30 for side in (-1, 1)]
         np.testing.assert_allclose(slopes[1], slopes[0], atol=1e-5)
 
 
@@ -57,3 +61,52 @@ def test_frequencies_follow_the_station_of_an_inertia_smoothly():
         total.append(np.sum(np.sqrt(square)))
     bend = np.diff(total, 2)
     assert np.abs(np.diff(bend)).max() < 0.7 * np.abs(bend).max()  # of a kink it is larger than that
+
+
+BAR = model.Stack(
+    name="bar", length=0.465, width=0.0624, height=0.06375, n_lamina=20,
+    material=model.Material(young=2e11, poisson=0.28, density=7650.0),
+    contact=model.Contact(G_f=1480.0, d_f=1e-11, pressure=320e3, normal_modulus=1e9),
+    clamps=tuple(model.Clamp(mass=0.0, x=x, y=0.0, footprint=(0.04, 0.06)) for x in (-0.109, -0.03, 0.03, 0.109)),
+    mesh=model.Mesh(n_x=12, n_y=2),
+)  # fmt: skip
+
+
+def frequencies(stack, *effects, **parameters):
+    """Return the first four elastic frequencies, up to a factor."""
+    found = [model.catalogue()[one] if isinstance(one, str) else one for one in effects]
+    system = model.reduce(stack.with_effects(*found), n_snapshot=1)
+    theta = {**system.theta, **parameters}
+    square = la.eigh(system.matrix("K", theta), system.matrix("M", theta), eigvals_only=True)
+    return np.sqrt(square[6:10])
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.62, 0.5), (-0.9, -1.0)])
+def test_an_added_mass_acts_as_one_at_its_location_to_a_fifth_of_what_it_does(x, y):
+    """Of one on the top lamina, in the first three modes; in the fourth, of shorter waves, a quarter is lost."""
+
+    def terms(assembly):
+        at, top = 0.5 * np.array([[x * BAR.length, y * BAR.width]]), np.zeros((BAR.n_lamina, BAR.n_lamina))
+        top[-1, -1] = 1.0
+        krons = tuple(square(f, assembly.plan.point_rows(f, at), sp.csr_array(top)) for f in ("u", "v", "w"))
+        return (Term(name="there", target="M", factor=Monomial(exponent={"there": 1}), krons=krons),)
+
+    there = dataclasses.replace(
+        model.catalogue()["stinger_mass"],
+        name="there",
+        parameters=(
+            model.Parameter(name="there", unit="kg", nominal=0.1, lower=0.0, upper=1.0, source="test"),
+        ),
+        terms=terms,
+    )
+    bare = frequencies(BAR)
+    point = frequencies(BAR, there, there=0.1) / bare - 1.0
+    ours = frequencies(BAR, "added_mass", added_mass=0.1, added_x=x, added_y=y) / bare - 1.0
+    assert np.abs(ours - point)[:3].max() < 0.2 * np.abs(point).max()
+
+
+def test_mirrored_clamps_that_are_loose_lower_the_same_modes_and_others_do_not():
+    loose = [frequencies(BAR, "loose_clamp", clamp_loss=0.8, clamp_number=i / 3.0) for i in range(4)]
+    np.testing.assert_allclose(loose[0], loose[3], rtol=1e-3)
+    np.testing.assert_allclose(loose[1], loose[2], rtol=1e-3)
+    assert np.abs(loose[0] / loose[1] - 1.0).max() > 0.01

@@ -251,6 +251,11 @@ def _sampled(effects: Iterable[Effect], placed: Sequence[Effect]) -> list[Sample
 def _corners(i: int, effect: Effect) -> Iterator[dict[str, float]]:
     """Return parameters with the i-th effect over its range, each at two contact stiffnesses."""
     places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
+    strength = [
+        p for p in effect.parameters if not (p.n_start and p.lower < p.neutral < p.upper)
+    ]  # not where it acts
     for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
+        if all(corner[p.name] == p.neutral for p in strength):
+            continue  # the base model
         for G_f in _STIFFNESSES[(i + j) % 3 :: 3]:
             yield {"G_f": float(G_f), **corner}

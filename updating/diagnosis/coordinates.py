@@ -41,8 +41,8 @@ def bounds_of(parameters: Sequence[Parameter]) -> tuple[Vector, Vector]:
 def free_coordinate(p: Parameter) -> Coordinate:
     """Return the coordinate of an effect's parameter: in units of its range, 0 at neutral, with a wide prior."""
     (low,), (high,) = bounds_of([p])
-    if p.sampled:
-        starts = tuple(float(low + share * (high - low)) for share in (0.15, 0.5, 0.85))
+    if p.n_start:
+        starts = tuple(float(low + (i + 0.5) / p.n_start * (high - low)) for i in range(p.n_start))
     else:
         nominal = coordinate_of(p, p.nominal)
         starts = tuple(float(np.clip(share * nominal, low, high)) for share in (0.2, 1.0))

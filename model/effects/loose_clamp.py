@@ -1,0 +1,120 @@
+"""Loose clamp: one of the clamps presses the stack less than the others.
+
+A bolt that was forgotten, that yielded, or that came loose by vibration.
+
+Enters: pressure p (1 - a f(x, y)), f a bell about that clamp as wide as the cone of 30 degrees in which its pressure
+    spreads down to half the height, less its mean. Clamps are numbered along the stack, evenly from 0 to
+    1; away from the number of a clamp the loss fades. Stiffness is affine in a, damping a polynomial of it.
+Range: a from 0 to 0.95 of the pressure lost at the clamp; any clamp.
+Does: at the nominal clamp, the second of four, lowers B2 by 6 %, T1 by 0.3 to 0.4 % and B1 by 0.1 % and raises T2 by
+    0.1 to 0.7 %; shapes lose their symmetry unless the clamp is in the middle. (Demo stack, nominal strength.)
+Mistaken for: lost contact in the middle, pressure_along, clamps that are heavier than stated.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from model.contact.contact import contact_fields
+from model.effects.parts import Vector, again, centred, clamps_of
+from model.elements.equations import Assembly, Term, Theta
+from model.stack.effect import Effect, Parameter
+from model.stack.errors import EffectError
+from model.stack.parts import Clamp
+
+_SLOPE = math.tan(math.radians(30.0))
+"""Of the cone in which pressure spreads from what presses (Shigley, Mechanical Engineering Design, bolted joints)."""
+
+
+def terms(assembly: Assembly) -> tuple[Term, ...]:
+    """Return what each clamp takes from the pressure, and the squares of these, by which damping goes."""
+    stack, plan = assembly.stack, assembly.plan
+    clamps = sorted(clamps_of(assembly, "loose_clamp"), key=lambda clamp: (clamp.x, clamp.y))
+    if len(clamps) < 2:
+        message = "loose_clamp: a single clamp that presses less is a lower pressure"
+        raise EffectError(message)
+    weight, points = np.asarray(plan.membrane.dx), plan.membrane.mesh.p
+
+    def loss(clamp: Clamp) -> Vector:
+        reach = [0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
+
+        def bell(x: Vector, y: Vector) -> Vector:
+            away = ((x - clamp.x) / reach[0]) ** 2 + ((y - clamp.y) / reach[1]) ** 2
+            return np.asarray(-np.exp(-0.5 * away))
+
+        return centred(bell(*plan.quadrature_points), weight, bell(*points))
+
+    n, field = len(clamps), contact_fields(stack, plan)
+    losses = [loss(clamp) for clamp in clamps]
+    pressure, squared, mixed = (field[k] for k in ("pressure", "pressure squared", "pressure times normal"))
+    found = []
+    for i, f in enumerate(losses):
+        name, once = f"loose_clamp {i}", partial(_once, i=i, n=n)
+        damping = "tangential contact damping"
+        found += [
+            again(assembly, "tangential contact", f"{name} stiffness", once, krons=pressure.tangential(f)),
+            again(
+                assembly,
+                damping,
+                f"{name} damping",
+                partial(_once, i=i, n=n, times=2.0),
+                krons=squared.tangential(f),
+            ),
+            again(
+                assembly,
+                damping,
+                f"{name} damping, squared",
+                partial(_twice, i=i, n=n),
+                krons=squared.tangential(f**2),
+            ),
+            again(assembly, "normal contact damping", f"{name} normal damping", once, krons=mixed.normal(f)),
+        ]
+    return tuple(found)
+
+
+def _share(t: Theta, i: int, n: int) -> Any:
+    """Return the share of clamp i of n: 1 at its number, and 0 half a number away, without a kink."""
+    away = t["clamp_number"] * (n - 1) - i
+    return np.cos(np.pi * away) ** 2 if abs(np.real(away)) < 0.5 else 0.0 * away
+
+
+def _once(t: Theta, i: int, n: int, times: float = 1.0) -> Any:
+    return times * t["clamp_loss"] * _share(t, i, n)
+
+
+def _twice(t: Theta, i: int, n: int) -> Any:
+    return t["clamp_loss"] ** 2 * _share(t, i, n)
+
+
+EFFECT = Effect(
+    name="loose_clamp",
+    label="a loose clamp",
+    family="pressure field",
+    summary="One clamp that presses less than the others",
+    description=__doc__,
+    parameters=(
+        Parameter(
+            name="clamp_loss",
+            unit="1",
+            nominal=0.5,
+            lower=0.0,
+            upper=0.95,
+            source="a from 0 to 0.95 of the pressure lost at the clamp",
+        ),
+        Parameter(
+            name="clamp_number",
+            unit="1",
+            nominal=1.0 / 3.0,
+            lower=0.0,
+            upper=1.0,
+            neutral=0.5,
+            source="0 is the first clamp along the stack, 1 the last",
+            n_start=12,
+        ),
+    ),
+    terms=terms,
+)
