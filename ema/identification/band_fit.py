@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -34,7 +33,6 @@ STRAYS = 0.5
 """Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""
 LITTLE = 1e-3
 """Share of the power that may be left where modes overlap, before they are sought anew beside poles that are none."""
-_Values = TypeVar("_Values", NDArray[np.float64], NDArray[np.complex128])
 _COMMON = "what is left beside it has several peaks as high, as noise or a rattle brings"
 _LOST = "a mode that all runs together show there is lost where each run has poles of its own"
 _OF_MODES = ("variance", "frequency_std", "damping_std", "enlargement", "probability")
@@ -87,13 +85,16 @@ def fit_band(
         return whole if chosen is not None else _amid_overlap(frf, order, whole, band)
     ends = [band[0], *(float(frf.frequency[part.core.start]) for part in parts[1:]), band[1]]
     found: list[BandFit] = []
+    weights: list[NDArray[np.float64]] = []
     for part, lower, upper in zip(parts, ends[:-1], ends[1:], strict=True):
         lines = frf.frequency[part.lines]
         own = None if chosen is None else chosen[_between(chosen, lower, upper)]
         around = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
         one = _fit_at_once(frf.band(lines[0], lines[-1]), order, own, around)
-        found.append(replace(one, fit=_without_residual(one.fit)))
-    return _joined(frf, parts, ends, found)
+        own_lines = part.of(one.fit.weight)
+        weights.append(own_lines / one.fit.noise[:, None] ** 2)
+        found.append(replace(one, fit=_without_lines(one.fit)))
+    return _joined(frf, parts, ends, found, weights)
 
 
 def _fit_at_once(
@@ -227,10 +228,17 @@ def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArra
     return (hertz >= lower) & (hertz < upper)
 
 
-def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: list[BandFit]) -> BandFit:
+def _joined(
+    frf: FRF,
+    parts: tuple[PartBand, ...],
+    ends: list[float],
+    found: list[BandFit],
+    weights: list[NDArray[np.float64]],
+) -> BandFit:
     """Put the modes of the parts together: poles and their scatter as each part gives them, residues of all at once.
 
-    Beyond the band are what the first part has below it and the last one above. Lines weigh by the noise of their part.
+    Beyond the band are what the first part has below it and the last one above. Lines weigh by the noise of their part:
+    `weights` holds those of each, and is empty afterwards.
     """
     lower, upper = [0.0, *ends[1:-1]], [*ends[1:-1], np.inf]
     kept = [
@@ -240,11 +248,20 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
     rank = np.lexsort((np.abs(pole), ~resonant(pole, (ends[0], ends[-1]))))
     pairs = (2 * rank[:, None] + np.arange(2)).reshape(-1)
     followed = any(own.runs.followed for own in found)
-    value = _cores(parts, [own.value for own in found]) if followed else frf.value
-    weight = _cores(parts, [own.fit.weight / own.fit.noise[:, None] ** 2 for own in found])
-    weight /= np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
+    value = (
+        np.concatenate([part.of(own.value) for part, own in zip(parts, found, strict=True)], axis=-1)
+        if followed
+        else frf.value
+    )
+    weight = np.concatenate(weights, axis=-1)
+    weights.clear()  # large
+    for row in weight:
+        np.divide(row, np.exp(np.mean(np.log(row))), out=row)
     data = _functions(replace(frf, value=value))
-    fit = _without_residual(linear_fit(data.frequency, data.value, pole, data.quantity, weight))
+    fit = replace(
+        linear_fit(data.frequency, data.value, pole, data.quantity, weight),
+        residual=np.empty((len(data.value), 0), complex),
+    )  # large, and not asked for
     owner = np.repeat(np.arange(len(parts)), [r.size for r in kept])
     pole, covariance = _beside_others(data, fit, parts, owner)
     fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight)
@@ -272,18 +289,10 @@ def _joined(frf: FRF, parts: tuple[PartBand, ...], ends: list[float], found: lis
     )
 
 
-def _without_residual(fit: Fit) -> Fit:
-    """Return a fit whose residual is not asked for any more without it, for it is large."""
-    return replace(fit, residual=np.empty((len(fit.residual), 0), complex))
-
-
-def _cores(parts: tuple[PartBand, ...], of_lines: list[_Values]) -> _Values:
-    """Put together what was found on the lines of each part, without the overlaps."""
-    own = (
-        values[..., part.core.start - part.lines.start : part.core.stop - part.lines.start]
-        for part, values in zip(parts, of_lines, strict=True)
-    )
-    return np.concatenate(list(own), axis=-1)
+def _without_lines(fit: Fit) -> Fit:
+    """Return a fit without what it holds of every line, for that is large and not asked for any more."""
+    none = np.empty((len(fit.residual), 0))
+    return replace(fit, residual=none.astype(complex), weight=none)
 
 
 def _beside_others(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -39,6 +40,10 @@ class PartBand:
     core: slice
     lines: slice
 
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return what values on the lines that it is fitted on, (..., n_line), are on its own ones."""
+        return values[..., self.core.start - self.lines.start : self.core.stop - self.lines.start]
+
 
 def part_bands(value: NDArray[np.complex128]) -> tuple[PartBand, ...]:
     """Cut a band where its functions are quiet; one that has few lines stays whole.
@@ -51,9 +56,13 @@ def part_bands(value: NDArray[np.complex128]) -> tuple[PartBand, ...]:
     n_line = value.shape[-1]
     if n_line <= MOST_LINES:
         return (PartBand(core=slice(0, n_line), lines=slice(0, n_line)),)
-    square = np.abs(value.reshape(-1, n_line)) ** 2
-    size = square.mean(axis=1, keepdims=True)
-    power = scipy.ndimage.uniform_filter1d(np.sum(square / np.where(size > 0.0, size, 1.0), axis=0), _SMOOTH)
+    power = np.zeros(n_line)
+    for one in value.reshape(
+        -1, n_line
+    ):  # all squares at once would take half of the memory of the functions
+        square = np.abs(one) ** 2
+        power += square / (square.mean() or 1.0)
+    power = scipy.ndimage.uniform_filter1d(power, _SMOOTH)
     even = np.linspace(0, n_line, round(n_line / PART_LINES) + 1)
     room = int(_ROOM * (even[1] - even[0]))
     cuts = [int(at) - room + int(np.argmin(power[int(at) - room : int(at) + room])) for at in even[1:-1]]
