@@ -306,16 +306,24 @@ def _beside_others(
     covariance = []
     for k, part in enumerate(parts):
         own = owner == k
-        lines = replace(data, frequency=data.frequency[part.lines], value=data.value[:, part.lines])
-        rest = lines.value - response(lines, fit.pole[~own], fit.residue[:, ~own])
-        weight = fit.weight[:, part.lines]
-        weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
-        refined = refine(lines.frequency, rest, fit.pole[own], data.quantity, weight)
-        if np.any(np.abs(refined.pole - fit.pole[own]) > -STRAYS * fit.pole[own].real):
-            refined = linear_fit(lines.frequency, rest, fit.pole[own], data.quantity, weight)
-        pole[own] = refined.pole
-        covariance.append(refined.pole_covariance)
+        pole[own], one = _refined(data, fit, part, own)
+        covariance.append(one)
     return pole, scipy.linalg.block_diag(*covariance)
+
+
+def _refined(
+    data: Functions, fit: Fit, part: PartBand, own: NDArray[np.bool_]
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return the poles of one part, which are its `own` of all, and their covariance."""
+    lines = replace(data, frequency=data.frequency[part.lines], value=data.value[:, part.lines])
+    rest = response(lines, fit.pole[~own], fit.residue[:, ~own])
+    np.subtract(lines.value, rest, out=rest)
+    weight = fit.weight[:, part.lines]
+    weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
+    refined = refine(lines.frequency, rest, fit.pole[own], data.quantity, weight)
+    if np.any(np.abs(refined.pole - fit.pole[own]) > -STRAYS * fit.pole[own].real):
+        refined = linear_fit(lines.frequency, rest, fit.pole[own], data.quantity, weight)
+    return refined.pole, refined.pole_covariance
 
 
 def _functions(frf: FRF) -> Functions:

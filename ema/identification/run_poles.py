@@ -254,7 +254,9 @@ def response(
 ) -> NDArray[np.complex128]:
     """Return what modes, (n_mode,) poles and (n_function, n_mode) residues, add to functions over their lines."""
     parts = mode_basis(run.frequency, pole, run.quantity) @ _stacked(residue)
-    return (parts[: run.frequency.size] + 1j * parts[run.frequency.size :]).T
+    answer = np.empty((parts.shape[1], run.frequency.size), complex)  # filled by halves, for it may be large
+    answer.real, answer.imag = parts[: run.frequency.size].T, parts[run.frequency.size :].T
+    return answer
 
 
 def _visible(fit: Fit) -> NDArray[np.bool_]:
