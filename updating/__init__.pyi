@@ -13,17 +13,16 @@ from updating.correlation.tracking import Track, track
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.fit_settings import FitSettings
+from updating.diagnosis.joint_answer import FittedParameter, JointFit, Updated
 from updating.diagnosis.matrices_answer import MatricesFit, diagnose_matrices, fit_matrices
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fitting.fit import Estimate, Fit, fit
-from updating.fitting.joint_fit import FittedParameter, JointFit, joint_fit
-from updating.fitting.joint_problem import FitSettings
-from updating.fitting.ledger import Entry, ledger
 from updating.fitting.objective import frequency_error, opt_d, opt_G
-from updating.fitting.prepared import Prepared, prepare
-from updating.fitting.sensitivity import Scatter
-from updating.fitting.target import Target, target_of_modes, target_of_table
+from updating.pooled.joint_fit import joint_fit
+from updating.pooled.specimen import Specimen
 from updating.report.page import write_report
+from updating.results.ledger import Entry
 from updating.results.store import read_result, write_result
 
 __all__ = [
@@ -45,13 +44,12 @@ __all__ = [
     "Pairing",
     "PairingError",
     "PointCorrelation",
-    "Prepared",
     "Regions",
     "Registration",
-    "Scatter",
+    "Specimen",
     "StoreError",
-    "Target",
     "Track",
+    "Updated",
     "UpdatingError",
     "correlate",
     "correlate_frf",
@@ -66,7 +64,6 @@ __all__ = [
     "fit_matrices",
     "frequency_error",
     "joint_fit",
-    "ledger",
     "macx",
     "macxp",
     "map_error",
@@ -75,13 +72,10 @@ __all__ = [
     "opt_d",
     "pair",
     "poles",
-    "prepare",
     "read_result",
     "regions",
     "register",
     "subspace_mac",
-    "target_of_modes",
-    "target_of_table",
     "track",
     "write_report",
     "write_result",

@@ -50,7 +50,7 @@ def test_they_are_printed_where_several_configurations_are_fitted_together(small
     def enough(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(update_command, "prepare", enough)
+    monkeypatch.setattr(update_command, "joint_fit", enough)
     with pytest.raises(KeyboardInterrupt):
         run_update(file, out, Console(file=shown, width=200))
     assert "In the campaign: C1 and C3 share 12 of 12 functions" in shown.getvalue()

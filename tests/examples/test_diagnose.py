@@ -14,9 +14,9 @@ from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.answer_parts import Sizes
 from updating.diagnosis.diagnosis import diagnose
 from updating.errors import FitError
-from updating.fitting.ledger import Ledger
 from updating.report.identified_model import with_models
 from updating.report.results import read_results
+from updating.results.ledger import Ledger
 from updating.results.store import read_result
 from updating.results.text import interval_text, percent
 from updating.workbench.what_if import outcome, tried_model

@@ -94,8 +94,7 @@ def commands(request, numbers, small, monkeypatch):
     def update(folder):
         before = request.getfixturevalue("updated")
         with monkeypatch.context() as quick:
-            quick.setattr(update_command, "joint_fit", lambda *_, **__: before.fit)
-            quick.setattr(update_command, "ledger", lambda *_, **__: before.ledger)
+            quick.setattr(update_command, "joint_fit", lambda *_, **__: before)
             run_update(request.getfixturevalue("specification"), folder, QUIET)
 
     monkeypatch.setattr(workers_module, "n_processor", lambda: 1)  # all writes are this process's

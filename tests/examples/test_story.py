@@ -12,7 +12,7 @@ from ema import ModalModel
 from updating import read_result
 from updating.commands.command_line import app
 from updating.diagnosis.answer import Diagnosis
-from updating.fitting.ledger import Ledger
+from updating.results.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
 TRUTH = json.loads((ROOT / "data/demo_diagnosis/truth.json").read_text(encoding="utf-8"))

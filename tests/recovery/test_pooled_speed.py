@@ -13,10 +13,8 @@ from tests.independent.layered import Layered
 from tests.studies.pooled import specimens_of
 from updating.correlation.shape_class import class_grid, solve_by_class
 from updating.diagnosis.candidates import MESSAGES
-from updating.fitting.joint_fit import joint_fit
-from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import prepare
-from updating.fitting.sensitivity import Scatter
+from updating.fitting.shared_opt_G import fit_shared_opt_G
 from updating.fitting.target import target_of_table
 from updating.pooled.diagnosis import diagnose_specimens
 from updating.workers.workers import distribute, workers
@@ -75,9 +73,11 @@ def test_eighteen_specimens_at_two_torques_are_diagnosed(capsys):
 
 def test_fifty_specimens_at_three_torques_are_fitted_with_two_shared_effects(capsys):
     prepared = prepare(targets(50), n_snapshot=4)
-    settings = FitSettings(damping=False, scatter=Scatter(frequency=3e-3, damping=0.3))
     begin = time.perf_counter()
-    found = joint_fit(prepared, settings, n_start=1)
+    base = fit_shared_opt_G(prepared, (), left_out=False)
+    found = fit_shared_opt_G(
+        prepared, ("clamp_inertia", "clamp_mass"), first=base, anew=False, left_out=False
+    )
     seconds = time.perf_counter() - begin
     with capsys.disabled():
         print(f"\n50 x 3 joint fit: {seconds:.0f} s, {peak():.0f} MB, error {100 * found.error():.2f} %")

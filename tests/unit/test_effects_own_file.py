@@ -8,9 +8,8 @@ import pytest
 
 from model import read_effect, read_stack
 from model.stack.parts import Mesh
-from updating.fitting.joint_fit import joint_fit
-from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import prepare, solve_target
+from updating.fitting.shared_opt_G import fit_shared_opt_G
 from updating.fitting.target import target_of_table
 from updating.virtual.vibration_test import specimens
 from updating.virtual.vibration_test_file import read_virtual_test
@@ -63,6 +62,6 @@ def test_the_fit_finds_its_strength(mine):
         modes, column = solve_target(one, values, ())
         target = dataclasses.replace(one.target, frequency=modes.frequency[column])
         measured.append(dataclasses.replace(one, target=target))
-    found = joint_fit(measured, FitSettings(damping=False), n_start=2)
-    assert found.value("wedge_modulus") == pytest.approx(TRUE, rel=1e-3)
-    assert [found.value("G_f", name) for name in "AB"] == pytest.approx(list(G_F.values()), rel=1e-3)
+    found = fit_shared_opt_G(measured, ["my_wedge"], left_out=False)
+    assert found.parameter[0].value == pytest.approx(TRUE, rel=1e-3)
+    assert found.G_f == pytest.approx(G_F, rel=1e-3)

@@ -12,7 +12,6 @@ from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.signature_plot import signature_pattern_figure
 from updating.fitting.estimate import ParameterEstimate
 from updating.fitting.fit import Estimate
-from updating.fitting.ledger import Entry
 from updating.fitting.modal_table import TableFit, TableRow
 from updating.report.answer import answer_section, moved_table
 from updating.report.ledger_part import ledger_figure, ledger_section
@@ -21,6 +20,7 @@ from updating.report.parameter_part import interval_table
 from updating.report.provenance import provenance_section
 from updating.report.results import Results
 from updating.report.signature_part import signature_section
+from updating.results.ledger import Entry
 
 STACK = Path(__file__).parents[2] / "data/demo_stack/stack.toml"
 NAN = float("nan")
@@ -51,7 +51,7 @@ def entry(*effects, error, damping=NAN, shared=()):
     return Entry(
         effects=effects, error=error, mode_error=1.5 * error, configuration_error=NAN, damping_error=damping,
         mode_damping_error=damping, configuration_damping_error=damping, chi_square=12.0, n_residual=30,
-        shared=shared, pressure=(),
+        shared=shared,
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -22,26 +22,20 @@ from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
 from updating.commands.matrices import identify_and_fit_matrices, matrices_fit_table
 from updating.commands.specimens import fit_pooled, print_pooled
-from updating.commands.terminal import OUT
+from updating.commands.terminal import OUT, progress
 from updating.correlation.correlation import correlate
-from updating.diagnosis.answer import Ranked
+from updating.diagnosis.cached_model import cached_model
+from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.matrices_answer import MatricesFit
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.fit import fit as fit_configuration
-from updating.fitting.joint_problem import FitSettings
-from updating.fitting.ledger import Entry, ledger
 from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
 from updating.fitting.prepared import prepare
-from updating.fitting.sensitivity import Scatter
-from updating.fitting.target import (
-    model_file,
-    specimen_name,
-    stack_in_state,
-    target_of_modes,
-    target_of_table,
-)
+from updating.fitting.shared_opt_G import SharedFit, fit_shared_opt_G
+from updating.fitting.target import model_file, specimen_name, stack_in_state, target_of_table
 from updating.pooled.campaign_file import has_specimens
-from updating.published.campaign import SCATTER
+from updating.pooled.joint_fit import entry_of, joint_fit
+from updating.pooled.specimen import Specimen
 from updating.results.chosen_poles import forget_choices
 from updating.results.identified import (
     Assignment,
@@ -52,13 +46,10 @@ from updating.results.identified import (
     identified,
     require_none,
 )
-from updating.results.ledger import ledger_table, write_ledger
+from updating.results.ledger import Entry, ledger_table, write_ledger
 from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
-
-TORQUE_SCATTER = Scatter(pressure=0.03)
-"""Of a campaign with FRFs: pressures repeat to some percent from one assembly to the next."""
 
 
 @single_threaded
@@ -115,7 +106,7 @@ def _print_table_fit(
     rows = fit_modal_table(campaign, output, OUT, cluster)
     OUT.print(modal_table(rows))
     if effect:
-        OUT.print(ledger_table(table_ledger(rows, effect, campaign, output, cluster, known), known))
+        OUT.print(ledger_table(table_ledger(effect, campaign, output, known), known))
     OUT.print(f"Report: {commands.make_report(output)}")
 
 
@@ -207,11 +198,12 @@ def campaign_ledger(
         found = diagnose_campaign(
             campaign, output, asked.effect_files, OUT, scatter_file=asked.scatter_file, asked=together
         )
-        entries = tuple(_entry(found.ranked(names)) for names in ((), *together))
+        entries = tuple(entry_of(found.ranked(names)) for names in ((), *together))
     else:
         added = find_effects(effects, catalogue(asked.effect_files))
         stacks = [(found, fitted) for found, fitted in fits if isinstance(fitted, Fit)]
-        entries = _shared(stacks, added, heights, cluster)
+        stack = read_stack(model_file(read_campaign(campaign), "a fit"))
+        entries = _together(_by_height(stacks, stack, heights), added, cluster)
     modal = (found.folder / "modal_model.json" for found, _ in fits)
     write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files, *modal), output)
     return entries
@@ -225,68 +217,68 @@ def _of_matrices(campaign_file: Path) -> bool:
     return stack is not None and is_structure_file(stack)
 
 
-def _entry(own: Ranked) -> Entry:
-    """Return the line of the ledger of an explanation."""
-    return Entry(
-        effects=own.effects,
-        error=own.frequency_error,
-        mode_error=own.left_out_error,
-        configuration_error=own.left_out_configuration_error,
-        damping_error=own.damping_error,
-        mode_damping_error=own.left_out_damping_error,
-        configuration_damping_error=own.left_out_configuration_damping_error,
-        chi_square=own.misfit,
-        n_residual=own.n_residual,
-        shared=own.parameter,
-        pressure=(),
-    )
-
-
-def _shared(
-    fits: Sequence[tuple[Identified, Fit]],
-    effects: Sequence[Effect],
-    heights: set[float],
-    cluster: str | None,
-) -> tuple[Entry, ...]:
-    """Fit effects that several stacks share."""
-    targets = [
-        target_of_modes(
-            fitted.stack.with_effects(*effects),
-            found.modal_model,
-            specimen=specimen_name(fitted.stack.name, fitted.stack.height, heights),
+def _by_height(fits: Sequence[tuple[Identified, Fit]], stack: Stack, heights: set[float]) -> list[Specimen]:
+    """Return the configurations of each height as one stack."""
+    specimens = []
+    for height in sorted(heights):
+        tested = tuple(
+            (found.configuration.name, fitted.stack.contact.pressure, found.modal_model)
+            for found, fitted in fits
+            if fitted.stack.height == height
         )
-        for found, fitted in fits
-    ]
-    names = [effect.name for effect in effects]
-    with workers(1 + len(names), cluster) as executor:
-        return ledger(prepare(targets), names, FitSettings(scatter=TORQUE_SCATTER), executor=executor)
+        name = specimen_name(stack.name, height, heights)
+        specimens.append(Specimen(name=name, stack=replace(stack, height=height), tested=tested))
+    return specimens
+
+
+def _together(
+    specimens: Sequence[Specimen], effects: Sequence[Effect], cluster: str | None
+) -> tuple[Entry, ...]:
+    """Return the ledger of effects that specimens share."""
+    added = {effect.name: effect for effect in effects}
+    with workers(MESSAGES, cluster) as executor, progress("fit", OUT):
+        return joint_fit("", specimens, added, executor=executor, reduced=cached_model).ledger
 
 
 def table_ledger(
-    fits: Sequence[TableFit],
     effects: Sequence[str],
     campaign: Path,
     output: Path,
-    cluster: str | None = None,
     known: dict[str, Effect] | None = None,
 ) -> tuple[Entry, ...]:
-    """Fit effects that all rows of a modal table share, and write ledger.json and ledger.csv."""
+    """Fit effects that all rows of a modal table share, by opt_G over all, and write ledger.json and ledger.csv."""
     table = read_modal_table(campaign)
-    targets = [
-        target_of_table(
-            fit.row.stack.with_effects(*find_effects(effects, known)),
-            table.shape_class,
-            fit.row.frequency,
-            name=fit.row.name,
-        )
-        for fit in fits
-    ]
-    with workers(1 + len(effects), cluster) as executor:
-        entries = ledger(
-            prepare(targets), effects, FitSettings(damping=False, scatter=SCATTER), executor=executor
-        )
+    added = find_effects(effects, known)
+    prepared = prepare(
+        [
+            target_of_table(row.stack.with_effects(*added), table.shape_class, row.frequency, name=row.name)
+            for row in table.rows
+        ]
+    )
+    fits = [fit_shared_opt_G(prepared, names) for names in ((), *((own,) for own in effects))]
+    if len(effects) > 1:  # all together begin with the best one, too, than which they may not come out worse
+        best = min(fits, key=lambda fit: fit.objective)
+        fits.append(fit_shared_opt_G(prepared, tuple(effects), first=best))
+    entries = tuple(map(_opt_G_entry, fits))
     write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
     return entries
+
+
+def _opt_G_entry(fit: SharedFit) -> Entry:
+    """Return the line of the ledger of a fit by opt_G; there is no damping."""
+    nan = float("nan")
+    return Entry(
+        effects=fit.effects,
+        error=fit.error(),
+        mode_error=fit.error(fit.mode_left_out),
+        configuration_error=fit.error(fit.left_out),
+        damping_error=nan,
+        mode_damping_error=nan,
+        configuration_damping_error=nan,
+        chi_square=nan,
+        n_residual=int(sum(np.isfinite(own).sum() for own in fit.measured)),
+        shared=fit.parameter,
+    )
 
 
 def _table(measured: ModalModel, fit: ModelFit) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,34 +16,30 @@ import model
 from ema import read_campaign
 from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
-from model import Effect
 from model.stack.stack_file import stack_inputs
-from updating.commands.terminal import OUT
+from updating.commands.changes import changed_names
+from updating.commands.diagnose import by_level
+from updating.commands.terminal import OUT, progress
 from updating.commands.update_file import CampaignSection, UpdateFile, read_update_file
+from updating.diagnosis.cached_model import cached_model
+from updating.diagnosis.candidates import MESSAGES
+from updating.diagnosis.fit_settings import require_known
+from updating.diagnosis.joint_answer import JointFit, Updated
+from updating.diagnosis.moved import REPORTED, moved_text
+from updating.diagnosis.slipping import AtLevel
 from updating.errors import FitError
-from updating.fitting.fit import G_F_BOUNDS
-from updating.fitting.intervals import N_DRAW
-from updating.fitting.joint_fit import JointFit, joint_fit
-from updating.fitting.joint_plot import convergence_figure, correlation_figure
-from updating.fitting.joint_problem import FitSettings, require_known
-from updating.fitting.ledger import ledger
 from updating.fitting.modal_table import is_modal_table, read_modal_table
-from updating.fitting.prepared import Prepared, prepare
-from updating.fitting.sensitivity import Scatter
-from updating.fitting.target import (
-    Target,
-    model_file,
-    specimen_name,
-    stack_in_state,
-    target_of_modes,
-    target_of_table,
-)
+from updating.fitting.target import model_file, specimen_name, stack_in_state
+from updating.pooled.joint_fit import joint_fit
+from updating.pooled.joint_plot import convergence_figure, correlation_figure
+from updating.pooled.specimen import Specimen
+from updating.pooled.table_specimens import table_specimens
+from updating.results.amplitude import over_amplitude
 from updating.results.campaign_findings import measurement_findings
 from updating.results.chosen_poles import forget_choices
 from updating.results.identified import assignments, every_identified
 from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
-from updating.results.updated import Updated
 from updating.workers.workers import workers
 
 
@@ -76,50 +72,41 @@ def run_update(
         The file or a campaign is not as it should be, or the fit fails.
     """
     given = read_update_file(path)
-    effects = model.find_effects(given.effects, model.catalogue(effect_files))
+    for sentence in given.without_meaning:
+        console.print(f"{path}: {sentence}", highlight=False, markup=False)
+    effects = {e.name: e for e in model.find_effects(given.effects, model.catalogue(effect_files))}
     inputs = [path, *effect_files]
-    targets: list[Target] = []
+    tested: list[_Tested] = []
     for section in given.campaign:
-        found, files = _targets(path, section, given, effects, output, console, cluster)
-        targets += found
+        found, files = _tested(path, section, given, output, console, cluster)
+        tested += found
         inputs += files
-    hold_out = _held_out(given, targets)
-    stiffness = given.bounds.get("G_f", G_F_BOUNDS)
-    with console.status("reduce the models"):
-        prepared = prepare(targets, threshold=given.threshold, G_f_bounds=stiffness)
-    settings = FitSettings(
-        free=given.free,
-        scope=given.scope,
-        fixed=given.fixed,
-        bounds=given.bounds,
-        priors=given.priors,
-        damping=given.damping,
-        scatter=Scatter(**given.scatter.model_dump()),
-    )
-    n_task = N_DRAW if given.intervals == "bootstrap" else 1 + len(effects)
-    with workers(n_task, cluster) as executor:
-        with console.status("fit"):
-            fit = joint_fit(
-                prepared,
-                replace(settings, hold_out=hold_out),
-                first=given.first,
-                n_start=given.starts,
-                intervals=given.intervals,
-                seed=given.seed,
-                executor=executor,
-            )
-        with console.status("ledger"):
-            kept = [_without_modes(p, hold_out.get(p.target.name, ())) for p in prepared]
-            entries = ledger(kept, [e.name for e in effects], settings, executor=executor)
-    result = Updated(name=given.name, fit=fit, ledger=entries)
+    labels = [label for own in tested for label in own.labels]
+    sizes = [modes.frequency.size for own in tested for _, _, modes in own.specimen.tested]
+    settings = given.settings(_held_out(given, dict(zip(labels, sizes, strict=True))))
+    with workers(MESSAGES, cluster) as executor, progress("fit", console):
+        result = joint_fit(
+            given.name,
+            [own.specimen for own in tested],
+            effects,
+            settings,
+            labels=labels,
+            known=model.catalogue(effect_files),
+            levels=tested[0].levels if len(tested) == 1 else None,
+            executor=executor,
+            reduced=cached_model,
+        )
     _write(result, tuple(inputs), given, output)
     return result
 
 
-def _without_modes(prepared: Prepared, modes: Sequence[int]) -> Prepared:
-    """Return a configuration of which some modes do not take part."""
-    out = np.isin(np.arange(prepared.used.size), modes)
-    return replace(prepared, used=prepared.used & ~out)
+@dataclass(frozen=True, eq=False)
+class _Tested:
+    """A stack with what was identified, what its configurations are called, and which are force levels of one."""
+
+    specimen: Specimen
+    labels: tuple[str, ...]
+    levels: Mapping[str, AtLevel]
 
 
 def parameter_table(fit: JointFit) -> Table:
@@ -130,78 +117,89 @@ def parameter_table(fit: JointFit) -> Table:
     )
     if np.isfinite(held_out):
         errors += f", {100 * held_out:.2f} % on the modes held out"
+    far = [moved_text(own) for own in fit.moved if abs(own.deviations or 0.0) > REPORTED]
+    if far:
+        errors += "\nMoved by more than two standard deviations of what was known: " + "; ".join(far)
     table = Table(title="Fitted together", title_justify="left", caption=errors, caption_justify="left")
     for name in ("parameter", "of", "value", "std", "95 %", ""):
         table.add_column(name, justify="left" if name in ("parameter", "of", "") else "right")
     for p in fit.parameter:
-        doubt = "at its bound" if p.at_bound else "" if p.determined else "not determined"
         table.add_row(
             p.name if p.unit == "1" else f"{p.name} [{p.unit}]", p.group or "all", f"{p.value:.5g}", f"{p.std:.2g}",
-            f"{p.interval[0]:.4g} to {p.interval[1]:.4g}", doubt or ("" if p.method == "normal" else p.method),
+            f"{p.interval[0]:.4g} to {p.interval[1]:.4g}",
+            "at its bound" if p.at_bound else "" if p.determined else "not determined",
         )  # fmt: skip
     return table
 
 
-def _targets(
+def _tested(
     path: Path,
     section: CampaignSection,
     given: UpdateFile,
-    effects: Sequence[Effect],
     output: Path,
     console: Console,
     cluster: str | None,
-) -> tuple[list[Target], list[Path]]:
-    """Return the configurations of one campaign as targets, and the files that they come from."""
+) -> tuple[list[_Tested], list[Path]]:
+    """Return the stacks of one campaign with what was identified, and the files that they come from."""
     file, several = path.parent / section.file, len(given.campaign) > 1
     if is_modal_table(file):
         table = read_modal_table(file)
         name = section.name or table.name
         chosen = _chosen(path, section, [row.name for row in table.rows])
+        rows = replace(table, rows=tuple(row for row in table.rows if row.name in chosen))
         found = [
-            target_of_table(
-                row.stack.with_effects(*effects),
-                table.shape_class,
-                row.frequency,
-                name=f"{name}/{row.name}" if several else row.name,
+            _Tested(
+                replace(own, name=f"{name}/{own.name}") if several else own,
+                (f"{name}/{own.name}" if several else own.name,),
+                {},
             )
-            for row in table.rows
-            if row.name in chosen
+            for own in table_specimens(rows)
         ]
         return found, list(table.inputs)
     campaign = read_campaign(file)
     stack_file = model_file(campaign, "a fit")
     name = section.name or campaign.name
-    chosen = _chosen(path, section, [c.name for c in campaign.configurations])
-    stack = model.read_stack(stack_file).with_effects(*effects)
+    changed = changed_names(campaign)  # what a change did to a state is nothing that the model lacks
+    known = [c.name for c in campaign.configurations]
+    chosen = _chosen(path, section, known, [own for own in known if own not in changed])
+    stack = model.read_stack(stack_file)
     configurations = tuple(c for c in campaign.configurations if c.name in chosen)
     states = [stack_in_state(stack, c) for c in configurations]
-    heights = {state.height for state in states}
-    own = output / folder_name(name) if several else output
-    assigned = assignments(replace(campaign, configurations=configurations), own)
+    own_output = output / folder_name(name) if several else output
+    assigned = assignments(replace(campaign, configurations=configurations), own_output)
     tests = every_identified(assigned, f"identify {name}", console, cluster)
+    over = [over_amplitude(own, one) for own, one in zip(assigned, tests, strict=True)]
     for sentence in measurement_findings(tests):
         console.print(sentence, highlight=False, markup=False)
-    found = [
-        replace(
-            target_of_modes(state, one.modal_model, specimen=specimen_name(name, state.height, heights)),
-            name=f"{name}/{one.configuration.name}" if several else one.configuration.name,
+    heights = sorted({state.height for state in states})
+    found = []
+    for height in heights:
+        here = [i for i, state in enumerate(states) if state.height == height]
+        of_height, levels = by_level(
+            [states[i] for i in here], [tests[i] for i in here], [over[i] for i in here]
         )
-        for state, one in zip(states, tests, strict=True)
-    ]
+        specimen = Specimen(
+            name=specimen_name(name, height, heights),
+            stack=replace(stack, height=height),
+            tested=tuple(of_height),
+        )
+        labels = tuple(f"{name}/{own}" if several else own for own, _, _ in of_height)
+        found.append(_Tested(specimen, labels, levels))
     modal = [one.folder / "modal_model.json" for one in tests]
     return found, [file, *stack_inputs(stack_file), *modal]
 
 
-def _chosen(path: Path, section: CampaignSection, known: Sequence[str]) -> Sequence[str]:
+def _chosen(
+    path: Path, section: CampaignSection, known: Sequence[str], usual: Sequence[str] | None = None
+) -> Sequence[str]:
     if section.configurations is None:
-        return known
+        return known if usual is None else usual
     require_known(f"{path}: configuration of {section.file}:", section.configurations, known)
     return section.configurations
 
 
-def _held_out(given: UpdateFile, targets: Sequence[Target]) -> Mapping[str, tuple[int, ...]]:
-    """Return the modes held out, counted from 0."""
-    size = {target.name: target.frequency.size for target in targets}
+def _held_out(given: UpdateFile, size: Mapping[str, int]) -> Mapping[str, tuple[int, ...]]:
+    """Return the modes held out, counted from 0, of configurations with so many modes."""
     require_known("hold_out: configuration", given.hold_out, size)
     for name, modes in given.hold_out.items():
         if max(modes, default=0) > size[name]:
@@ -216,9 +214,9 @@ def _write(result: Updated, inputs: tuple[Path, ...], given: UpdateFile, output:
     write_ledger(result.ledger, options, inputs, output)
     fit = result.fit
     names = [f"{p.name} {p.group}".strip() for p in fit.parameter]
-    header = ["parameter", "group", "unit", "value", "std", "lower_95", "upper_95", "interval", "determined"]
+    header = ["parameter", "group", "unit", "value", "std", "lower_95", "upper_95", "determined"]
     rows: list[list[object]] = [
-        [p.name, p.group, p.unit, p.value, p.std, *p.interval, p.method, p.determined] for p in fit.parameter
+        [p.name, p.group, p.unit, p.value, p.std, *p.interval, p.determined] for p in fit.parameter
     ]
     correlation = [[name, *map(float, row)] for name, row in zip(names, fit.correlation, strict=True)]
     modes: list[list[object]] = [

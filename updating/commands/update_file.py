@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from ema.io.form import Section, read_form
+from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, Scope
 from updating.errors import FitError
-from updating.fitting.intervals import Method
-from updating.fitting.joint_problem import RATIOS, Scope
-from updating.fitting.sensitivity import Scatter
+
+_WITHOUT = {
+    "threshold": "a fit pairs no modes",
+    "starts": "a fit starts wherever a screening of the effect promises something",
+    "seed": "nothing is drawn",
+    "intervals": "all hold the size of what the model misses, which is integrated out, and are normal in the logarithm "
+    "of contact parameters",
+    "start of contact parameters": "every fit starts where frequencies are met best",
+    "scatter.shape": "the noise of shapes is estimated from what no mode of the model reaches",
+}
+"""What is said of keys that an earlier fit took."""
+_LEAST = 1e-6  # relative standard deviation of what is known exactly
 
 
 class CampaignSection(Section):
@@ -46,12 +57,16 @@ class ParameterSection(Section):
 
 
 class ScatterSection(Section):
-    """Standard deviations beyond the identification's; see `Scatter`."""
+    """Standard deviations of what separates a right model from a right measurement; see `DiagnosisScatter`.
 
-    frequency: Annotated[float, Field(gt=0)] = Scatter.frequency
-    damping: Annotated[float, Field(gt=0)] = Scatter.damping
-    shape: Annotated[float, Field(gt=0)] = Scatter.shape
-    pressure: Annotated[float, Field(ge=0)] = Scatter.pressure
+    Those of `frequency` and `damping` are estimated where they are not stated. `pressure` is that of the contact's
+    stiffness from torque to torque. The noise of shapes is estimated, and `shape` means nothing any more.
+    """
+
+    frequency: Annotated[float, Field(gt=0)] | None = None
+    damping: Annotated[float, Field(gt=0)] | None = None
+    shape: Annotated[float, Field(gt=0)] | None = None
+    pressure: Annotated[float, Field(ge=0)] | None = None
 
 
 class UpdateFile(Section):
@@ -65,10 +80,8 @@ class UpdateFile(Section):
         Effects whose parameters are fitted.
     damping : bool
         Whether damping ratios take part.
-    threshold : float
-        Smallest MAC that makes a pair.
-    starts, seed, intervals
-        As in `joint_fit`.
+    threshold, starts, seed, intervals
+        What they said means nothing any more, and is said so: see `without_meaning`.
     campaign : tuple of CampaignSection
         The campaigns.
     parameter : mapping of str to ParameterSection
@@ -83,44 +96,48 @@ class UpdateFile(Section):
     name: str
     effects: tuple[str, ...] = ()
     damping: bool = True
-    threshold: Annotated[float, Field(ge=0, le=1)] = 0.8
+    threshold: Annotated[float, Field(ge=0, le=1)] | None = None
     starts: Annotated[int, Field(ge=1)] | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
-    intervals: Method = "normal"
+    seed: Annotated[int, Field(ge=0)] | None = None
+    intervals: Literal["normal", "profile", "bootstrap"] | None = None
     campaign: Annotated[tuple[CampaignSection, ...], Field(min_length=1)]
     parameter: Mapping[str, ParameterSection] = Field(default_factory=dict)
     hold_out: Mapping[str, tuple[Annotated[int, Field(ge=1)], ...]] = Field(default_factory=dict)
     scatter: ScatterSection = ScatterSection()
 
     @property
-    def free(self) -> tuple[str, ...]:
-        """Ratios of the stack's properties that are fitted."""
-        return tuple(n for n in RATIOS if n in self.parameter and self.parameter[n].fixed is None)
+    def without_meaning(self) -> tuple[str, ...]:
+        """What is said of keys that are given and mean nothing any more, a sentence each."""
+        given = {
+            name: getattr(self, name) is not None for name in ("threshold", "starts", "seed", "intervals")
+        }
+        given["scatter.shape"] = self.scatter.shape is not None
+        given["start of contact parameters"] = any(
+            name in self.parameter and self.parameter[name].start is not None for name in (*CONTACT, *RATIOS)
+        )
+        return tuple(
+            f"{n} has no meaning any more: {_WITHOUT[n]}." for n, is_there in given.items() if is_there
+        )
 
-    @property
-    def scope(self) -> dict[str, Scope]:
-        """Who shares a parameter, where that is said."""
-        return {name: p.scope for name, p in self.parameter.items() if p.scope is not None}
-
-    @property
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds, where they are said."""
-        return {name: p.bounds for name, p in self.parameter.items() if p.bounds is not None}
-
-    @property
-    def priors(self) -> dict[str, tuple[float, float]]:
-        """Means and standard deviations of priors."""
-        return {name: p.prior for name, p in self.parameter.items() if p.prior is not None}
-
-    @property
-    def first(self) -> dict[str, float]:
-        """Values of effects' parameters that the first descent begins with."""
-        return {name: p.start for name, p in self.parameter.items() if p.start is not None}
-
-    @property
-    def fixed(self) -> dict[str, float]:
-        """Values of parameters that are not fitted."""
-        return {name: p.fixed for name, p in self.parameter.items() if p.fixed is not None}
+    def settings(self, hold_out: Mapping[str, tuple[int, ...]]) -> FitSettings:
+        """Return what is known of parameters beforehand, and the modes that are held out, counted from 0."""
+        of = self.parameter
+        usual, stated = DiagnosisScatter(), self.scatter
+        return FitSettings(
+            scope={name: p.scope for name, p in of.items() if p.scope is not None},
+            fixed={name: p.fixed for name, p in of.items() if p.fixed is not None},
+            bounds={name: p.bounds for name, p in of.items() if p.bounds is not None},
+            priors={name: p.prior for name, p in of.items() if p.prior is not None},
+            free=[n for n in RATIOS if n in of and of[n].fixed is None and of[n].prior is None],
+            start={name: p.start for name, p in of.items() if p.start is not None},
+            hold_out=hold_out,
+            damping=self.damping,
+            scatter=DiagnosisScatter(
+                frequency=stated.frequency,
+                damping=stated.damping,
+                stiffness=usual.stiffness if stated.pressure is None else max(stated.pressure, _LEAST),
+            ),
+        )
 
 
 def read_update_file(path: Path) -> UpdateFile:

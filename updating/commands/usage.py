@@ -204,7 +204,8 @@ def fit(
 
     With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
     contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
-    held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers.
+    held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers;
+    rows of a table by opt_G over all.
 
     Of a campaign that lists specimens all are fitted together: effects are the rig's, contact each specimen's own.
     """
@@ -226,7 +227,8 @@ def update(
 ) -> None:
     """Fit several configurations at once as a file says: parameters free, shared or fixed, priors, modes held out.
 
-    data/demo_stack/update.toml has every key. Writes update.json with covariance and convergence record, ledger.json
+    One stack is fitted as lamella diagnose does it, several as a campaign of specimens, with the same numbers;
+    data/demo_stack/update.toml shows the keys. Writes update.json with covariance and course of the fit, ledger.json
     with the error without effects, with each and with all, and both as tables and pictures.
     """
     commands.update_command(specification, output, effect_file or (), cluster, identify_anew=identify_anew)

@@ -67,6 +67,8 @@ class Ranked:
         states, or m, by the names that `Moved` has.
     modelled : mapping of str to (n,) float
         Natural frequencies of the elastic modes of its model, Hz, by state, to somewhat above the band.
+    strained : tuple of Strained
+        What is known of the stack or of the measurement and would have to be far off.
     """
 
     effects: tuple[str, ...]
@@ -85,6 +87,7 @@ class Ranked:
     discrepancy: Sizes
     nuisance: Mapping[str, float] = field(default_factory=dict)
     modelled: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    strained: tuple[Strained, ...] = ()
 
     def error(self, kind: Telling) -> float:
         """Return the mean relative error of frequencies or of damping ratios."""

@@ -26,6 +26,7 @@ from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_m
 from updating.diagnosis.contact_amplitude import contact_amplitudes
 from updating.diagnosis.evidence import DiagnosisScatter, Tested
 from updating.diagnosis.experiment import aids, rank_tests
+from updating.diagnosis.fit_settings import FitSettings
 from updating.diagnosis.mixed_up import search_put_right
 from updating.diagnosis.point_change import point_change
 from updating.diagnosis.second_level import second_level
@@ -83,6 +84,31 @@ def diagnose(
     PairingError
         Measured points do not lie on the stack, or are fewer than the modes, or a sensor was upside down in all runs.
     """
+    candidates, evidence, rig = beside_model(
+        stack, tested, effects, scatter=scatter, executor=executor, reduced=reduced, levels=levels
+    )
+    return conclude(candidates, evidence, asked, rig)
+
+
+def beside_model(
+    stack: Stack,
+    tested: Sequence[Campaigned],
+    effects: Mapping[str, Effect],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+    levels: Mapping[str, AtLevel] | None = None,
+) -> tuple[CandidateModel, Assembled, tuple[RigCheck, ...]]:
+    """Return the model of a stack, what was measured beside it, and what was checked of the rig; see `diagnose`.
+
+    Raises
+    ------
+    FitError
+        No measured mode of a configuration resembles one of the model.
+    PairingError
+        Measured points do not lie on the stack, or are fewer than the modes, or a sensor was upside down in all runs.
+    """
     if not tested:
         message = "nothing to diagnose: no configuration was identified"
         raise FitError(message)
@@ -92,8 +118,7 @@ def diagnose(
     rig = tuple(
         upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested
     )
-    evidence = assemble_evidence(candidates, tested, scatter=scatter, levels=levels)
-    return conclude(candidates, evidence, asked, rig)
+    return candidates, assemble_evidence(candidates, tested, scatter=scatter, levels=levels), rig
 
 
 def conclude(
@@ -124,9 +149,15 @@ def conclude(
 
 
 def searched(
-    candidates: CandidateModel, evidence: Assembled, asked: Sequence[Sequence[str]] = ()
+    candidates: CandidateModel,
+    evidence: Assembled,
+    asked: Sequence[Sequence[str]] = (),
+    settings: FitSettings = FitSettings(),  # noqa: B008  # it is frozen
 ) -> tuple[StackModel, Search, tuple[MixedUp, ...]]:
-    """Return the model, all that was fitted, and the points of the measurement that were put right first."""
+    """Return the model, all that was fitted, and the points of the measurement that were put right first.
+
+    `settings` is what is known of parameters of the base model beforehand.
+    """
 
     def make(tested: Sequence[Tested]) -> tuple[StackModel, list[NDArray[np.float64]]]:
         model = StackModel(
@@ -136,6 +167,7 @@ def searched(
             evidence.scatter,
             evidence.effects,
             start=evidence.start["G_f"],
+            settings=settings,
         )
         return model, [start_of(model, evidence)]
 

@@ -21,6 +21,8 @@ DECAY = "window"
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
+_UNKNOWN = 1e3  # relative standard deviation of what does not take part
+
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisScatter:
@@ -88,6 +90,33 @@ class Identified(Protocol):
     @property
     def sensor(self) -> NDArray[np.int64]:
         """The accelerometer that measured each component, (n_dof,), from 0."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SomeModes:
+    """Some of the modes that were identified, see `Identified`."""
+
+    frequency: Vector
+    frequency_std: Vector
+    damping: Vector
+    damping_std: Vector
+    shape: NDArray[np.complex128]
+    shape_std: Vector
+    sensor: NDArray[np.int64]
+
+
+def some_of(modes: Identified, kept: NDArray[np.bool_], *, damping: bool) -> SomeModes:
+    """Return the modes that are kept, (n_mode,) bool; without damping, their ratios are said to be unknown."""
+    std = modes.damping_std if damping else _UNKNOWN * modes.damping
+    return SomeModes(
+        frequency=modes.frequency[kept],
+        frequency_std=modes.frequency_std[kept],
+        damping=modes.damping[kept],
+        damping_std=std[kept],
+        shape=modes.shape[:, kept],
+        shape_std=modes.shape_std[:, kept],
+        sensor=modes.sensor,
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

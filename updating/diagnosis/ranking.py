@@ -92,6 +92,7 @@ def _ranked(
             state.name: tuple(np.sqrt(e.modelled[0][e.modelled[0] > 0.0] / (4.0 * np.pi**2)).tolist())
             for state, e in zip(model.states, own.errors, strict=True)
         },
+        strained=strained(own),
     )
 
 

@@ -16,7 +16,7 @@ from model.elements.equations import OMEGA
 from model.reduction.reduced_equations import ReducedTerm
 from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
-from updating.diagnosis.coordinates import free_coordinate, scaled
+from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import (
     D_F_START,
     DECAY,
@@ -26,6 +26,7 @@ from updating.diagnosis.evidence import (
     unit_shape,
 )
 from updating.diagnosis.finer_mesh import FinerMesh
+from updating.diagnosis.fit_settings import FitSettings
 from updating.diagnosis.hypotheses import (
     FALL,
     GAIN,
@@ -82,6 +83,8 @@ class StackModel:
         See `n_equation`.
     like : StackModel, optional
         Another model of the same stack and equations, whose points and finer mesh need not be computed again.
+    settings : FitSettings
+        What is known of parameters beforehand.
     """
 
     def __init__(
@@ -96,9 +99,10 @@ class StackModel:
         n_equation: int | None = None,
         above: float = 1.2,
         like: StackModel | None = None,
+        settings: FitSettings = FitSettings(),  # noqa: B008  # it is frozen
     ) -> None:
         self.candidates, self.equations = candidates, candidates.system.equations
-        self.stack, self.scatter = candidates.stack, scatter
+        self.stack, self.scatter, self.settings = candidates.stack, scatter, settings
         self.effects = dict(candidates.effects if effects is None else effects)
         self.tested, self.observation, self.start = tuple(tested), tuple(observation), start
         self.slip = slip_effect(self.effects)
@@ -150,10 +154,11 @@ class StackModel:
             start=self.start,
             n_equation=self.n_equation,
             like=self,
+            settings=self.settings,
         )
 
-    def with_effects(self, effects: Mapping[str, Effect]) -> StackModel:
-        """Return the same model with other candidates."""
+    def with_effects(self, effects: Mapping[str, Effect], settings: FitSettings | None = None) -> StackModel:
+        """Return the same model with other candidates and, where it is given, other knowledge of parameters."""
         return StackModel(
             self.candidates,
             self.tested,
@@ -163,6 +168,7 @@ class StackModel:
             start=self.start,
             n_equation=self.n_equation,
             like=self,
+            settings=settings or self.settings,
         )
 
     def _within(self, above: float, *, spare: int = 4) -> int:
@@ -221,14 +227,14 @@ class StackModel:
                 for what, std in (("G_f", s.stiffness), ("d_f", s.loss))
                 for name in names
             ]
-        return tuple(found)
+        return self.settings.of_stack(found, self.stack)
 
     @cached_property
     def terms(self) -> dict[str, Term]:
         """Every effect of the catalogue that the stack can have, and what may be wrong with the measurement."""
         return {
             **{
-                name: Term(name=name, coordinates=tuple(free_coordinate(p) for p in effect.parameters))
+                name: Term(name=name, coordinates=tuple(map(self.settings.of_effect, effect.parameters)))
                 for name, effect in self.effects.items()
             },
             **{name: Term(name=name, frees=frees) for name, frees in self.hypotheses.items()},

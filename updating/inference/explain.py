@@ -95,6 +95,8 @@ class Explanation:
         The same joined.
     apart : frozenset of (int, int)
         Measured modes, by state and number, that are taken for none of the model's.
+    course : tuple of float
+        Cost after each step of the fit; the sizes of the discrepancy are others in each of its rounds.
     """
 
     terms: tuple[str, ...]
@@ -107,6 +109,7 @@ class Explanation:
     errors: tuple[Errors, ...]
     problem: Problem
     apart: frozenset[tuple[int, int]] = frozenset()
+    course: tuple[float, ...] = ()
 
     @property
     def log_evidence(self) -> float:
@@ -347,6 +350,7 @@ def converged(
     log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + _surprise(setting.apart)
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
+    course: list[float] = []
     at_end: LocalModel | None = None
     here, made, near = local, x, np.array([c.step for c in coordinates])
     for _ in range(rounds):
@@ -358,6 +362,7 @@ def converged(
             white = problem.weighed(sizes)
         cost = _Cost(precision, sizes)
         at, damp = cost.total(problem, white, x), 1e-3
+        course.append(at)
         for _ in range(steps):
             after = np.inf
             slope, hessian = _newton(white, problem, x, cost)
@@ -371,10 +376,10 @@ def converged(
                 damp = damp if after < at else max(8.0 * damp, 1e-2)
             if after >= at:
                 break
-            fall = at - after
             x, (errors, problem, white) = trial, tried
             at, damp = after, damp / 5.0
-            if fall < small * setting.loose:
+            course.append(at)
+            if course[-2] - at < small * setting.loose:
                 break
         found, std = _evidence(problem, x, precision, log_prior, setting.priors, sizes)
         gain = np.inf if best is None else abs(found.log - best.log_evidence)
@@ -389,6 +394,7 @@ def converged(
             errors=errors,
             problem=cast(Problem, problem),  # one on a tree answers what is asked of many states
             apart=setting.apart,
+            course=tuple(course),
         )
         at_end, sizes = here, found.sizes
         if gain < settled * setting.loose:

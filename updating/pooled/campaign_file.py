@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from ema import Campaign
@@ -29,25 +28,16 @@ from ema.campaign.campaign_file import (
 )
 from ema.campaign.references import reference_faults
 from ema.io.form import Section, did_you_mean, read_form, read_toml
-from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel
-from model import ReducedSystem, Stack, observe, read_stack, reduce
+from model import Stack, read_stack
 from model.stack.errors import StackError
 from model.stack.stack_file import stack_inputs
-from updating.correlation.shape_class import N_ROW, N_STATION, class_grid, solve_by_class
-from updating.diagnosis.candidates import G_F_RANGE, N_SNAPSHOT
 from updating.errors import FitError, StoreError
-from updating.pooled.groups import ALIKE
-from updating.pooled.modal_files import assembled, classes, modal_model
+from updating.pooled.classed import Classes
+from updating.pooled.modal_files import classes, modal_model
 from updating.pooled.specimen import Specimen
-from updating.results.store import digest, read_result
-
-CLASS_STD = 0.1
-"""Standard deviation of each modal coordinate of a shape that stands for a class: a mode of a class resembles the
-model's, MAC 0.9 with some ten modes that it may be mixed with, and what it is mixed with is not known."""
-_EVERY = 4
-"""Every so many stations along the length, which do to tell classes apart."""
-_UP = Dof(0, (0.0, 0.0, 1.0))
+from updating.results.store import read_result
 
 
 class MaterialSection(Section):
@@ -234,7 +224,7 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
     StoreError
         A file is no modal model.
     """
-    found, of_classes = [], _Classes()
+    found, of_classes = [], Classes()
     for stack, own in zip(campaign.stacks, campaign.content.specimen, strict=True):
         tested = []
         for c in own.configuration:
@@ -252,27 +242,12 @@ def full_name(own: SpecimenSection, configuration: SpecimenConfigurationSection)
     return f"{own.name} {configuration.name}"
 
 
-class _Classes:
-    """Models of stacks that tell what modes of a class look like: one for all that are nearly as high."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, ReducedSystem] = {}
-
-    def of(self, stack: Stack) -> ReducedSystem:
-        """Return the model of a stack, or of one that is nearly as high and otherwise the same."""
-        step = round(np.log(stack.height / stack.width) / np.log1p(ALIKE))
-        key = digest({"stack": replace(stack, name="", height=stack.width), "step": step})
-        if key not in self._known:
-            self._known[key] = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
-        return self._known[key]
-
-
 def _tabled(
     campaign: SpecimenCampaign,
     stack: Stack,
     own: SpecimenSection,
     c: SpecimenConfigurationSection,
-    of_classes: _Classes,
+    of_classes: Classes,
 ) -> ModalModel:
     """Return modes that were identified before."""
     folder, name = campaign.path.resolve().parent, full_name(own, c)
@@ -285,37 +260,12 @@ def _tabled(
             raise FitError(message) from error
     modes = folder / str(c.modes)
     if c.shapes is None or c.force is None:
-        return _classed(name, of, modes, stack, of_classes)
+        wanted, poles = classes(modes, of)
+        return of_classes.modes(f"{modes}: {name}", stack, wanted, poles)
     if campaign.geometry is None:
         message = f"{campaign.path}: {name}: shapes need [points] with the list of measured points"
         raise FitError(message)
     return modal_model(name, of, modes, folder / c.shapes, campaign.geometry, c.force)
-
-
-def _classed(name: str, of: Mapping[str, str], path: Path, stack: Stack, of_classes: _Classes) -> ModalModel:
-    """Return modes that are named by class: the model's shapes of these classes stand for theirs, known so well."""
-    wanted, poles = classes(path, of)
-    system = of_classes.of(stack)
-    grid = class_grid(stack)
-    modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)
-    if np.any(column < 0):
-        absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
-        message = f"{path}: the model of {stack.name} has no mode of class {absent}"
-        raise FitError(message)
-    upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::_EVERY].ravel()
-    node, n = grid.node[upwards], upwards.size
-    shape = modes.shape[np.ix_(upwards, column)]
-    shape = shape / np.abs(shape).max(axis=0)
-    geometry = Geometry(node=node, coordinate=grid.location[upwards], line=np.empty((0, 2), dtype=int))
-    return assembled(
-        name,
-        poles,
-        (shape, CLASS_STD * np.linalg.norm(shape, axis=0) * np.ones_like(shape)),
-        geometry=geometry,
-        dofs=Dofs(node=node, direction=grid.direction[upwards]),
-        sensor=np.zeros(n, dtype=np.int64),
-        force=_UP,
-    )
 
 
 def _stack(path: Path, file: Path, own: SpecimenSection) -> Stack:

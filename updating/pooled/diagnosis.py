@@ -15,6 +15,7 @@ from updating.diagnosis.calibration import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import priors_of
 from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.fit_settings import FitSettings
 from updating.diagnosis.nuisance_text import strained
 from updating.errors import FitError
 from updating.inference.decide import decide
@@ -131,8 +132,11 @@ def specimens_model(
     scatter: DiagnosisScatter | None = None,
     executor: Executor | None = None,
     reduced: Callable[..., CandidateModel] = candidate_model,
+    settings: FitSettings = FitSettings(),  # noqa: B008  # it is frozen
 ) -> tuple[SpecimensModel, dict[str, str]]:
     """Return the model of specimens, and why effects cannot be; see `diagnose_specimens`.
+
+    `settings` is what is known of parameters beforehand.
 
     Raises
     ------
@@ -145,7 +149,7 @@ def specimens_model(
         message = f"a pooled diagnosis needs two specimens or more, found {len(specimens)}"
         raise FitError(message)
     groups, impossible = groups_of(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
-    return SpecimensModel(specimens, groups, levels_of(specimens)), impossible
+    return SpecimensModel(specimens, groups, levels_of(specimens), settings=settings), impossible
 
 
 @dataclass(frozen=True, eq=False)

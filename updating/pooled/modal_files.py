@@ -206,6 +206,21 @@ def assembled(
     )
 
 
+def usual_poles(frequency: Vector, damping: Vector) -> Vector:
+    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode), where none is stated.
+
+    Parameters
+    ----------
+    frequency, damping : (n_mode,)
+        Hz, and ratios; NaN where damping was not measured.
+    """
+    blank = ~np.isfinite(damping)
+    there = np.where(blank, _DAMPING, damping)
+    return np.stack(
+        [frequency, FREQUENCY_STD * frequency, there, np.where(blank, _UNKNOWN, DAMPING_STD) * there]
+    )
+
+
 def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:
     """Return the rows of a table that are somebody's, where it has columns that say whose they are."""
     told = {name: value for name, value in of.items() if name in columns}

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from updating.diagnosis.fit_settings import FitSettings
+from updating.diagnosis.fit_settings import Scope as Where
 from updating.diagnosis.hypotheses import LABELS, PRESSURE, STATED_PRESSURE, WINDOW
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.levels import MISSING
@@ -88,6 +90,39 @@ def nuisances_of(
                 one = _scaled(c, own, np.sqrt(1.0 - SHARED_PART))
             found[own] = one, Scope(local=name, members=(s,))
     return found
+
+
+def with_settings(found: Scoped, model: StackModel, names: Sequence[str], settings: FitSettings) -> Scoped:
+    """Return the coordinates of the base model with what is known of parameters beforehand.
+
+    Parameters
+    ----------
+    found : Scoped
+        The coordinates, as they are without.
+    model : StackModel
+        Of one group of specimens.
+    names : sequence of str
+        The specimens.
+    settings : FitSettings
+        What is known.
+    """
+    several = {own.members[0] for key, (_, own) in found.items() if _level(key, names) == "configuration"}
+    usual = {c.name: c for c in model.nuisances}
+    made = Scoped()
+    for key, (c, scope) in found.items():
+        what = key.partition("[")[0]
+        levels: list[Where] = ["all", "specimen"]
+        if what in CONTACT and not several.isdisjoint(scope.members):
+            levels.append("configuration")
+        level = _level(key, names)
+        made[key] = settings.part(c, what, level, levels, usual.get(what, c), model.stack), scope
+    return made
+
+
+def _level(key: str, names: Sequence[str]) -> Where:
+    """Return whose a coordinate is: everybody's, a specimen's, or that of one of its configurations."""
+    _, bracket, where = key.partition("[")
+    return "all" if not bracket else "specimen" if where.rstrip("]") in names else "configuration"
 
 
 def _scaled(c: Coordinate, name: str, share: float) -> Coordinate:

@@ -30,12 +30,15 @@ class Specimen:
         torque have the same name.
     notes : mapping of str to str
         What was noted of it, such as its treatment.
+    classed : bool
+        Whether the model's shapes of some classes stand for shapes that were not measured.
     """
 
     name: str
     stack: Stack
     tested: tuple[Campaigned, ...]
     notes: Mapping[str, str] = field(default_factory=dict)
+    classed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import Observation, observe
+from updating.diagnosis.fit_settings import FitSettings
 from updating.diagnosis.stack_model import StackModel
 from updating.diagnosis.stack_near import StackNear
 from updating.inference.protocol import Coordinate, Modal, State, Term
 from updating.pooled.groups import Group, height_ratio
-from updating.pooled.scoped import SCATTER, Meant, Scope, Scoped, nuisances_of, terms_of
+from updating.pooled.scoped import SCATTER, Meant, Scope, Scoped, nuisances_of, terms_of, with_settings
 from updating.pooled.specimen import Level, Specimen
 
 Vector = NDArray[np.float64]
@@ -36,6 +37,8 @@ class SpecimensModel:
         At which terms are tried.
     scatter : mapping of str to float, optional
         Standard deviations of ln G_f and ln d_f from specimen to specimen.
+    settings : FitSettings
+        What is known of parameters beforehand.
     """
 
     def __init__(
@@ -44,7 +47,9 @@ class SpecimensModel:
         groups: Sequence[Group],
         levels: Sequence[Level],
         scatter: Mapping[str, float] = SCATTER,
+        settings: FitSettings = FitSettings(),  # noqa: B008  # it is frozen
     ) -> None:
+        self.settings = settings
         self.specimens, self.groups, self.levels = tuple(specimens), tuple(groups), tuple(levels)
         self.scatter = dict(scatter)
         names = [own.name for own in specimens]
@@ -63,9 +68,10 @@ class SpecimensModel:
         )
         local = {c.name: c for group in reversed(groups) for c in group.model.nuisances}
         self.local = {c.name: c for c in self.first.nuisances} | local
-        self._scoped: Scoped = nuisances_of(
+        usual = nuisances_of(
             self.local, names, [[n for n, _, _ in own.tested] for own in specimens], self.scatter
         )
+        self._scoped: Scoped = with_settings(usual, self.first, names, settings)
         self.nuisances: tuple[Coordinate, ...] = tuple(c for c, _ in self._scoped.values())
         self.terms: dict[str, Term]
         self.meant: dict[str, Meant]
@@ -87,7 +93,11 @@ class SpecimensModel:
 
     def with_scatter(self, scatter: Mapping[str, float]) -> SpecimensModel:
         """Return the same where contact scatters otherwise from specimen to specimen."""
-        return SpecimensModel(self.specimens, self.groups, self.levels, scatter)
+        return SpecimensModel(self.specimens, self.groups, self.levels, scatter, self.settings)
+
+    def with_groups(self, groups: Sequence[Group]) -> SpecimensModel:
+        """Return the same of other models of the groups, such as with other modes or effects."""
+        return SpecimensModel(self.specimens, groups, self.levels, self.scatter, self.settings)
 
     def scope(self, name: str) -> Scope:
         """Return where a coordinate acts."""

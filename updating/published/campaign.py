@@ -19,19 +19,15 @@ from model import Stack, find_effects, read_stack
 from model.stack.parts import Mesh
 from updating.errors import FitError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, Prediction, estimate_damping, estimate_stiffness
-from updating.fitting.joint_fit import ConfigurationFit, JointFit, joint_fit
-from updating.fitting.joint_problem import FitSettings
 from updating.fitting.modal_table import ModalTable, fit_row_by, read_modal_table
 from updating.fitting.objective import frequency_error
 from updating.fitting.prepared import Prepared, prepare, solve_target
-from updating.fitting.sensitivity import Scatter
+from updating.fitting.shared_opt_G import SharedFit, fit_shared_opt_G
 from updating.fitting.target import target_of_table
 from updating.published.pressure_law import PressureLaw, pressure_law
 
 CALIBRATIONS = ("C0", "C1", "C2", "C3")
 """Planforms and clamps of data/pirnat2013 that explain the published numerical frequencies."""
-SCATTER = Scatter(frequency=0.05, damping=0.3)
-"""Between the errors of the base model, 14 %, and what repeated assembly changes: all modes weigh the same."""
 MESH = Mesh(n_x=12, n_y=3)
 """Coarser than the calibrations' 16 x 4; under C1 the four frequencies of stack 6 change by at most 0.02 %."""
 _N_SNAPSHOT = 4
@@ -98,35 +94,6 @@ class Torque:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Shared:
-    """The 18 stacks with effects that they share, G_f of each its own.
-
-    Attributes
-    ----------
-    effects : tuple of str
-        The effects.
-    fit : JointFit
-        All stacks at once.
-    left_out : tuple of ConfigurationFit
-        Each stack with the shared parameters of the 17 others and its own G_f.
-    """
-
-    effects: tuple[str, ...]
-    fit: JointFit
-    left_out: tuple[ConfigurationFit, ...]
-
-    @property
-    def error(self) -> float:
-        """Mean error, eq. (2), of all stacks."""
-        return self.fit.error()
-
-    @property
-    def left_out_error(self) -> float:
-        """Mean error, eq. (2), of the stacks left out."""
-        return float(np.mean([np.nanmean(np.abs(c.relative_error)) for c in self.left_out]))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Calibrated:
     """The campaign under one calibration of planform and clamps.
 
@@ -138,8 +105,8 @@ class Calibrated:
         Table 7 with the base model: each stack by opt_G.
     torque : tuple of Torque
         The stacks of Table 4 at both torques, with the base model.
-    shared : Shared
-        With shared effects.
+    shared : SharedFit
+        The 18 stacks with effects that they share, by opt_G over all of them.
     law : PressureLaw
         How contact stiffness grows with pressure, with the effects.
     """
@@ -147,7 +114,7 @@ class Calibrated:
     calibration: str
     row: tuple[Row, ...]
     torque: tuple[Torque, ...]
-    shared: Shared
+    shared: SharedFit
     law: PressureLaw
 
     @property
@@ -281,7 +248,7 @@ def reproduce(data: Published, calibration: str, effects: Sequence[str]) -> Cali
         row=base_rows(data, sevens),
         torque=tuple(_torque(data, one) for one in fours),
         shared=shared,
-        law=pressure_law(fours, effects=effects, scatter=SCATTER),
+        law=pressure_law(fours, effects=effects),
     )
 
 
@@ -306,26 +273,12 @@ def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
     return tuple(found)
 
 
-def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, cross_validate: bool = True) -> Shared:
-    """Fit shared effects to all stacks, and to all but one to predict that one with its own G_f alone."""
-    fit = joint_fit(sevens, FitSettings(effects=effects[:1], damping=False, scatter=SCATTER))
-    for n in range(2, len(effects) + 1):  # one more may not come out worse than without it
-        fit = joint_fit(sevens, FitSettings(effects=effects[:n], damping=False, scatter=SCATTER), first=fit)
-    left_out = []
-    for one in sevens if cross_validate else ():
-        remaining = [p for p in sevens if p is not one]
-        known = joint_fit(
-            remaining, FitSettings(effects=effects, damping=False, scatter=SCATTER), n_start=1, first=fit
-        )
-        found = joint_fit(
-            [one], FitSettings(effects=effects, fixed=_shared_values(known), damping=False, scatter=SCATTER)
-        )
-        left_out.append(found.configuration[0])
-    return Shared(effects=tuple(effects), fit=fit, left_out=tuple(left_out))
-
-
-def _shared_values(fit: JointFit) -> dict[str, float]:
-    return {p.name: p.value for p in fit.parameter if not p.group}
+def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, left_out: bool = True) -> SharedFit:
+    """Fit shared effects to all stacks, one more at a time: none may make the fit worse."""
+    found = None
+    for n in range(1, len(effects) + 1):
+        found = fit_shared_opt_G(sevens, effects[:n], first=found, left_out=left_out and n == len(effects))
+    return fit_shared_opt_G(sevens, ()) if found is None else found
 
 
 def _predictor(prepared: Prepared) -> Callable[[float], Prediction]:

@@ -123,8 +123,10 @@ def fall_figure(found: Sequence[Calibrated]) -> Figure:
     figure = Figure(figsize=(11.0, 3.2 * len(found)), layout="constrained")
     for axes, one in zip(np.atleast_1d(figure.subplots(len(found), 1)), found, strict=True):
         x = np.arange(len(one.row))
-        with_effects = [100 * np.abs(c.relative_error).mean() for c in one.shared.fit.configuration]
-        left_out = [100 * np.abs(c.relative_error).mean() for c in one.shared.left_out]
+        with_effects, left_out = (
+            [100 * np.nanmean(np.abs(f / m - 1.0)) for f, m in zip(of, one.shared.measured, strict=True)]
+            for of in (one.shared.frequency, one.shared.left_out)
+        )
         axes.bar(x - 0.27, [100 * row.error for row in one.row], 0.27, label="base model", color=palette.BASE)
         axes.bar(
             x, with_effects, 0.27, label=" + ".join(printed_effects(one.shared.effects)), color=palette.FOUND
@@ -137,8 +139,8 @@ def fall_figure(found: Sequence[Calibrated]) -> Figure:
             color=palette.ELSEWHERE,
         )
         title = (
-            f"{one.calibration}: {100 * one.error:.1f} % → {100 * one.shared.error:.1f} %, "
-            f"left out {100 * one.shared.left_out_error:.1f} %"
+            f"{one.calibration}: {100 * one.error:.1f} % → {100 * one.shared.error():.1f} %, "
+            f"left out {100 * one.shared.error(one.shared.left_out):.1f} %"
         )
         _finish(axes, [row.stack for row in one.row], title)
     return figure
@@ -152,7 +154,7 @@ def pattern_figure(found: Sequence[Calibrated]) -> Figure:
     panels = figure.subplots(2, len(found), sharey=True, squeeze=False)
     for column, one in zip(panels.T, found, strict=True):
         base = np.array([100 * (row.frequency / row.measured - 1.0) for row in one.row])
-        after = np.array([100 * c.relative_error for c in one.shared.fit.configuration])
+        after = 100 * (np.array(one.shared.frequency) / np.array(one.shared.measured) - 1.0)
         with_effects = " + ".join(printed_effects(one.shared.effects))
         for axes, error, name in zip(column, (base, after), ("base", with_effects), strict=True):
             axes.axhline(0.0, color=palette.QUIET)

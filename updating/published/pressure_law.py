@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from ema.types.arrays import readonly
-from updating.fitting.intervals import Method
-from updating.fitting.joint_fit import JointFit, joint_fit
-from updating.fitting.joint_problem import FitSettings
 from updating.fitting.prepared import Prepared
-from updating.fitting.sensitivity import Scatter
+from updating.fitting.shared_opt_G import SharedFit, fit_shared_opt_G
 
 _RANGE = (-1.0, 2.0)  # of the exponent: stiffness that falls with pressure must not be excluded beforehand
 
@@ -26,9 +23,9 @@ class PressureLaw:
     Attributes
     ----------
     exponent, std : float
-        Estimate and standard deviation from the curvature at the optimum.
+        Estimate and standard deviation.
     interval : (float, float)
-        Of 95 %, from the profile of chi-square or, where that confirms it, from `std`.
+        Of 95 %, Student's.
     jackknife : (float, float)
         Of 95 %, from the estimates without each stack in turn: it counts how much stacks differ.
     stack : tuple of str
@@ -38,8 +35,7 @@ class PressureLaw:
     measured : (n_stack, n_mode) float
         Frequencies at the lower torque, Hz; NaN where not measured.
     linear, power : (n_stack, n_mode) float
-        The same predicted from the higher torque, G_f fitted there: with n = 1, and with n and the effects' parameters
-        of the other stacks, Hz.
+        The same predicted from the higher torque and all other stacks, with n = 1 and with n, Hz.
     refitted : (n_stack, n_mode) float
         The same with G_f fitted at the lower torque itself: the least error that any law could have.
     """
@@ -66,10 +62,8 @@ class PressureLaw:
         return float(np.nanmean(np.abs(getattr(self, law) / self.measured - 1.0)))
 
 
-def pressure_law(
-    prepared: Sequence[Prepared], *, effects: Collection[str] = (), scatter: Scatter
-) -> PressureLaw:
-    """Fit n to stacks measured at two pressures, G_f of each stack its own and the effects' parameters shared.
+def pressure_law(prepared: Sequence[Prepared], *, effects: Collection[str] = ()) -> PressureLaw:
+    """Fit n by opt_G to stacks measured at two pressures, G_f of each stack its own and the effects' parameters shared.
 
     Parameters
     ----------
@@ -77,8 +71,6 @@ def pressure_law(
         Two configurations of each specimen, with the effect pressure_exponent on their stacks.
     effects : collection of str
         Further effects.
-    scatter : Scatter
-        Standard deviation of the model.
 
     Raises
     ------
@@ -86,38 +78,30 @@ def pressure_law(
         A fit fails.
     """
     low, high = _pairs(prepared)
-    stacks = tuple(one.target.specimen for one in low)
-    best = _fit(prepared, effects, scatter, {}, intervals="profile")
-    estimate = next(p for p in best.parameter if p.name == "exponent")
-    n = estimate.value
-    shared = {p.name: p.value for p in best.parameter if not p.group}
-    own, without, linear, power, refitted = [], [], [], [], []
-    for weak, strong in zip(low, high, strict=True):
+    every = [own for pair in zip(low, high, strict=True) for own in pair]
+    power, linear = _fit(every, effects, {}), _fit(every, effects, {"exponent": 1.0})
+    refitted, without, own = [], [], []
+    shared = {p.name: p.value for p in power.parameter}
+    for i, (weak, strong) in enumerate(zip(low, high, strict=True)):
         rest = {name: value for name, value in shared.items() if name != "exponent"}
-        own.append(_fit([weak, strong], effects, scatter, rest).value("exponent"))
-        remaining = _fit([p for p in prepared if p not in (weak, strong)], effects, scatter, {}, best)
-        known = {p.name: p.value for p in remaining.parameter if not p.group}
-        without.append(known["exponent"])
-        # the other parameters are fitted to the same data under each law: only what n does is compared
-        held = {weak.target.name: range(weak.target.frequency.size)}
-        proportional = _fit(
-            [p for p in prepared if p not in (weak, strong)], effects, scatter, {"exponent": 1.0}, best
-        )
-        fixed = {p.name: p.value for p in proportional.parameter if not p.group} | {"exponent": 1.0}
-        linear.append(_fit([weak, strong], effects, scatter, fixed, held=held).configuration[0].frequency)
-        power.append(_fit([weak, strong], effects, scatter, known, held=held).configuration[0].frequency)
-        refitted.append(_fit([weak], effects, scatter, known).configuration[0].frequency)
-    spread = float(np.sqrt((len(stacks) - 1) * np.var(without)) * stdtrit(len(stacks) - 1, 0.975))
+        own.append(_exponent(_fit([weak, strong], effects, rest, first=power))[0])
+        others = every[: 2 * i] + every[2 * i + 2 :]
+        known = _fit(others, effects, {}, first=power)
+        without.append(_exponent(known)[0])
+        fixed = {p.name: p.value for p in known.parameter}
+        refitted.append(_fit([weak], effects, fixed, first=power).frequency[0])
+    n, std, interval = _exponent(power)
+    spread = float(np.sqrt((len(low) - 1) * np.var(without)) * stdtrit(len(low) - 1, 0.975))
     return PressureLaw(
         exponent=n,
-        std=estimate.std,
-        interval=estimate.interval,
+        std=std,
+        interval=interval,
         jackknife=(n - spread, n + spread),
-        stack=stacks,
+        stack=tuple(one.target.specimen for one in low),
         own=np.array(own),
         measured=np.array([one.target.frequency for one in low]),
-        linear=np.array(linear),
-        power=np.array(power),
+        linear=np.array(linear.left_out[::2]),
+        power=np.array(power.left_out[::2]),
         refitted=np.array(refitted),
     )
 
@@ -125,26 +109,27 @@ def pressure_law(
 def _fit(
     prepared: Sequence[Prepared],
     effects: Collection[str],
-    scatter: Scatter,
     fixed: Mapping[str, float],
-    first: JointFit | None = None,
-    held: Mapping[str, Collection[int]] | None = None,
-    intervals: Method = "normal",
-) -> JointFit:
-    return joint_fit(
+    *,
+    first: SharedFit | None = None,
+) -> SharedFit:
+    """Fit from everywhere, with configurations left out in turn; or only from another fit, without."""
+    return fit_shared_opt_G(
         prepared,
-        FitSettings(
-            effects=(*effects, "pressure_exponent"),
-            fixed=fixed,
-            bounds={"exponent": _RANGE},
-            hold_out=held or {},
-            damping=False,
-            scatter=scatter,
-        ),
-        n_start=1 if first else None,
+        (*effects, "pressure_exponent"),
+        fixed=fixed,
+        bounds={"exponent": _RANGE},
         first=first,
-        intervals=intervals,
+        anew=first is None,
+        left_out=first is None,
     )
+
+
+def _exponent(found: SharedFit) -> tuple[float, float, tuple[float, float]]:
+    """Return the exponent, its standard deviation and interval."""
+    (j,) = (j for j, p in enumerate(found.parameter) if p.name == "exponent")
+    p = found.parameter[j]
+    return p.value, found.std[j], (p.lower, p.upper)
 
 
 def _pairs(prepared: Sequence[Prepared]) -> tuple[list[Prepared], list[Prepared]]:

@@ -35,8 +35,8 @@ def summary_table(found: Sequence[Calibrated]) -> Table:
         published = np.mean([row.published_error for row in one.row])
         m1 = " | ".join(f"{100 * law.error(name):.1f}" for name in ("linear", "power", "refitted"))
         table.add_row(
-            one.calibration, f"{100 * published:.1f} | {100 * one.error:.1f}", f"{100 * one.shared.error:.2f}",
-            f"{100 * one.shared.left_out_error:.2f}", f"{law.exponent:.2f}",
+            one.calibration, f"{100 * published:.1f} | {100 * one.error:.1f}", f"{100 * one.shared.error():.2f}",
+            f"{100 * one.shared.error(one.shared.left_out):.2f}", f"{law.exponent:.2f}",
             f"{law.jackknife[0]:.2f} to {law.jackknife[1]:.2f}", m1,
         )  # fmt: skip
     return table
@@ -46,14 +46,14 @@ def conclusion(found: Sequence[Calibrated]) -> str:
     """Say which numbers hold under every calibration that was run, and which depend on it."""
     lines = []
     names = ", ".join(one.calibration for one in found)
-    fall = [one.shared.error / one.error for one in found]
+    fall = [one.shared.error() / one.error for one in found]
     lines.append(
         f"Under {names} the shared effects leave {_range([100 * f for f in fall], '.0f')} % of the base error."
     )
-    at_target = [one.calibration for one in found if one.shared.error <= TARGET[one.calibration]]
+    at_target = [one.calibration for one in found if one.shared.error() <= TARGET[one.calibration]]
     lines.append(f"At or below the error of the prototype: {', '.join(at_target) or 'none'}.")
-    for i, p in enumerate(p for p in found[0].shared.fit.parameter if not p.group):
-        values = [[q for q in one.shared.fit.parameter if not q.group][i].value for one in found]
+    for i, p in enumerate(found[0].shared.parameter):
+        values = [one.shared.parameter[i].value for one in found]
         unit = "" if p.unit == "1" else f" {p.unit}"
         lines.append(f"{p.name}: {_range(values, '.4g')}{unit}.")
     below = all(one.law.jackknife[1] < 1.0 for one in found)
@@ -78,14 +78,14 @@ def table_7_csv(found: Sequence[Calibrated]) -> bytes:
         ]
     ]  # fmt: skip
     for one in found:
-        for row, after, out in zip(one.row, one.shared.fit.configuration, one.shared.left_out, strict=True):
+        for row, after, out in zip(one.row, one.shared.frequency, one.shared.left_out, strict=True):
             for r in range(row.measured.size):
                 values = (
                     row.measured[r],
                     row.published[r],
                     row.frequency[r],
-                    after.frequency[r],
-                    out.frequency[r],
+                    after[r],
+                    out[r],
                 )
                 rows.append([one.calibration, row.stack, str(r + 1), *(f"{v:.6g}" for v in values)])
     return _csv(rows)
@@ -123,11 +123,21 @@ def parameters_csv(found: Sequence[Calibrated]) -> bytes:
     for one in found:
         rows.extend(
             [
-                one.calibration, p.name, p.group or "all", p.unit, f"{p.value:.6g}", f"{p.std:.3g}", str(p.at_bound),
+                one.calibration,
+                p.name,
+                "all",
+                p.unit,
+                f"{p.value:.6g}",
+                f"{s:.3g}",
+                str(p.at_bound),
                 str(p.determined),
             ]
-            for p in one.shared.fit.parameter
-        )  # fmt: skip
+            for p, s in zip(one.shared.parameter, one.shared.std, strict=True)
+        )
+        rows.extend(
+            [one.calibration, "G_f", stack, "Pa/Pa", f"{value:.6g}", "", "", ""]
+            for stack, value in one.shared.G_f.items()
+        )
     return _csv(rows)
 
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from ema.plot import palette
 from model import printed_effects
-from updating.fitting.joint_fit import FittedParameter
-from updating.fitting.ledger import Entry
 from updating.report.part import Picture, Section, Table, as_csv, svg
 from updating.report.results import Results
+from updating.results.ledger import Entry
 from updating.results.text import interval_text
 
 if TYPE_CHECKING:
@@ -67,15 +66,15 @@ def fit_table(entries: Sequence[Entry]) -> Table:
         rows=tuple(
             (
                 model_name(e),
-                f"{e.chi_square:.4g}",
+                "" if np.isnan(e.chi_square) else f"{e.chi_square:.4g}",
                 str(e.n_residual),
-                "; ".join([*(interval_text(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
+                "; ".join([*(interval_text(p) for p in e.shared), *e.strained]),
             )
             for e in entries
         ),
-        note="Chi-square: sum of all squared differences over their variances; a right model's is at most about their "
-        "number. A pressure far from the stated one says that the model could meet these "
-        "data by that alone.",
+        note="Chi-square: sum of all squared differences over their variances, empty where these are not known; a "
+        "right model's is at most about their number. What would have to be far from what is known of it says how the "
+        "model could meet these data by that alone.",
     )
 
 
@@ -141,10 +140,6 @@ def _kinds(entries: Sequence[Entry]) -> tuple[str, ...]:
 
 def _errors(entry: Entry, kind: str) -> tuple[float, ...]:
     return tuple(getattr(entry, name) for name in _ERRORS[kind])
-
-
-def _pressure(p: FittedParameter) -> str:
-    return f"{p.group} at {p.value / 1e3:.0f} kPa, stated {np.sqrt(p.lower * p.upper) / 1e3:.0f} kPa"
 
 
 def _sentence(entries: Sequence[Entry]) -> str:

@@ -1,20 +1,68 @@
-"""The ledger as files and as a table."""
+"""What each physical effect does to the error, on data used and on data held out: as data, files and a table."""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
 from model import Effect, printed_effects
-from updating.fitting.joint_fit import FittedParameter
-from updating.fitting.ledger import Entry, Ledger
+from updating.fitting.estimate import ParameterEstimate
 from updating.results.store import write_bytes, write_result
 from updating.results.text import interval_text
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Entry:
+    """One line of the ledger.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Effects that were added; none is the base model.
+    error : float
+        Mean relative frequency error, eq. (2), after the fit.
+    mode_error : float
+        The same of each mode of each configuration, predicted by a fit to all others.
+    configuration_error : float
+        The same of each configuration predicted by a fit without it. What it shares with no other, such as the contact
+        parameters of a stack that was measured once, is fitted to it. NaN where there is one configuration only.
+    damping_error, mode_damping_error, configuration_damping_error : float
+        The same of damping ratios; NaN where they did not take part.
+    chi_square : float
+        Of the fit to all data; NaN of a table, whose modes have no stated uncertainty.
+    n_residual : int
+        Number of weighted differences in it.
+    shared : tuple of ParameterEstimate
+        The effects' parameters.
+    strained : tuple of str
+        In words, what is known of the stack or of the measurement and would have to be far off: so the model could meet
+        these data without more effects.
+    """
+
+    effects: tuple[str, ...]
+    error: float
+    mode_error: float
+    configuration_error: float
+    damping_error: float
+    mode_damping_error: float
+    configuration_damping_error: float
+    chi_square: float
+    n_residual: int
+    shared: tuple[ParameterEstimate, ...]
+    strained: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ledger:
+    """The ledger as it is written."""
+
+    entry: tuple[Entry, ...]
 
 
 def write_ledger(
@@ -49,7 +97,7 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
         title="Mean relative error [%] of frequencies" + (" | of damping ratios" if damping else ""),
         title_justify="left",
         caption="Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
-        + (" -: those do not determine it." if unknown else ""),
+        + (" -: there is no other." if unknown else ""),
         caption_justify="left",
     )
     table.add_column("model", overflow="fold")
@@ -65,14 +113,9 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
         table.add_row(
             "\n+ ".join(("base", *printed_effects(e.effects, known))),
             *(" | ".join(_percent(v) for v in pair[: 1 + damping]) for pair in pairs),
-            "\n".join([*(interval_text(p) for p in e.shared), *(_pressure(p) for p in e.pressure)]),
+            "\n".join([*(interval_text(p) for p in e.shared), *e.strained]),
         )
     return table
-
-
-def _pressure(p: FittedParameter) -> str:
-    nominal = np.sqrt(p.lower * p.upper)
-    return f"{p.group}: {p.value / 1e3:.0f} kPa for {nominal / 1e3:.0f}"
 
 
 def _percent(value: float) -> str:

@@ -1,4 +1,4 @@
-"""A joint fit in pictures: how parameters are correlated, and how each descent went."""
+"""A joint fit in pictures: how parameters are correlated, and how the fit went."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ema.plot import palette
-from updating.fitting.joint_fit import JointFit
+from updating.diagnosis.joint_answer import JointFit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,20 +42,15 @@ def correlation_figure(fit: JointFit) -> Figure:
 
 
 def convergence_figure(fit: JointFit) -> Figure:
-    """Draw the sum of squares over the evaluations of each descent, the best first."""
+    """Draw what the fit minimises after each step, less its least; it jumps where the model is made anew."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(6.4, 3.6), layout="constrained")
     axes = figure.subplots()
-    for i, start in enumerate(fit.start):
-        ending = "" if start.converged else " (not converged)"
-        axes.semilogy(
-            np.arange(1, start.objective.size + 1), 2.0 * start.objective, "-" if i else "o-", markersize=3,
-            label=f"descent {i + 1}: {2.0 * start.objective.min():.4g}{ending}",
-        )  # fmt: skip
+    axes.plot(np.arange(fit.course.size), fit.course - fit.course.min(initial=np.inf), "o-", markersize=3)
+    axes.set_yscale("symlog", linthresh=0.1)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("evaluation")
-    axes.set_ylabel("chi-square")
-    axes.legend(fontsize=8)
+    axes.set_xlabel("step")
+    axes.set_ylabel("minus log posterior density, less its least")
     return figure

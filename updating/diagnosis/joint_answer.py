@@ -1,0 +1,202 @@
+"""What a fit of several configurations says: parameters with intervals, and each configuration beside the model."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.arrays import readonly
+from updating.diagnosis.answer_parts import Moved, Sizes
+from updating.errors import FitError
+from updating.fitting.objective import frequency_error
+from updating.results.ledger import Entry
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedParameter:
+    """One fitted parameter.
+
+    Attributes
+    ----------
+    name, unit : str
+        The parameter.
+    group : str
+        The stack or configuration that it belongs to; empty where all share it.
+    value, std : float
+        Estimate and standard deviation, what the model misses being integrated out.
+    interval : (float, float)
+        Of 95 %. An end at a bound is open: the data do not exclude what lies beyond.
+    lower, upper : float
+        Bounds.
+    at_bound : bool
+        Whether the estimate lies on a bound: then the data ask for a value outside, and `std` means nothing.
+    determined : bool
+        Whether the data, with what is known beforehand, say more than the bounds do: the standard deviation is less
+        than that of a uniform distribution between them.
+    """
+
+    name: str
+    unit: str
+    group: str
+    value: float
+    std: float
+    interval: tuple[float, float]
+    lower: float
+    upper: float
+    at_bound: bool
+    determined: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConfigurationFit:
+    """One configuration of a joint fit.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    used : (n_mode,) bool
+        Modes that took part; the others are predicted.
+    measured_frequency, measured_damping : (n_mode,) float
+        What was measured, Hz and ratio; damping NaN where it did not take part.
+    frequency, damping : (n_mode,) float
+        The fitted model's.
+    frequency_left_out : (n_mode,) float
+        Of the model, where the configuration is left out and predicted from the others; NaN where there are none. The
+        contact of a stack that was measured once is fitted to it.
+    frequency_before, damping_before : (n_mode,) float
+        Those of the stack before the fit.
+    mac : (n_mode,) float
+        MAC of measured and fitted shapes; NaN where classes stand for shapes.
+    """
+
+    name: str
+    used: NDArray[np.bool_]
+    measured_frequency: NDArray[np.float64]
+    measured_damping: NDArray[np.float64]
+    frequency: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    frequency_left_out: NDArray[np.float64]
+    frequency_before: NDArray[np.float64]
+    damping_before: NDArray[np.float64]
+    mac: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        used = readonly("ConfigurationFit", "used", self.used, (None,), bool)
+        object.__setattr__(self, "used", used)
+        for field in dataclasses.fields(self)[2:]:
+            value = readonly("ConfigurationFit", field.name, getattr(self, field.name), used.shape)
+            object.__setattr__(self, field.name, value)
+
+    @property
+    def relative_error(self) -> NDArray[np.float64]:
+        """Error of each frequency, model less measured over measured (n_mode,)."""
+        return np.asarray(self.frequency / self.measured_frequency - 1.0)
+
+    @property
+    def left_out_error(self) -> NDArray[np.float64]:
+        """The same where the configuration is predicted from the others (n_mode,)."""
+        return np.asarray(self.frequency_left_out / self.measured_frequency - 1.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointFit:
+    """Several configurations fitted at once.
+
+    Attributes
+    ----------
+    effect : tuple of str
+        The effects whose parameters were fitted.
+    parameter : tuple of FittedParameter
+        The estimates.
+    covariance : (n_parameter, n_parameter) float
+        Of the estimates, in their units.
+    moved : tuple of Moved
+        Every quantity that all fits may move and all configurations share, as stated and as fitted.
+    discrepancy : Sizes
+        What the model misses of a frequency and of a damping ratio.
+    chi_square : float
+        Sum of squared errors over their variances, by noise and by what the model misses.
+    n_residual : int
+        Their number.
+    configuration : tuple of ConfigurationFit
+        What came of each configuration.
+    course : (n_step,) float
+        What the fit minimises, minus the logarithm of the posterior density, after each step to the estimates.
+    """
+
+    effect: tuple[str, ...]
+    parameter: tuple[FittedParameter, ...]
+    covariance: NDArray[np.float64]
+    moved: tuple[Moved, ...]
+    discrepancy: Sizes
+    chi_square: float
+    n_residual: int
+    configuration: tuple[ConfigurationFit, ...]
+    course: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.parameter)
+        object.__setattr__(self, "covariance", readonly("JointFit", "covariance", self.covariance, (n, n)))
+        object.__setattr__(self, "course", readonly("JointFit", "course", self.course, (None,)))
+
+    @property
+    def correlation(self) -> NDArray[np.float64]:
+        """Correlation of the estimates (n_parameter, n_parameter)."""
+        std = np.sqrt(np.diag(self.covariance))
+        safe = np.where(std > 0.0, std, np.inf)
+        return np.asarray(self.covariance / np.outer(safe, safe))
+
+    def value(self, name: str, group: str = "") -> float:
+        """Return an estimate.
+
+        Raises
+        ------
+        FitError
+            There is no such parameter.
+        """
+        for p in self.parameter:
+            if (p.name, p.group) == (name, group):
+                return p.value
+        message = f"no fitted parameter {name!r} of {group or 'all'}; there are " + ", ".join(
+            f"{p.name} of {p.group or 'all'}" for p in self.parameter
+        )
+        raise FitError(message)
+
+    def error(self, *, held_out: bool = False, before: bool = False, damping: bool = False) -> float:
+        """Return the mean relative error of frequencies, eq. (2), or of damping ratios.
+
+        Over the modes used, or over those held out; NaN where there are none.
+        """
+        measured, model = [], []
+        for c in self.configuration:
+            known = c.measured_damping if damping else c.measured_frequency
+            name = ("damping" if damping else "frequency") + ("_before" if before else "")
+            found = getattr(c, name)
+            chosen = (c.used != held_out) & np.isfinite(known) & np.isfinite(found)
+            measured.append(known[chosen])
+            model.append(found[chosen])
+        together = np.concatenate(measured)
+        return frequency_error(together, np.concatenate(model)) if together.size else float("nan")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Updated:
+    """What came of an updating.
+
+    Attributes
+    ----------
+    name : str
+        Its title.
+    fit : JointFit
+        All configurations at once.
+    ledger : tuple of Entry
+        The error without effects, with each, and with all.
+    """
+
+    name: str
+    fit: JointFit
+    ledger: tuple[Entry, ...]

@@ -1,0 +1,397 @@
+"""Several configurations fitted at once, as somebody asks for it: effects, who shares what, what is known beforehand.
+
+Of one stack it is the fit of a diagnosis, of several that of a campaign of specimens, with the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.types.threads import single_threaded
+from model import Effect, catalogue
+from updating.diagnosis.answer import Ranked
+from updating.diagnosis.candidates import CandidateModel, candidate_model
+from updating.diagnosis.coordinates import coordinate_of, scaled
+from updating.diagnosis.diagnosis import beside_model, priors_of, searched
+from updating.diagnosis.evidence import Tested, some_of
+from updating.diagnosis.fit_settings import FitSettings, is_pinned
+from updating.diagnosis.joint_answer import Updated
+from updating.diagnosis.nuisance_text import strained
+from updating.diagnosis.ranking import mean_error, rank
+from updating.diagnosis.slipping import AtLevel
+from updating.diagnosis.stack_model import StackModel
+from updating.errors import FitError
+from updating.inference.decide import decide
+from updating.inference.discrepancy import Sizes
+from updating.inference.explain import Explanation, Setting, coordinates_of, explain
+from updating.inference.left_out import Kind, LeftOut, left_out
+from updating.pooled.diagnosis import specimens_model
+from updating.pooled.groups import Group
+from updating.pooled.joint_parts import Fitted, configurations_left_out, damped, joint_answer
+from updating.pooled.parts import estimate_of
+from updating.pooled.search import asked, begin
+from updating.pooled.specimen import Specimen
+from updating.pooled.specimens_model import SpecimensModel
+from updating.pooled.states import far_off
+from updating.results.ledger import Entry
+
+Vector = NDArray[np.float64]
+
+
+@single_threaded
+def joint_fit(
+    name: str,
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    settings: FitSettings | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    known: Mapping[str, Effect] | None = None,
+    levels: Mapping[str, AtLevel] | None = None,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> Updated:
+    """Fit effects to several configurations of one stack or more: the base model, each effect alone, and all together.
+
+    Parameters
+    ----------
+    name : str
+        Its title.
+    specimens : sequence of Specimen
+        The stacks with what was identified.
+    effects : mapping of str to Effect
+        Those that are fitted; none fits the base model alone.
+    settings : FitSettings, optional
+        What is known of parameters beforehand, who shares them, and which modes are held out.
+    labels : sequence of str, optional
+        What configurations are called, stack by stack; by default by their names, after those of the stacks where they
+        would not be told apart.
+    known : mapping of str to Effect, optional
+        What else one stack may lack, beside which effects are judged as a diagnosis does it; the catalogue by default.
+    levels : mapping of str to AtLevel, optional
+        Which force level each configuration of one stack is, as `diagnose` takes it.
+    executor, reduced
+        As `diagnose` takes them.
+
+    Raises
+    ------
+    FitError
+        The settings name what is not there, no measured mode of a configuration resembles one of the model, or a stack
+        cannot have an effect.
+    PairingError
+        Measured points do not lie on a stack, or are fewer than the modes.
+    """
+    settings = settings or FitSettings()
+    if not specimens:
+        message = "nothing to fit: no configuration was identified"
+        raise FitError(message)
+    labels = tuple(labels or _labels(specimens))
+    n_mode = [modes.frequency.size for own in specimens for _, _, modes in own.tested]
+    settings.require(effects, dict(zip(labels, n_mode, strict=True)))
+    moved = [replace(own, stack=settings.stack(own.stack)) for own in specimens]
+    kept = [
+        ~np.isin(np.arange(n), list(settings.hold_out.get(label, ())))
+        for label, n in zip(labels, n_mode, strict=True)
+    ]
+    asked_for = Asked(tuple(effects), dict(effects), settings, tuple(kept))
+    if len(moved) == 1:
+        others = catalogue() if known is None else known
+        fits, ledger = _of_one(moved[0], asked_for, others, levels, executor, reduced)
+    else:
+        fits, ledger = _of_several(moved, asked_for, executor, reduced)
+    if not damped(fits.own):
+        nan = float("nan")
+        ledger = tuple(
+            replace(entry, damping_error=nan, mode_damping_error=nan, configuration_damping_error=nan)
+            for entry in ledger
+        )
+    return Updated(name=name, fit=joint_answer(fits, labels, ledger[-1], settings), ledger=ledger)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is fitted, and to what: effects by name, settings, and which modes of each configuration take part."""
+
+    names: tuple[str, ...]
+    effects: dict[str, Effect]
+    settings: FitSettings
+    kept: tuple[NDArray[np.bool_], ...]
+
+    @property
+    def combinations(self) -> list[tuple[str, ...]]:
+        """None of the effects, each alone, and all together."""
+        alone = [(), *((name,) for name in self.names)]
+        return [*alone, self.names] if len(self.names) > 1 else alone
+
+    @property
+    def held(self) -> bool:
+        """Whether modes are held out."""
+        return not all(own.all() for own in self.kept)
+
+    def of(self, tested: Sequence[Tested]) -> tuple[Tested, ...]:
+        """Return configurations with what of them takes part."""
+        if not self.held and self.settings.damping:
+            return tuple(tested)
+        return tuple(
+            replace(own, modes=some_of(own.modes, kept, damping=self.settings.damping))
+            for own, kept in zip(tested, self.kept, strict=True)
+        )
+
+
+def _labels(specimens: Sequence[Specimen]) -> list[str]:
+    names = [name for own in specimens for name, _, _ in own.tested]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{own.name}/{name}" for own in specimens for name, _, _ in own.tested]
+
+
+def _of_one(
+    specimen: Specimen,
+    given: Asked,
+    known: Mapping[str, Effect],
+    levels: Mapping[str, AtLevel] | None,
+    executor: Executor | None,
+    reduced: Callable[..., CandidateModel],
+) -> tuple[Fitted, tuple[Entry, ...]]:
+    """Fit one stack as a diagnosis does it; what is said of effects' parameters comes in when they were found."""
+    settings = given.settings
+    candidates, evidence, _ = beside_model(
+        specimen.stack,
+        specimen.tested,
+        {**known, **given.effects},
+        scatter=settings.scatter,
+        executor=executor,
+        reduced=reduced,
+        levels=levels,
+    )
+    _require_possible(given.names, evidence.impossible)
+    used = replace(evidence, tested=given.of(evidence.tested))
+    model, found, _ = searched(candidates, used, given.combinations, settings.of_base)
+    decision = decide(found)
+    first = decision.left[0] if decision.left else found.base
+    if settings.tells(given.effects):
+        told = model.with_effects(settings.effects(given.effects), settings)
+        fitted = {
+            own.terms: told_again(model, told, own, found.setting, settings)
+            for own in (found.fitted[frozenset(names)] for names in given.combinations)
+        }
+        model, found = told, replace(found, fitted={frozenset(n): own for n, own in fitted.items()})
+    ranking = {own.effects: own for own in rank(model, found, first, tuple(found.fitted.values()))}
+    ranked = [next(own for e, own in ranking.items() if set(e) == set(names)) for names in given.combinations]
+    whole = StackModel(
+        candidates,
+        evidence.tested,
+        evidence.observation,
+        evidence.scatter,
+        model.effects,
+        start=evidence.start["G_f"],
+        like=model,
+        settings=model.settings,
+    )
+    fits = Fitted(
+        model=model,
+        whole=whole if given.held else None,
+        own=found.fitted[frozenset(given.names)],
+        common=found.setting,
+        kept=given.kept,
+        paired=True,
+    )
+    return fits, tuple(map(entry_of, ranked))
+
+
+def _of_several(
+    specimens: Sequence[Specimen],
+    given: Asked,
+    executor: Executor | None,
+    reduced: Callable[..., CandidateModel],
+) -> tuple[Fitted, tuple[Entry, ...]]:
+    """Fit several stacks as a campaign of specimens, each effect as the rig's or as every stack's own."""
+    found = fit_several(specimens, given, given.combinations, executor=executor, reduced=reduced)
+    sizes = found[-1].own.evidence.sizes
+    return found[-1], tuple(
+        entry_of_several(names, one, sizes) for names, one in zip(given.combinations, found, strict=True)
+    )
+
+
+def fit_several(
+    specimens: Sequence[Specimen],
+    given: Asked,
+    combinations: Sequence[Sequence[str]],
+    *,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> list[Fitted]:
+    """Fit some of the effects together to several stacks, each combination of them.
+
+    Parameters
+    ----------
+    specimens : sequence of Specimen
+        Two stacks or more.
+    given : Asked
+        What is fitted.
+    combinations : sequence of sequence of str
+        Names of effects that are fitted together.
+    executor, reduced
+        As in `joint_fit`.
+
+    Raises
+    ------
+    FitError
+        No measured mode of a configuration resembles one of the model, or a stack cannot have an effect.
+    """
+    settings = given.settings
+    whole, impossible = specimens_model(
+        specimens,
+        given.effects,
+        scatter=settings.scatter,
+        executor=executor,
+        reduced=reduced,
+        settings=settings.of_base,
+    )
+    _require_possible(given.names, impossible)
+    begun = begin(_with_modes(whole, given), priors_of(settings.scatter))
+    found = []
+    for names in combinations:
+        terms = [
+            term
+            for n in names
+            for term in ([f"{n}@{s.name}" for s in specimens] if settings.apart(given.effects[n]) else [n])
+        ]
+        one = asked(begun, terms)
+        model, own = one.model, one.search.chosen
+        if settings.tells({n: given.effects[n] for n in names}):
+            told = _with_effects(model, settings.effects(given.effects), settings)
+            own, model = told_again(model, told, own, one.search.setting, settings), told
+        found.append(
+            Fitted(
+                model=model,
+                whole=_with_effects(whole, model.first.effects, model.first.settings) if given.held else None,
+                own=own,
+                common=one.search.setting,
+                kept=given.kept,
+                paired=False,
+                classed=tuple(own.classed for own in specimens for _ in own.tested),
+            )
+        )
+    return found
+
+
+def _require_possible(names: Sequence[str], impossible: Mapping[str, str]) -> None:
+    why = [impossible[name] for name in names if name in impossible]
+    if why:
+        raise FitError("; ".join(why))
+
+
+def _with_modes(model: SpecimensModel, given: Asked) -> SpecimensModel:
+    """Return the model of specimens with the modes that take part."""
+    if not given.held and given.settings.damping:
+        return model
+    groups = []
+    for g, group in enumerate(model.groups):
+        kept = {c: given.kept[i] for i, (_, own, c) in enumerate(model.place) if own == g}
+        part = Asked(given.names, given.effects, given.settings, tuple(kept[c] for c in range(len(kept))))
+        groups.append(
+            replace(group, model=group.model.of_tests(part.of(group.model.tested), group.model.observation))
+        )
+    return model.with_groups(groups)
+
+
+def _with_effects(
+    model: SpecimensModel, effects: Mapping[str, Effect], settings: FitSettings
+) -> SpecimensModel:
+    """Return the model of specimens with effects of which something is said."""
+    groups: list[Group] = [
+        replace(own, model=own.model.with_effects(effects, settings)) for own in model.groups
+    ]
+    return model.with_groups(groups)
+
+
+def told_again(
+    model: StackModel | SpecimensModel,
+    told: StackModel | SpecimensModel,
+    own: Explanation,
+    common: Setting,
+    settings: FitSettings,
+) -> Explanation:
+    """Fit an explanation again, with what is said of the parameters of its effects.
+
+    Parameters
+    ----------
+    model, told
+        The model without and with it.
+    own : Explanation
+        A fit without.
+    common : Setting
+        What fits share.
+    settings : FitSettings
+        What is said.
+    """
+    if not own.terms:
+        return own
+    terms = [told.terms[name] for name in own.terms]
+    coordinates = coordinates_of(told, terms)
+    have = {c.name: float(x) for c, x in zip(own.coordinates, own.x, strict=True)}
+    starts = [np.array([have[c.name] for c in coordinates])]
+    for i, c in enumerate(coordinates[own.n_nuisance :], own.n_nuisance):
+        local = c.name.partition("@")[0]
+        value = scaled(model.parameters[local], have[c.name])[0]
+        p = told.parameters[local]
+        starts[0][i] = coordinate_of(p, float(np.clip(value, p.lower, p.upper)))
+    if settings.start:
+        begins = [c.name.partition("@")[0] in settings.start for c in coordinates]
+        starts.append(np.where(begins, [c.starts[0] for c in coordinates], starts[0]))
+    common = replace(common, apart=own.apart)
+    fits = [explain(told, terms, common, x, sizes=own.evidence.sizes) for x in starts]
+    return max(fits, key=lambda fit: fit.log_evidence)
+
+
+def entry_of(own: Ranked) -> Entry:
+    """Return the line of the ledger of an explanation of one stack."""
+    return Entry(
+        effects=own.effects,
+        error=own.frequency_error,
+        mode_error=own.left_out_error,
+        configuration_error=own.left_out_configuration_error,
+        damping_error=own.damping_error,
+        mode_damping_error=own.left_out_damping_error,
+        configuration_damping_error=own.left_out_configuration_damping_error,
+        chi_square=own.misfit,
+        n_residual=own.n_residual,
+        shared=own.parameter,
+        strained=tuple(strained(own.strained)),
+    )
+
+
+def entry_of_several(names: Sequence[str], found: Fitted, sizes: Sizes) -> Entry:
+    """Return the line of the ledger of a fit of several stacks, `sizes` of the discrepancy being those of another."""
+    model, own = found.model, found.own
+    assert isinstance(model, SpecimensModel)
+    frequency = np.concatenate([e.frequency for e in own.errors])
+    damping = np.concatenate([e.damping for e in own.errors])
+    modes, configurations = left_out(own), configurations_left_out(model, own)
+    held = np.isfinite([c.std for c in own.coordinates])
+    return Entry(
+        effects=tuple(names),
+        error=mean_error(frequency),
+        mode_error=_mean(modes, "frequency"),
+        configuration_error=_mean(configurations, "frequency"),
+        damping_error=mean_error(damping[np.isfinite(damping)]),
+        mode_damping_error=_mean(modes, "damping"),
+        configuration_damping_error=_mean(configurations, "damping"),
+        chi_square=own.problem.weighed(sizes).misfit + float(np.sum(own.pulls[held] ** 2)),
+        n_residual=frequency.size * own.errors[0].value.shape[1] + own.problem.damping.size,
+        shared=tuple(
+            estimate_of(model, own, c.name) for c in own.coordinates[own.n_nuisance :] if not is_pinned(c)
+        ),
+        strained=tuple(strained(far_off(model, own))),
+    )
+
+
+def _mean(found: LeftOut, kind: Kind) -> float:
+    errors = np.abs(found.errors[kind])
+    return float(np.nanmean(errors)) if np.isfinite(errors).any() else float("nan")
