@@ -8,9 +8,9 @@ import pytest
 from tests.unit.test_inference import BASE, TERM, Chain, matrices, measured
 from updating.inference.decide import decide
 from updating.inference.discrepancy import SizePrior
-from updating.inference.explain import coordinates_of, errors_at, explain, setting
+from updating.inference.explain import coordinates_of, errors_at, explain, setting, step_within
 from updating.inference.left_out import LeftOut, left_out
-from updating.inference.protocol import Term
+from updating.inference.protocol import Coordinate, Term
 from updating.inference.robust_start import robust_start
 from updating.inference.search import Prediction, begin, better, search
 from updating.inference.spread import information
@@ -184,3 +184,13 @@ def test_a_start_far_off_leads_near_the_truth_past_a_mode_that_the_model_lacks(f
     x, apart = robust_start(model, common, np.array([far, 0.0]))
     assert x[0] == pytest.approx(0.0, abs=0.06)
     assert apart == {(0, 2)}
+
+
+def test_a_step_does_not_crawl_along_a_valley_in_which_priors_alone_tell_where_to_go():
+    """Data know the sum of a pulled nuisance and of a new term to 3e-4; the nuisance has a narrow prior."""
+    pulled, new = Coordinate(name="pulled", std=0.03), Coordinate(name="new", std=1.0)
+    priors = np.array([pulled.std, new.std]) ** -2.0
+    x = np.array([0.2, 0.0])
+    hessian = np.full((2, 2), 1e7) + np.diag(priors)
+    to = step_within(priors * x, hessian, x, (pulled, new))
+    assert to == pytest.approx([0.0, 0.2], abs=0.01)

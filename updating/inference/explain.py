@@ -442,7 +442,7 @@ def outlook(
     # Far off, what follows the noise of shapes is as large as the misfit and bends: errors alone are nearly linear.
     slope = white.slope + precision * x
     hessian = white.hessian + np.diag(precision) + problem.curvature
-    to = step_within(slope, hessian, x, coordinates, damp=1e-3)
+    to = step_within(slope, hessian, x, coordinates)
     step = to - x
     return -cost.total(problem, white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
 
@@ -467,7 +467,7 @@ def _evidence(
 
 
 def step_within(
-    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float
+    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float = 1e-6
 ) -> Vector:
     """Return where a damped step leads that leaves no bound and is nowhere longer than it may be.
 
@@ -480,7 +480,8 @@ def step_within(
     coordinates : sequence of Coordinate
         Bounds and longest steps.
     damp : float
-        Added to the scaled diagonal of the Hessian (Levenberg and Marquardt).
+        Added to the scaled diagonal of the Hessian (Levenberg and Marquardt). By default it is below what priors add to
+        data: else a step crawls along a valley in which priors alone tell where to go.
     """
     lower, upper, longest = (
         np.array([getattr(c, what) for c in coordinates]) for what in ("lower", "upper", "longest")

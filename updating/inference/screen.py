@@ -198,6 +198,6 @@ def _ahead(
     precision = np.array([c.std**-2.0 for c in coordinates])
     slope = jacobian.T @ value + precision * x
     hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
-    step = step_within(slope, hessian, x, coordinates, damp=1e-3) - x
+    step = step_within(slope, hessian, x, coordinates) - x
     total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log
     return -total - float(slope @ step + 0.5 * step @ hessian @ step)
