@@ -192,8 +192,12 @@ def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
 
 
 def _told(contents: tuple[Contents, ...], left_out: list[str]) -> tuple[Contents, ...]:
-    """Return the files in which something tells that they are a measurement; say of the others that nothing does."""
-    nothing = [c for c in contents if c.keys.get("frf") == UNKNOWN and not c.guesses]
+    """Return the files in which something tells that they are a measurement; say of the others that nothing does.
+
+    What LabVIEW writes as TDMS was acquired, whatever its channels are called.
+    """
+    unsure = (c for c in contents if c.keys.get("frf") == UNKNOWN and not c.guesses)
+    nothing = [c for c in unsure if format_of(c.file) != "tdms"]
     left_out += [
         f"{c.file}: no array in it is complex, is called as FRFs or parts of them are, or looks like time histories"
         for c in nothing

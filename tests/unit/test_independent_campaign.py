@@ -20,7 +20,7 @@ from tests.independent.campaign import (
     truth,
     write_campaign,
 )
-from tests.independent.effects import TABLE
+from tests.independent.effects import LACKING
 
 EXACT = Tolerances(**{field.name: 0.0 for field in dataclasses.fields(Tolerances)})
 MASS = 20.0
@@ -59,7 +59,7 @@ def test_draws_hold_what_their_kind_says(kind):
     assert {len(one.planted) for one in plans} == {{"single": 1, "lacking": 1, "pair": 2}.get(kind, 0)}
     assert {len(one.disturbances) for one in plans} == {int(kind == "disturbed")}
     keys = {key for one in plans for key in one.planted}
-    assert all((TABLE[key].kind == "lacking") == (kind == "lacking") for key in keys)
+    assert all((key in LACKING) == (kind == "lacking") for key in keys)
     assert draw(7, kind, "bar") == plans[7]
 
 
