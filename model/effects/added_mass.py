@@ -40,9 +40,8 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     longer = max(stack.length, stack.width)
     n_x, n_y = (max(_FEWEST, round(1 + (_LONG - 1) * side / longer)) for side in (stack.length, stack.width))
     mean = mean_lamina(stack)
-    face = mean + 0.25 * tie(
-        stack
-    )  # the square at a face, in the mean of both, of a motion linear over the height
+    # The square at a face, in the mean of both, of a motion that is linear over the height.
+    face = mean + 0.25 * tie(stack)
     over_z = {"u": face, "v": face, "w": mean}
     found = []
     for i, x in enumerate(np.linspace(-1.0, 1.0, n_x)):

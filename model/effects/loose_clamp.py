@@ -13,14 +13,15 @@ Mistaken for: lost contact in the middle, pressure_along, clamps that are heavie
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from model.contact.contact import contact_fields
-from model.effects.parts import Vector, again, centred, clamps_of
+from model.effects.parts import Vector, clamps_of, pressure_change
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
@@ -31,63 +32,32 @@ _SLOPE = math.tan(math.radians(30.0))
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return what each clamp takes from the pressure, and the squares of these, by which damping goes."""
-    stack, plan = assembly.stack, assembly.plan
+    """Return what each clamp takes from the pressure."""
+    stack = assembly.stack
     clamps = sorted(clamps_of(assembly, "loose_clamp"), key=lambda clamp: (clamp.x, clamp.y))
     if len(clamps) < 2:
         message = "loose_clamp: a single clamp that presses less is a lower pressure"
         raise EffectError(message)
-    weight, points = np.asarray(plan.membrane.dx), plan.membrane.mesh.p
 
-    def loss(clamp: Clamp) -> Vector:
+    def shape(clamp: Clamp) -> Callable[[Vector, Vector], Vector]:
         reach = [0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
+        return lambda x, y: (
+            -np.exp(-0.5 * (((x - clamp.x) / reach[0]) ** 2 + ((y - clamp.y) / reach[1]) ** 2))
+        )
 
-        def bell(x: Vector, y: Vector) -> Vector:
-            away = ((x - clamp.x) / reach[0]) ** 2 + ((y - clamp.y) / reach[1]) ** 2
-            return np.asarray(-np.exp(-0.5 * away))
-
-        return centred(bell(*plan.quadrature_points), weight, bell(*points))
-
-    n, field = len(clamps), contact_fields(stack, plan)
-    losses = [loss(clamp) for clamp in clamps]
-    pressure, squared, mixed = (field[k] for k in ("pressure", "pressure squared", "pressure times normal"))
-    found = []
-    for i, f in enumerate(losses):
-        name, once = f"loose_clamp {i}", partial(_once, i=i, n=n)
-        damping = "tangential contact damping"
-        found += [
-            again(assembly, "tangential contact", f"{name} stiffness", once, krons=pressure.tangential(f)),
-            again(
-                assembly,
-                damping,
-                f"{name} damping",
-                partial(_once, i=i, n=n, times=2.0),
-                krons=squared.tangential(f),
-            ),
-            again(
-                assembly,
-                damping,
-                f"{name} damping, squared",
-                partial(_twice, i=i, n=n),
-                krons=squared.tangential(f**2),
-            ),
-            again(assembly, "normal contact damping", f"{name} normal damping", once, krons=mixed.normal(f)),
-        ]
-    return tuple(found)
+    found = (
+        pressure_change(
+            assembly, f"loose_clamp {i}", "clamp_loss", shape(clamp), partial(_share, i=i, n=len(clamps))
+        )
+        for i, clamp in enumerate(clamps)
+    )
+    return tuple(itertools.chain.from_iterable(found))
 
 
 def _share(t: Theta, i: int, n: int) -> Any:
     """Return the share of clamp i of n: 1 at its number, and 0 half a number away, without a kink."""
     away = t["clamp_number"] * (n - 1) - i
     return np.cos(np.pi * away) ** 2 if abs(np.real(away)) < 0.5 else 0.0 * away
-
-
-def _once(t: Theta, i: int, n: int, times: float = 1.0) -> Any:
-    return times * t["clamp_loss"] * _share(t, i, n)
-
-
-def _twice(t: Theta, i: int, n: int) -> Any:
-    return t["clamp_loss"] ** 2 * _share(t, i, n)
 
 
 EFFECT = Effect(

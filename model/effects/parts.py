@@ -252,16 +252,21 @@ def centred(weight: Vector, dx: Vector, corner: Vector) -> Vector:
     return np.asarray((weight - mean) / (mean - min(weight.min(), corner.min())))
 
 
-def _once(t: Theta, name: str) -> Any:
-    return t[name]
+def everywhere(t: Theta) -> Any:  # noqa: ARG001
+    """Return 1: the whole of a change, wherever it acts."""
+    return 1.0
 
 
-def _twice(t: Theta, name: str) -> Any:
-    return 2.0 * t[name]
+def _once(t: Theta, name: str, share: Callable[[Theta], Any]) -> Any:
+    return t[name] * share(t)
 
 
-def _squared(t: Theta, name: str) -> Any:
-    return t[name] ** 2
+def _twice(t: Theta, name: str, share: Callable[[Theta], Any]) -> Any:
+    return 2.0 * t[name] * share(t)
+
+
+def _squared(t: Theta, name: str, share: Callable[[Theta], Any]) -> Any:
+    return t[name] ** 2 * share(t)
 
 
 def pressure_change(
@@ -269,6 +274,7 @@ def pressure_change(
     effect: str,
     amplitude: str,
     shape: Callable[[Vector, Vector], Vector],
+    share: Callable[[Theta], Any] = everywhere,
 ) -> tuple[Term, ...]:
     """Return the terms of a pressure p (1 + a f(x, y)) in place of p, with the amplitude a.
 
@@ -284,13 +290,17 @@ def pressure_change(
         Name of the parameter a.
     shape : callable
         From x and y, (n_element, n_point) m, to the change of pressure before `centred` keeps the clamping force.
+    share : callable
+        From the parameters to the share of the change that acts, 0 or 1, of one that may act at several locations.
     """
     plan = assembly.plan
     x, y = plan.quadrature_points
     f = centred(shape(x, y), np.asarray(plan.membrane.dx), shape(*plan.membrane.mesh.p))
     field = contact_fields(assembly.stack, plan)
 
-    change, twice, squared = (partial(part, name=amplitude) for part in (_once, _twice, _squared))
+    change, twice, squared = (
+        partial(part, name=amplitude, share=share) for part in (_once, _twice, _squared)
+    )
     pressure, square_of_it = field["pressure"].tangential(f), field["pressure squared"]
     mixed = field["pressure times normal"].normal(f)
     damping = f"{effect} damping"
