@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import platformdirs
@@ -119,7 +120,8 @@ def _special(effects: Iterable[Effect]) -> tuple[Special, ...]:
     known = {effect.name: effect for effect in effects}
     return (
         Special(kind=Effect, down=lambda effect: effect.name, up=known.__getitem__),
-        Special(kind=Formula, down=_written, up=_formula),
+        Special(kind=Formula, down=lambda formula: formula.function, up=Formula),
+        *(Special(kind=kind, down=_written, up=_formula) for kind in (FunctionType, partial)),
         Special(
             kind=Plan,
             down=lambda plan: (plan.membrane.mesh.p, plan.membrane.mesh.t),
@@ -128,15 +130,14 @@ def _special(effects: Iterable[Effect]) -> tuple[Special, ...]:
     )
 
 
-def _written(formula: Formula) -> dict[str, Any]:
-    """Return the name of a factor's function in its module and, of a partial one, what it is given.
+def _written(function: Any) -> dict[str, Any]:
+    """Return the name of a function in its module and, of a partial one, what it is given.
 
     Raises
     ------
     TypeError
         It cannot be found by a name.
     """
-    function: Any = formula.function
     given = dict[str, Any]()
     if isinstance(function, partial) and not function.args:
         function, given = function.func, function.keywords
@@ -147,9 +148,10 @@ def _written(formula: Formula) -> dict[str, Any]:
     return written
 
 
-def _formula(written: Mapping[str, Any]) -> Formula:
+def _formula(written: Mapping[str, Any]) -> Any:
+    """Return the function that is meant, with what it is given."""
     function = _function(written)
-    return Formula(partial(function, **written["given"]) if written["given"] else function)
+    return partial(function, **written["given"]) if written["given"] else function
 
 
 @cache

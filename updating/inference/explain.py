@@ -361,7 +361,7 @@ def converged(
             sizes = _evidence(problem, x, precision, log_prior, setting.priors, sizes)[0].sizes
             white = problem.weighed(sizes)
         cost = _Cost(precision, sizes)
-        at, damp = cost.total(problem, white, x), 1e-3
+        at, damp = cost.total(problem, white, x), 1e-6
         course.append(at)
         for _ in range(steps):
             after = np.inf
