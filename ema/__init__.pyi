@@ -2,13 +2,18 @@ from ema.campaign.campaign import Campaign, Configuration, read_campaign
 from ema.campaign.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
 from ema.campaign.references import Reassembly
-from ema.identification.amplitude import AmplitudeDependence, Level, amplitude_dependence
-from ema.identification.force_levels import identify_force_levels
+from ema.identification.amplitude import (
+    AmplitudeDependence,
+    Level,
+    Resonances,
+    RingDown,
+    amplitude_dependence,
+    identify_force_levels,
+    resonances,
+    ring_down,
+)
+from ema.identification.exchange import from_sdypy, read_poles, to_sdypy, write_poles
 from ema.identification.identify import Failure, Identification, identify, identify_frf, try_identify
-from ema.identification.poles_file import read_poles, write_poles
-from ema.identification.resonance import Resonances, resonances
-from ema.identification.ring_down import RingDown, ring_down
-from ema.identification.sdypy import from_sdypy, to_sdypy
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.found_modes import ModesStd
 from ema.io.uff import write_uff

@@ -1,4 +1,22 @@
-"""Frequency and damping of each mode over amplitude, from one state of a structure at several forces."""
+"""Frequency and damping of each mode over amplitude, from several force levels or from a free decay.
+
+At each line of functions measured with a force of constant amplitude, a structure that is not linear moves with
+another amplitude, so the functions are no sum of poles: where it softens, a
+resonance leans to the left, and the pole that fits it best is that of no amplitude. Its motion in one mode is nearly
+harmonic, so at each line the mode has the frequency and damping of the amplitude there (A. Carrella, D. J. Ewins,
+Identifying and quantifying structural nonlinearities in engineering applications from measured frequency response
+functions, Mech. Syst. Signal Process. 25, 2011):
+
+    1 / h = (omega_r(a)**2 (1 + i loss(a)) - omega**2) / c
+
+h is the mode's receptance, filtered out of all functions by its residues once the other modes are taken away, and a
+its amplitude. Where the two flanks have the same amplitude they have the same omega_r, which tells the constant c.
+
+One free decay passes all amplitudes. The motion in one mode is filtered out by its shape and a band, its envelope and
+phase are those of the analytic signal (M. Feldman, Non-linear system vibration analysis using Hilbert transform, I.
+Free vibration analysis method FREEVIB, Mech. Syst. Signal Process. 8, 1994), and a short time at once an exponential
+is fitted to it.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +26,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.resonance import Resonances, resonances
+from ema.campaign.campaign import Campaign
+from ema.campaign.measurement import Measurement, read_force_levels
+from ema.identification.identify import identify_frf
 from ema.modal.comparison import compare
+from ema.quality.channels import check, usable
 from ema.types.arrays import readonly
-from ema.types.frf import FRF
+from ema.types.errors import EmaError, MeasurementError
+from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dofs, driving_points
-from ema.types.modal_model import ModalModel
+from ema.types.modal_model import ModalModel, synthesize
 
 Vector = NDArray[np.float64]
 
@@ -226,3 +248,308 @@ def _outputs(model: ModalModel) -> Dofs:
 
 def _name(model: ModalModel, k: int) -> str:
     return _outputs(model).name(k)
+
+
+def identify_force_levels(campaign: Campaign, name: str) -> tuple[tuple[Level, ...], tuple[str, ...]]:
+    """Identify a configuration at its other force levels.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    name : str
+        The configuration.
+
+    Returns
+    -------
+    levels : tuple of Level
+        Those that can be identified.
+    lost : tuple of str
+        What is wrong with the others; they do not end these.
+
+    Raises
+    ------
+    CampaignError, MeasurementError
+        The files of a level cannot be read.
+    """
+    levels, lost = [], []
+    for measurement in read_force_levels(campaign, name):
+        try:
+            levels.append(_level(campaign, measurement))
+        except EmaError as error:
+            lost.append(f"{measurement.name} is left out of the modes over amplitude: {error}")
+    return tuple(levels), tuple(lost)
+
+
+def _level(campaign: Campaign, measurement: Measurement) -> Level:
+    options, force = campaign.identification, measurement.configuration.force
+    kept = usable(measurement, check(measurement, options.band))
+    modes = identify_frf(
+        kept.frf,
+        kept.geometry,
+        name=measurement.name,
+        band=options.band,
+        order=options.order,
+        sensor_mass=campaign.sensor_mass,
+    )
+    return Level(force=float(force or 0.0), frf=kept.frf, modal_model=modes)
+
+
+_REACH = 1.2  # half bandwidths to either side of the largest response, over which frequency grows evenly with amplitude
+_MIN_LINES = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Resonances:
+    """Modes at the amplitude that they have in resonance.
+
+    Attributes
+    ----------
+    frequency, damping : (n_mode,) float
+        Natural frequencies, Hz, and damping ratios at that amplitude.
+    frequency_std, damping_std : (n_mode,) float
+        Their standard deviations.
+    response : (n_output, n_input, n_mode) float
+        Displacement of each output in that mode alone, over the force, m/N.
+    """
+
+    frequency: Vector
+    damping: Vector
+    frequency_std: Vector
+    damping_std: Vector
+    response: Vector
+
+    def __post_init__(self) -> None:
+        n = np.size(self.frequency)
+        for name in ("frequency", "damping", "frequency_std", "damping_std"):
+            object.__setattr__(self, name, readonly("Resonances", name, getattr(self, name), (n,)))
+        object.__setattr__(
+            self, "response", readonly("Resonances", "response", self.response, (None, None, n))
+        )
+
+
+def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
+    """Return the modes of functions that were measured with a force of constant amplitude, at resonance.
+
+    Parameters
+    ----------
+    frf : FRF
+        The functions that were identified.
+    modal_model : ModalModel
+        What was identified: its poles say where to look, and its residues filter. Modes of which a bandwidth holds too
+        few lines stay as they are there.
+    """
+    lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1]).convert(
+        "receptance"
+    )
+    # residual terms stay in: beside leaning resonances a fit bends them, and the filter passes little of them
+    beside = replace(modal_model, lower=0.0 * modal_model.lower, upper=0.0 * modal_model.upper)
+    rest = lines.value - synthesize(beside, lines.frequency, "receptance")
+    power = (2.0 * np.pi * lines.frequency) ** DERIVATIVE[modal_model.quantity]
+    found = [
+        _resonance(lines.frequency, rest, modal_model, r, power) for r in range(modal_model.frequency.size)
+    ]
+    table = np.array([own for own, _ in found]).reshape(-1, 4)
+    return Resonances(
+        frequency=table[:, 0],
+        damping=table[:, 1],
+        frequency_std=table[:, 2],
+        damping_std=table[:, 3],
+        response=np.stack([response for _, response in found], axis=-1),
+    )
+
+
+def _resonance(
+    frequency: Vector, rest: NDArray[np.complex128], model: ModalModel, r: int, power: Vector
+) -> tuple[tuple[float, float, float, float], Vector]:
+    """Return frequency, damping and their standard deviations of a mode, and its response over the force, m/N."""
+    pole, residue = model.pole[r], model.residue[..., r]
+    s, scale = 2j * np.pi * frequency, 2j * pole.imag
+    constant = residue * scale
+    constant = np.real(constant)  # of a real mode; what is complex is noise or damping that couples modes
+    own = residue[..., None] / (s - pole) + residue.conj()[..., None] / (s - pole.conj())
+    size = float(np.sum(constant**2))
+    h = np.tensordot(constant, rest + own, axes=2) / size
+    noise = np.sqrt(np.sum((constant * model.noise) ** 2)) / size / power
+    near = np.abs(frequency - frequency[np.argmax(np.where(_around(frequency, pole), np.abs(h), 0.0))])
+    chosen = near <= _REACH * -pole.real / (2.0 * np.pi)
+    stated = (model.frequency[r], model.damping[r], model.frequency_std[r], model.damping_std[r])
+    if np.count_nonzero(chosen) < _MIN_LINES:
+        return stated, np.abs(constant) / (2.0 * model.damping[r] * np.abs(pole) ** 2)
+    values, peak = _over_amplitude(2.0 * np.pi * frequency[chosen], h[chosen], noise[chosen])
+    # what a window and the mass of sensors do to poles is taken out of these as it is of the model's
+    ratio = 2.0 * np.pi * model.frequency[r] / abs(pole)
+    damping = values[1] - model.decay_rate / (2.0 * np.pi * values[0])
+    return (values[0] * ratio, damping, values[2] * ratio, values[3]), np.abs(constant) * peak
+
+
+def _around(frequency: Vector, pole: complex) -> NDArray[np.bool_]:
+    """Tell the lines within two bandwidths of a pole, and the nearest line."""
+    off = np.abs(frequency - abs(pole) / (2.0 * np.pi))
+    return off <= max(4.0 * -pole.real / (2.0 * np.pi), float(off.min()))
+
+
+def _over_amplitude(
+    omega: Vector, h: NDArray[np.complex128], noise: Vector
+) -> tuple[tuple[float, float, float, float], float]:
+    """Return frequency, Hz, damping, their standard deviations and abs(h), s2, where the amplitude is largest."""
+    inverse, size = 1.0 / h, np.abs(h)
+    weight = size**2 / noise
+    peak = _vertex(omega, size)
+    less = size / peak - 1.0
+    columns = np.column_stack([np.ones(omega.size), less, less**2, -inverse.real])
+    (square, _, _, c), covariance = _weighted(columns, omega**2, weight)
+    loss, loss_covariance = _weighted(columns[:, :3], c * inverse.imag / omega**2, weight)
+    w = np.sqrt(square)
+    lost = float(loss[0])
+    std = (
+        np.sqrt(covariance[0, 0]) / (2.0 * w),
+        np.hypot(np.sqrt(loss_covariance[0, 0]), lost * np.sqrt(covariance[3, 3]) / c),
+    )
+    return (float(w / (2.0 * np.pi)), lost / 2.0, float(std[0] / (2.0 * np.pi)), float(std[1] / 2.0)), peak
+
+
+def _weighted(columns: Vector, value: Vector, weight: Vector) -> tuple[Vector, Vector]:
+    """Return the least-squares solution and its covariance, with the scatter that the rows show."""
+    scale = np.linalg.norm(columns * weight[:, None], axis=0)
+    q, triangle = np.linalg.qr(columns * weight[:, None] / scale)
+    solution = np.linalg.solve(triangle, q.T @ (weight * value))
+    left = weight * value - (columns * weight[:, None] / scale) @ solution
+    inverse = np.linalg.inv(triangle) / scale[:, None]
+    freedom = max(value.size - columns.shape[1], 1)
+    return solution / scale, inverse @ inverse.T * float(left @ left) / freedom
+
+
+def _vertex(omega: Vector, size: Vector) -> float:
+    """Return the largest value of a curve, of the parabola through its five highest lines."""
+    top = int(np.clip(np.argmax(size), 2, size.size - 3))
+    x = omega[top - 2 : top + 3] - omega[top]
+    a, b, c = np.polyfit(x, size[top - 2 : top + 3], 2)
+    return float(c - b**2 / (4.0 * a)) if a < 0.0 else float(size[top])
+
+
+_CYCLES = 12.0  # in one fit; over fewer the band lets too little through
+_OVERLAP = 0.5
+_EDGE = 1.5  # fits left out at either end, where the band is still filling
+_WIDTH = 0.15  # half width of the band over the mode's frequency, less where modes are near
+_GAP = 0.45  # of the distance to the next mode
+_FLOOR = 5.0  # times the noise at the end of the record, below which nothing is fitted
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RingDown:
+    """A mode over its amplitude, from a free decay, in the order of time.
+
+    Attributes
+    ----------
+    amplitude : (n,) float
+        Displacement amplitude at the strongest channel, m, for responses in SI units.
+    frequency, frequency_std : (n,) float
+        Natural frequency and its standard deviation, Hz.
+    damping, damping_std : (n,) float
+        Damping ratio likewise.
+    """
+
+    amplitude: Vector
+    frequency: Vector
+    frequency_std: Vector
+    damping: Vector
+    damping_std: Vector
+
+    def __post_init__(self) -> None:
+        n = np.size(self.amplitude)
+        for name in ("amplitude", "frequency", "frequency_std", "damping", "damping_std"):
+            object.__setattr__(self, name, readonly("RingDown", name, getattr(self, name), (n,)))
+
+
+def ring_down(
+    response: Vector, rate: float, *, shape: Vector, frequency: Vector, mode: int, quantity: Quantity
+) -> RingDown:
+    """Follow one mode through a free decay.
+
+    Parameters
+    ----------
+    response : (n_channel, n_sample)
+        Free motion, from when the force has ended; without offset.
+    rate : float
+        Sampling rate, Hz.
+    shape : (n_channel, n_mode)
+        Real shapes of the modes in the record at these channels.
+    frequency : (n_mode,)
+        Their frequencies, Hz.
+    mode : int
+        The one to follow, from 0.
+    quantity : "receptance", "mobility" or "accelerance"
+        Whether the responses are displacement, velocity or acceleration.
+
+    Raises
+    ------
+    MeasurementError
+        The record is too short or too noisy for the mode, or channels and shapes do not fit.
+    """
+    record, shapes = np.atleast_2d(response), np.atleast_2d(shape)
+    _require_fitting(record, shapes, np.size(frequency))
+    # with fewer channels than modes, the one that is sought alone
+    used = shapes if shapes.shape[0] >= shapes.shape[1] else shapes[:, [mode]]
+    filtered = np.linalg.pinv(used)[mode if used is shapes else 0] @ record
+    signal = _analytic(filtered, rate, np.asarray(frequency, dtype=float), mode)
+    size = int(np.ceil(_CYCLES / frequency[mode] * rate))
+    step, edge = max(int(size * (1.0 - _OVERLAP)), 1), int(_EDGE * size)
+    noise = (
+        float(np.sqrt(np.mean(np.abs(signal[-edge - size : -edge]) ** 2)))
+        if signal.size > 2 * edge + size
+        else 0.0
+    )
+    starts = range(edge, signal.size - edge - size, step)
+    fits = [_exponential(signal[i : i + size], rate) for i in starts]
+    largest = max((fit[0] for fit in fits), default=0.0)
+    ended = noise < 0.1 * largest
+    fits = [fit for fit in fits if fit[0] > _FLOOR * noise or not ended]
+    if len(fits) < 2:
+        message = (
+            f"ring-down: {signal.size} samples at {rate:g} Hz are too short, or too noisy, for a mode at "
+            f"{frequency[mode]:g} Hz: {_CYCLES:g} cycles at once are fitted, and the ends are left out"
+        )
+        raise MeasurementError(message)
+    table = np.array(fits)
+    omega = np.hypot(table[:, 1], table[:, 2])
+    strongest = float(np.abs(shapes[:, mode]).max())
+    return RingDown(
+        amplitude=strongest * table[:, 0] / omega ** DERIVATIVE[quantity],
+        frequency=omega / (2.0 * np.pi),
+        frequency_std=table[:, 3] / (2.0 * np.pi),
+        damping=table[:, 1] / omega,
+        damping_std=table[:, 3] / omega,
+    )
+
+
+def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
+    if record.shape[0] != shape.shape[0] or shape.shape[1] != n_frequency:
+        message = (
+            f"ring-down: {record.shape[0]} channels, shapes of {shape.shape[0]} channels and {shape.shape[1]} modes, "
+            f"and {n_frequency} frequencies do not belong together"
+        )
+        raise MeasurementError(message)
+
+
+def _analytic(signal: Vector, rate: float, frequency: Vector, mode: int) -> NDArray[np.complex128]:
+    """Return the analytic signal of a band around a mode, whose flanks are half a cosine."""
+    own = frequency[mode]
+    others = np.abs(np.delete(frequency, mode) - own)
+    half = min(_WIDTH * own, _GAP * float(others.min(initial=np.inf)))
+    padded = 2 * signal.size  # what is filtered at one end must not come back at the other
+    line = np.fft.fftfreq(padded, 1.0 / rate)
+    off = np.clip((np.abs(line - own) / half - 0.5) / 0.5, 0.0, 1.0)
+    band = np.where(line > 0.0, 1.0 + np.cos(np.pi * off), 0.0)
+    return np.asarray(np.fft.ifft(np.fft.fft(signal, padded) * band)[: signal.size])
+
+
+def _exponential(signal: NDArray[np.complex128], rate: float) -> tuple[float, float, float, float]:
+    """Return amplitude in the middle, decay rate, angular frequency and the standard deviation of both, 1/s."""
+    time = (np.arange(signal.size) - 0.5 * (signal.size - 1)) / rate
+    value = np.log(np.abs(signal)) + 1j * np.unwrap(np.angle(signal))
+    slope = complex(time @ value / (time @ time))
+    middle = complex(value.mean())
+    left = value - middle - slope * time
+    # what is left is smooth, for the band made it so: about one number a cycle is independent
+    std = float(np.sqrt(np.mean(np.abs(left) ** 2) / 2.0 / (np.mean(time**2) * _CYCLES)))
+    return float(np.exp(middle.real)), -slope.real, slope.imag, std

@@ -1,23 +1,41 @@
-"""All modes of a band fitted: at once, run by run where runs differ, and in parts where it has very many lines."""
+"""All modes of a band fitted: at once, run by run where runs differ, and in parts where it has very many lines.
+
+Spikes: tests of likelihood hold for noise that is normal and even. Where the force has no power left, or a joint
+rattles, a band is full of single high lines, and the highest of them look like narrow modes. What the modes leave in
+the surroundings tells: a mode stands alone above it, a spike is one of several that are as high. Peaks that are left
+on the flanks of modes are no noise but a misfit of these: beside a strong mode a weak one is lower than such, and is a
+mode.
+
+Overlap: where bandwidths reach over several modes, poles are found that the functions need, but whose residues have
+not the phases of a mode: each stands for several modes. Taken away one after the other, each spoils the phases of its
+neighbours, until those that can be told go as well. So they stay in the fit, as background, and are no results.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import scipy.linalg
 from numpy.typing import NDArray
 
-from ema.identification.common_peaks import is_common
-from ema.identification.functions import Functions, resonant
-from ema.identification.line_weights import coherence_weight
+from ema.identification.functions import (
+    MAX_DAMPING,
+    Functions,
+    PartBand,
+    coherence_weight,
+    inside,
+    part_bands,
+    resonant,
+    response,
+)
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.overlap import OVERLAP, OVERLAPPED, modal_overlap, with_background
-from ema.identification.part_bands import PartBand, part_bands
 from ema.identification.residual_search import Left, settled
-from ema.identification.run_poles import RunPoles, response, run_poles
+from ema.identification.run_poles import RunPoles, run_poles
 from ema.identification.run_tracking import follow_runs, runs_apart
-from ema.identification.selection import fit_chosen, select_modes
+from ema.identification.selection import fit_chosen, select_modes, sound
+from ema.identification.significance import is_split, judge
 from ema.identification.stabilization import stabilization
 from ema.identification.unexplained import (
     LEAST_SHARE,
@@ -28,6 +46,181 @@ from ema.identification.unexplained import (
     unexplained_peaks,
 )
 from ema.types.frf import FRF
+
+REACH, FEWEST_LINES = 40.0, 400
+"""Half bandwidths on each side of a pole that are its surroundings, and at least so many lines."""
+OWN = 4.0
+"""Half bandwidths around each pole that are left out, and at least `OWN_LINES` lines: what is left there is misfit."""
+OWN_LINES = 3
+AS_HIGH, SEVERAL = 0.8, 3
+"""Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
+LEFT = 0.3
+"""Power that is left around a line over that of the modes there, from which on it is noise and not their misfit."""
+_AT_ONCE = 1 << 20  # values of functions that are transformed at once
+_NARROWEST = 0.25  # half bandwidth of a matched line, lines
+
+
+def is_common(data: Functions, fit: Fit) -> NDArray[np.bool_]:
+    """Whether what is left around each pole, ``(n_mode,)``, has several peaks that are as high as the pole itself.
+
+    The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free. A pole
+    that is not higher than the median of what is left is none either.
+
+    Parameters
+    ----------
+    data : Functions
+        Evenly spaced lines.
+    fit : Fit
+        A fit of them.
+    """
+    frequency = data.frequency
+    spacing = float(frequency[1] - frequency[0])
+    place = (np.abs(fit.pole) / (2.0 * np.pi) - frequency[0]) / spacing
+    half = -fit.pole.real / (2.0 * np.pi * spacing)
+    own = np.ceil(OWN * half) + OWN_LINES
+    common = np.zeros(fit.pole.size, dtype=bool)
+    for r, (centre, width) in enumerate(zip(place, half, strict=True)):
+        reach = int(max(REACH * width, FEWEST_LINES))
+        start, stop = max(0, int(centre) - reach), min(frequency.size, int(centre) + reach + 1)
+        if not start <= centre < stop:
+            continue  # beyond the band
+        lines = slice(start, stop)
+        sums = _around_pole(data, fit, r, lines, width)
+        number = np.arange(start, stop)
+        free = np.all(np.abs(number[:, None] - place) > own, axis=1)
+        if not free.any():
+            continue
+        lost = free & (sums.left > LEFT * sums.modes)
+        floor = float(np.median(sums.noise[free]))
+        k = int(np.clip(np.round(centre), start, stop - 1)) - start
+        peak = float(np.max(sums.whole[max(0, k - 2) : k + 3])) - floor
+        high = _number_of_peaks(np.where(lost, sums.noise - floor, 0.0), AS_HIGH * peak, int(own[r]))
+        common[r] = peak <= 0.0 or high >= SEVERAL
+    return common
+
+
+@dataclass(kw_only=True)
+class _Sums:
+    """What all functions together hold on the lines around a pole, `(n_line,)` each."""
+
+    left: NDArray[np.float64]  # power that the fit leaves
+    modes: NDArray[np.float64]  # power that it explains
+    noise: NDArray[np.float64]  # likelihood of a line as wide as the pole's in what is left
+    whole: NDArray[np.float64]  # the same with the pole itself
+
+
+def _around_pole(data: Functions, fit: Fit, r: int, lines: slice, width: float) -> _Sums:
+    """Add up the functions, some at a time: all at once would take several times their memory."""
+    frequency = data.frequency[lines]
+    around = replace(data, frequency=frequency)
+    sums = _Sums(**{name: np.zeros(frequency.size) for name in ("left", "modes", "noise", "whole")})
+    few = max(1, _AT_ONCE // (2 * frequency.size))  # transforms have twice the lines
+    for first in range(0, len(data.value), few):
+        own = slice(first, first + few)
+        scale = np.sqrt(fit.weight[own, lines]) / fit.noise[own, None]
+        left = fit.residual[own, lines] * scale
+        sums.left += _power(left, width)
+        sums.modes += _power((data.value[own, lines] - fit.residual[own, lines]) * scale, width)
+        sums.noise += _line_statistic(left, width)
+        mode = response(around, fit.pole[[r]], fit.residue[own][:, [r]])
+        sums.whole += _line_statistic(left + mode * scale, width)
+    return sums
+
+
+def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
+    """Power of all functions about every line, the mean over as many as a half bandwidth (lines) on each side."""
+    power: NDArray[np.float64] = scipy.ndimage.uniform_filter1d(
+        np.sum(np.abs(scaled) ** 2, axis=0), 2 * round(half) + 3
+    )
+    return power
+
+
+def _line_statistic(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
+    """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``."""
+    n = scaled.shape[1]
+    size = scipy.fft.next_fast_len(2 * n)
+    offset = np.arange(size, dtype=float)
+    offset[offset > size // 2] -= size
+    line = 1.0 / (1.0 + 1j * offset / max(half, _NARROWEST))
+    spectrum = scipy.fft.fft(scaled, size, axis=1) * scipy.fft.fft(line).conj()
+    total = np.sum(np.abs(scipy.fft.ifft(spectrum, axis=1)[:, :n]) ** 2, axis=0)
+    square = scipy.fft.rfft(np.abs(line) ** 2)
+    energy = scipy.fft.irfft(scipy.fft.rfft(np.ones(n), size) * square, size)[:n]
+    return np.asarray(2.0 * total / energy)
+
+
+def _number_of_peaks(statistic: NDArray[np.float64], least: float, apart: int) -> int:
+    """Count places at which a statistic exceeds a value, no two nearer than so many lines; `SEVERAL` are enough."""
+    rest = statistic.copy()
+    for number in range(SEVERAL):
+        k = int(np.argmax(rest))
+        if rest[k] <= max(least, 0.0):
+            return number
+        rest[max(0, k - apart) : k + apart + 1] = 0.0
+    return SEVERAL
+
+
+OVERLAPPED = "modes overlap there so much that they cannot be told apart"
+OVERLAP = 0.3
+"""Modal overlap factor from which modes are sought beside background."""
+SAME_PLACE = 0.1
+"""Half bandwidths within which two poles are at one place: runs that differ a little bring such."""
+_UNDAMPED = 1e-6
+
+
+def modal_overlap(pole: NDArray[np.complex128]) -> float:
+    """Return the modal overlap factor: the median half-power bandwidth over the mean spacing of the poles."""
+    return float(-2.0 * np.median(pole.real) * pole.size / np.ptp(pole.imag)) if pole.size > 1 else 0.0
+
+
+def with_background(
+    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, NDArray[np.bool_]]:
+    """Refine candidates together, and tell which are modes.
+
+    Parameters
+    ----------
+    data : Functions
+    candidates : (n_candidate,) complex
+        Poles that may be modes, rad/s.
+    band : (float, float)
+        Where modes are wanted, Hz.
+
+    Returns
+    -------
+    fit : Fit
+        All poles that stand out of the noise.
+    is_mode : (n_mode,) bool
+        Which of them are modes; the others are background.
+    """
+    pole, wide = candidates, (2.0 * band[0] - band[1], 2.0 * band[1] - band[0])
+    while True:
+        fit = refine(data.frequency, data.value, pole, data.quantity)
+        verdicts = judge(data.frequency, fit, data.quantity)
+        size = np.abs(fit.pole)
+        damped = (-fit.pole.real > _UNDAMPED * size) & (-fit.pole.real < MAX_DAMPING * size)
+        needed = (verdicts.statistic > verdicts.threshold) & damped & inside(fit.pole, wide)
+        if needed.all():
+            break
+        pole = fit.pole[needed]
+    is_mode = needed & verdicts.accepted & sound(fit, pole, band)
+    return fit, is_mode & ~_doubles(fit, is_mode)
+
+
+def _doubles(fit: Fit, is_mode: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which modes are no more than a second pole of a stronger one: of its shape, or at its very place."""
+    double = np.zeros(fit.pole.size, dtype=bool)
+    height = np.linalg.norm(fit.residue, axis=0) / -fit.pole.real
+    kept: list[int] = []
+    for r in sorted(np.flatnonzero(is_mode), key=lambda r: -height[r]):
+        half = np.minimum(-fit.pole.real[kept], -fit.pole.real[r])
+        double[r] = is_split(fit, int(r), kept) or bool(
+            np.any(np.abs(fit.pole.imag[kept] - fit.pole.imag[r]) < SAME_PLACE * half)
+        )
+        if not double[r]:
+            kept.append(int(r))
+    return double
+
 
 STRAYS = 0.5
 """Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""

@@ -17,16 +17,14 @@ from numpy.typing import NDArray
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
 from ema.identification.band_fit import BandFit, fit_band
-from ema.identification.doubtful_modes import check_modes
+from ema.identification.doubtful_modes import check_modes, check_references
 from ema.identification.functions import inside, resonant
 from ema.identification.maximum_likelihood import Fit
-from ema.identification.references import check_references
-from ema.identification.repeated_roots import with_repeated_roots
 from ema.identification.residual_search import Left
-from ema.identification.resolution import with_unknown_lines
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
-from ema.identification.shapes import shapes_from_residues
+from ema.identification.shapes import shapes_from_residues, with_repeated_roots
 from ema.identification.stabilization import highest_order, stabilization
+from ema.identification.uncertainty import with_unknown_lines
 from ema.modal.complexity import check_complexity
 from ema.modal.mac import frac
 from ema.modal.over_runs import over_runs

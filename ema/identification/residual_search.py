@@ -17,8 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.identification.functions import Functions, inside
-from ema.identification.lsfd import mode_basis
+from ema.identification.functions import MAX_DAMPING, Functions, inside, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.significance import (
     MIN_COLLINEARITY,
@@ -29,7 +28,6 @@ from ema.identification.significance import (
     is_split,
     judge,
 )
-from ema.identification.stabilization import MAX_DAMPING
 from ema.identification.unexplained import (
     LEAST_ALONE,
     LEAST_SHARE,
@@ -125,10 +123,8 @@ def surroundings(data: Functions, fit: Fit, peak: Peak) -> Surroundings:
     lines = slice(max(0, peak.line - reach), min(data.frequency.size, peak.line + reach + 1))
     frequency = data.frequency[lines]
     near = (fit.pole.imag > 2.0 * np.pi * frequency[0]) & (fit.pole.imag < 2.0 * np.pi * frequency[-1])
-    basis = mode_basis(frequency, fit.pole[near], data.quantity)
-    parts = np.stack([fit.residue[:, near].real.T, fit.residue[:, near].imag.T], axis=1)
-    response = basis @ parts.reshape(-1, fit.residue.shape[0])
-    target = fit.residual[:, lines] + (response[: frequency.size] + 1j * response[frequency.size :]).T
+    around = replace(data, frequency=frequency)
+    target = fit.residual[:, lines] + response(around, fit.pole[near], fit.residue[:, near])
     without = refine(frequency, target, fit.pole[near], data.quantity)
     if holds_pole(data, without, peak) and not holds_pole(
         data, fit, peak

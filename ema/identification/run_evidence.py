@@ -14,9 +14,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.identification.functions import Functions
+from ema.identification.functions import Functions, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.run_poles import FALSE_ALARM, response
+from ema.identification.run_poles import FALSE_ALARM
 from ema.identification.significance import inflation, is_confined
 
 REACH = 5.0

@@ -13,11 +13,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.identification.common_noise import enlargement, run_noise
-from ema.identification.functions import Functions
-from ema.identification.lsfd import mode_basis
+from ema.identification.functions import Functions, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.significance import variance_inflation
+from ema.identification.uncertainty import enlargement, run_noise
 from ema.modal.run_scatter import run_scatter, std_with_scatter
 from ema.types.modal_model import RESOLVED
 
@@ -249,16 +248,6 @@ def _determined(
     return certain & (np.abs(pole - start) < 0.05 * np.abs(pole))
 
 
-def response(
-    run: Functions, pole: NDArray[np.complex128], residue: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return what modes, (n_mode,) poles and (n_function, n_mode) residues, add to functions over their lines."""
-    parts = mode_basis(run.frequency, pole, run.quantity) @ _stacked(residue)
-    answer = np.empty((parts.shape[1], run.frequency.size), complex)  # filled by halves, for it may be large
-    answer.real, answer.imag = parts[: run.frequency.size].T, parts[run.frequency.size :].T
-    return answer
-
-
 def _visible(fit: Fit) -> NDArray[np.bool_]:
     """Whether the residues of each mode at its fixed pole stand out of the noise of a few functions."""
     index = 2 * np.arange(fit.pole.size)
@@ -268,11 +257,6 @@ def _visible(fit: Fit) -> NDArray[np.bool_]:
     return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > scipy.special.chdtri(
         2 * fit.residue.shape[0], VISIBLE
     )
-
-
-def _stacked(residue: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Residues ``(n_function, n_mode)`` as coefficients of `mode_basis`, ``(2 n_mode, n_function)``."""
-    return np.stack([residue.real.T, residue.imag.T], axis=1).reshape(-1, residue.shape[0])
 
 
 def _resolved(std: NDArray[np.float64], pole: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.identification.functions import Functions, resonant
+from ema.identification.functions import Functions, resonant, response
 from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.residual_search import Left
-from ema.identification.run_poles import FALSE_ALARM, RunPoles, response, run_poles
+from ema.identification.run_poles import FALSE_ALARM, RunPoles, run_poles
 from ema.identification.selection import select_modes
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF

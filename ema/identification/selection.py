@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.identification.functions import Functions, inside, resonant
+from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.residual_search import Left, take_in_peaks
 from ema.identification.run_evidence import RunEvidence, run_evidence
@@ -22,7 +22,6 @@ from ema.identification.significance import (
     likeliest_poles,
     significance_threshold,
 )
-from ema.identification.stabilization import MAX_DAMPING
 from ema.identification.unexplained import unexplained_peaks
 
 _LOG = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.columns import Stability
+from ema.identification.doubtful_modes import Stability
 from ema.identification.stabilization import StabilizationDiagram
 from ema.modal.comparison import Comparison
 from ema.modal.mac import real_shape

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.identification.lscf import lscf_poles
+from ema.identification.stabilization import lscf_poles
 from ema.types.errors import IdentificationError
 
 FREQUENCY = np.array([152.0, 398.0, 611.0, 800.0, 1100.0, 1390.0])

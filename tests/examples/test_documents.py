@@ -114,5 +114,5 @@ def test_what_does_not_exist_is_seen():
     ]
     assert not exists("ema.lscf")
     assert not exists("updating.inference.levels.GAIN_SINGLE")
-    assert exists("ema.identification.lscf")
+    assert exists("ema.identification.stabilization")
     assert commands("`lamella play SPEC`\n    lamella fit\nnot lamella this") == {"play", "fit"}

@@ -16,7 +16,7 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
-from ema.identification.poles_file import read_poles, write_poles
+from ema.identification.exchange import read_poles, write_poles
 from ema.io.array_histories import read_histories
 from ema.io.data_arrays import read_data_arrays
 from ema.io.guess_table import guess_table

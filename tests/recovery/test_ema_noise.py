@@ -7,8 +7,8 @@ source of noise is confined to the upper end of the band.
 import numpy as np
 import pytest
 
+from ema.identification.functions import coherence_weight
 from ema.identification.identify import identify_frf
-from ema.identification.line_weights import coherence_weight
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ema.identification.band_fit import modal_overlap
 from ema.identification.doubtful_modes import check_modes
 from ema.identification.functions import resonant
 from ema.identification.identify import identify_frf
-from ema.identification.overlap import modal_overlap
 from ema.types.frf import FRF
 from tests.recovery.test_identify import block, geometry
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ema.identification import part_bands
+from ema.identification import functions
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
@@ -32,9 +32,9 @@ def wide(seed: int) -> FRF:
 
 def test_every_mode_is_found_once_and_as_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     frf = wide(0)
-    assert len(part_bands.part_bands(frf.value)) == 3
+    assert len(functions.part_bands(frf.value)) == 3
     parts = identify_frf(frf, geometry(8), name="wide")
-    monkeypatch.setattr(part_bands, "MOST_LINES", F.size)
+    monkeypatch.setattr(functions, "MOST_LINES", F.size)
     whole = identify_frf(frf, geometry(8), name="wide")
     for model in (parts, whole):
         assert model.frequency.size == FREQUENCY.size
@@ -55,12 +55,12 @@ def test_chosen_poles_are_each_fitted_in_their_part() -> None:
 
 def test_parts_end_where_little_happens_and_hold_every_line_once() -> None:
     frf = wide(2)
-    parts = part_bands.part_bands(frf.value)
+    parts = functions.part_bands(frf.value)
     lines = np.concatenate([np.arange(F.size)[part.core] for part in parts])
     np.testing.assert_array_equal(lines, np.arange(F.size))
     for part in parts[1:]:
         assert np.all(np.abs(F[part.core.start] / FREQUENCY - 1.0) > 0.005)
-        assert part.lines.start == part.core.start - part_bands.OVERLAP
+        assert part.lines.start == part.core.start - functions.OVERLAP
 
 
 def test_one_diagram_holds_the_poles_of_all_parts() -> None:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ema.identification.doubtful_modes import check_references
 from ema.identification.identify import identify_frf
-from ema.identification.references import check_references
 from ema.types.geometry import Dofs
 from tests.recovery.symmetric_world import DAMPING, square_plate, stator_ring
 

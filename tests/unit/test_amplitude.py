@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from ema.campaign.campaign import read_campaign
-from ema.identification.amplitude import Level, amplitude_dependence
-from ema.identification.force_levels import identify_force_levels
+from ema.identification.amplitude import Level, amplitude_dependence, identify_force_levels, resonances
 from ema.identification.identify import identify_frf
-from ema.identification.resonance import resonances
 from ema.plot.amplitude import amplitude_figure
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry

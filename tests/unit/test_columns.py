@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ema import Geometry
-from ema.identification.columns import _shared, dropped_columns, stability
+from ema.identification.doubtful_modes import _shared, dropped_columns, stability
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF

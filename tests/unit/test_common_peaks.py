@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from ema.identification.band_fit import BandFit, _told_of, fit_band
-from ema.identification.common_peaks import SEVERAL, is_common
+from ema.identification.band_fit import SEVERAL, BandFit, _told_of, fit_band, is_common
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
 from ema.identification.run_poles import run_poles

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.identification.doubtful_modes import check_modes
+from ema.identification.doubtful_modes import _verdict, check_modes
 from ema.identification.functions import resonant
-from ema.identification.references import _verdict
 from ema.quality.explained import check_explained, explained_power
 from ema.types.modal_model import UnexplainedPeak
 from tests.unit.test_residual_search import LINES, beam, functions, identified

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.backend_bases import MouseButton, MouseEvent
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from ema.identification.exchange import read_poles, write_poles
 from ema.identification.identify import identify_frf
-from ema.identification.poles_file import read_poles, write_poles
 from ema.identification.stabilization import StabilizationDiagram
 from ema.plot.figures import stabilization_figure
 from ema.plot.picking import PolePicker, pick_poles

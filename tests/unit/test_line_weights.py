@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.identification.line_weights import misfit_weight
+from ema.identification.functions import misfit_weight
 
 N_LINE = 4000
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.identification.polynomial_roots import nearby_roots
+from ema.identification.stabilization import nearby_roots
 
 
 def polynomial(n, seed, *, real=True):

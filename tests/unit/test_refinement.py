@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ema.identification.lsfd import mode_basis
-from ema.identification.maximum_likelihood import linear_fit, refine
+from ema.identification.maximum_likelihood import linear_fit, mode_basis, refine
 
 F = np.arange(50.0, 350.0, 0.5)
 POLE = 2 * np.pi * np.array([100.0, 104.0, 240.0]) * (-0.01 + 1j)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.identification.ring_down import ring_down
+from ema.identification.amplitude import ring_down
 from ema.types.errors import MeasurementError
 
 RATE = 4000.0

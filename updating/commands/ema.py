@@ -26,7 +26,7 @@ from ema import (
     stabilization,
 )
 from ema.identification.amplitude import AmplitudeDependence
-from ema.identification.poles_file import write_poles
+from ema.identification.exchange import write_poles
 from ema.io.uff import write_uff
 from ema.modal.change import KINDS
 from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ema import read_campaign, read_measurement, stabilization
-from ema.identification.poles_file import write_poles
+from ema.identification.exchange import write_poles
 from ema.plot.picking import pick_poles
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ema.identification.columns import DroppedColumn, Stability, dropped_columns, stability
+from ema.identification.doubtful_modes import DroppedColumn, Stability, dropped_columns, stability
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.plot import palette
 from ema.plot.figures import pole_groups, stabilization_figure

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.amplitude import AmplitudeDependence, Level, amplitude_dependence, at_resonance
-from ema.identification.force_levels import identify_force_levels
+from ema.identification.amplitude import (
+    AmplitudeDependence,
+    Level,
+    amplitude_dependence,
+    at_resonance,
+    identify_force_levels,
+)
 from ema.types.modal_model import ModalModel
 from updating.results.identified import MEASUREMENT, Assignment, Identified, made_from
 from updating.results.store import read_current, read_frf, read_result, write_result

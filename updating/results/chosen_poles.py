@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ema.campaign.campaign import Campaign
-from ema.identification.poles_file import read_poles
+from ema.identification.exchange import read_poles
 from ema.io.files import plain_bytes
 from updating.errors import StoreError
 from updating.results.store import folder_name, write_bytes
@@ -25,7 +25,7 @@ def keep_choice(poles: Path, folder: Path) -> None:
     Parameters
     ----------
     poles : Path
-        The file, see `ema.identification.poles_file`.
+        The file, see `ema.identification.exchange`.
     folder : Path
         Folder of the configuration.
 

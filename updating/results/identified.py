@@ -11,7 +11,7 @@ from typing import TypeVar
 from rich.console import Console
 
 from ema import Campaign, Configuration, ModalModel, identify, read_modes
-from ema.identification.poles_file import read_poles
+from ema.identification.exchange import read_poles
 from ema.types.errors import EmaError
 from model.stack.errors import ModelError
 from updating.errors import FitError, PairingError, StoreError

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.columns import dropped_columns, stability
+from ema.identification.doubtful_modes import dropped_columns, stability
 from ema.identification.maximum_likelihood import linear_fit
 from ema.identification.stabilization import stabilization
 from ema.modal.mac import mac

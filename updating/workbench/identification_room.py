@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.poles_file import read_poles, write_poles
+from ema.identification.exchange import read_poles, write_poles
 from ema.identification.stabilization import highest_order
 from ema.plot import palette
 from ema.types.errors import EmaError

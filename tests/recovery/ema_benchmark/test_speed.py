@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ema.identification.lscf import lscf_poles
+from ema.identification.stabilization import lscf_poles
 
 pytestmark = pytest.mark.benchmark
 
