@@ -1,7 +1,7 @@
 from ema.campaign.campaign import Campaign, Configuration, read_campaign
+from ema.campaign.campaign_file import Reassembly
 from ema.campaign.estimate import Averaging, FRFEstimate, estimate_frf
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
-from ema.campaign.references import Reassembly
 from ema.identification.amplitude import (
     AmplitudeDependence,
     Level,
@@ -12,7 +12,16 @@ from ema.identification.amplitude import (
     resonances,
     ring_down,
 )
-from ema.identification.exchange import from_sdypy, read_poles, to_sdypy, write_poles
+from ema.identification.exchange import (
+    from_sdypy,
+    read_poles,
+    synthesized_frf,
+    to_sdypy,
+    write_modes_csv,
+    write_modes_uff,
+    write_poles,
+    write_shapes_csv,
+)
 from ema.identification.identify import Failure, Identification, identify, identify_frf, try_identify
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.found_modes import ModesStd
@@ -20,18 +29,28 @@ from ema.io.uff import write_uff
 from ema.modal.change import Change, change
 from ema.modal.change_text import change_csv, change_sentence
 from ema.modal.comparison import Comparison, compare
-from ema.modal.complexity import Complexity, check_complexity, complexity
-from ema.modal.export import synthesized_frf, write_modes_csv, write_modes_uff, write_shapes_csv
-from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
+from ema.modal.configurations import Repeats, contradicted, repeats
+from ema.modal.mac import (
+    Complexity,
+    check_complexity,
+    cmif,
+    comac,
+    complexity,
+    frac,
+    mac,
+    mcf,
+    modal_scale_factor,
+    mpc,
+    mpd,
+    real_shape,
+)
 from ema.modal.read_modes import ReadModes, read_modes
-from ema.modal.repeats import Repeats, repeats
-from ema.modal.stated import contradicted
+from ema.plot.figures import pick_poles
 from ema.plot.modal_model import turnable
-from ema.plot.picking import pick_poles
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower
-from ema.quality.identical import content_digests, shared_functions
 from ema.quality.linearity import check_force_levels, check_linearity
+from ema.quality.structure import content_digests, shared_functions
 from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF

@@ -13,15 +13,20 @@ from ema.campaign.campaign_file import (
     CampaignFile,
     ConfigurationSection,
     CorrectionSection,
+    Format,
     MeasurementSection,
+    Names,
     PointsSection,
+    Reassembly,
+    files_beside,
+    format_of,
+    named_files,
+    reference_faults,
 )
 from ema.campaign.estimate import Averaging
-from ema.campaign.named_files import Format, Names, files_beside, format_of, named_files
-from ema.campaign.references import Reassembly, reference_faults
-from ema.io.data_arrays import holds_data_arrays
-from ema.io.form import did_you_mean, read_form
+from ema.io.files import did_you_mean, read_form
 from ema.io.found_modes import ModesStd
+from ema.io.sdynpy import holds_data_arrays
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import FileUnits, read_uff_geometry, read_uff_units
 from ema.io.units import Unit, parse_unit

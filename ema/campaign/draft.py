@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
 from ema.campaign.draft_histories import is_of_force, side_by_side
-from ema.campaign.named_files import NOT_READ, SUFFIXES, format_of, natural
 from ema.io.contents import UNKNOWN, Code, Contents, point_in
-from ema.io.data_arrays import holds_data_arrays, read_data_arrays
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.measured_function import MeasuredFunction
+from ema.io.sdynpy import holds_data_arrays, read_data_arrays
 from ema.io.table import read_points
 from ema.io.uff import OF_GEOMETRY, REAL, UNSTATED, VOLTS, read_uff_functions, read_uff_geometry
 from ema.io.uff58 import cut

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.draft import Draft, PointsFound, model_file
 from ema.campaign.draft_file import DraftFile
-from ema.campaign.named_files import format_of, natural
-from ema.io.modes_numpy import is_shape_array
-from ema.io.modes_table import is_table_of_modes, is_table_of_shapes
+from ema.io.found_modes import is_table_of_modes, is_table_of_shapes
 from ema.io.modes_uff import holds
+from ema.io.sdynpy import is_shape_array
 from ema.io.table import read_points
 from ema.io.uff import read_uff_geometry
 from ema.io.units import parse_unit

@@ -12,11 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
-from ema.campaign.common_length import Run, of_common_length
-from ema.campaign.even_lines import snapped
-from ema.campaign.finite_lines import with_finite_lines
-from ema.campaign.reading import frfs_of, records_of
-from ema.campaign.records import frfs_from_records
+from ema.campaign.lines import Run, of_common_length, snapped, with_finite_lines
+from ema.campaign.reading import frfs_from_records, frfs_of, records_of
 from ema.io.measured_function import MeasuredFunction
 from ema.types.arrays import readonly
 from ema.types.errors import CampaignError, MeasurementError

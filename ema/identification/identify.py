@@ -25,14 +25,12 @@ from ema.identification.run_poles import RunPoles, frequency_damping_std, varian
 from ema.identification.shapes import shapes_from_residues, with_repeated_roots
 from ema.identification.stabilization import highest_order, stabilization
 from ema.identification.uncertainty import with_unknown_lines
-from ema.modal.complexity import check_complexity
-from ema.modal.mac import frac
-from ema.modal.over_runs import over_runs
-from ema.modal.run_changes import run_changes
+from ema.modal.mac import check_complexity, frac
+from ema.modal.runs import over_runs, run_changes
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.linearity import check_force_levels
-from ema.quality.noise_colour import whitest
+from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, at_points
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
@@ -203,7 +201,7 @@ def identify_frf(
     pole : (n_mode,) complex, optional
         Poles chosen by hand (`ema.identification.picking`), rad/s. They are refined; none is added or taken away.
     sensor_mass : float
-        Mass of each roving sensor, kg, to be taken out (`ema.modal.over_runs`); 0 where it is not stated. A sensor that
+        Mass of each roving sensor, kg, to be taken out (`ema.modal.runs`); 0 where it is not stated. A sensor that
         stays while a hammer roves is part of the structure.
 
     Raises

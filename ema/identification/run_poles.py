@@ -17,7 +17,7 @@ from ema.identification.functions import Functions, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.significance import variance_inflation
 from ema.identification.uncertainty import enlargement, run_noise
-from ema.modal.run_scatter import run_scatter, std_with_scatter
+from ema.modal.runs import run_scatter, std_with_scatter
 from ema.types.modal_model import RESOLVED
 
 VISIBLE = 1e-6

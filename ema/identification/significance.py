@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ema.identification.maximum_likelihood import Fit
-from ema.types.blocks import BLOCK
+from ema.types.arrays import BLOCK
 from ema.types.frf import DERIVATIVE, Quantity
 
 FALSE_ALARM = 1e-4

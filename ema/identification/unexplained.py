@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ema.identification.functions import Functions
 from ema.identification.maximum_likelihood import Fit
-from ema.types.peak_finding import find_peaks
+from ema.quality.peaks import find_peaks
 
 VISIBLE = 1.0
 """Height over the valleys beside it from which on a peak of the summed power is seen by anyone, dB."""

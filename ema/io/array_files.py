@@ -1,8 +1,15 @@
-"""Named arrays of numbers in MATLAB, HDF5, NumPy and TDMS files: the one door to h5py and SciPy's MATLAB reader."""
+"""Named arrays in MATLAB, HDF5, NumPy and TDMS files: the one door to h5py, npTDMS and SciPy's MATLAB reader.
+
+SciPy's reader looks up the type of an element in a table without asking whether it is in it, so that a file which
+lost some bytes ends the whole process instead of raising an error. So their tags are walked through before.
+"""
 
 from __future__ import annotations
 
+import logging
+import os
 import re
+import struct
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -10,15 +17,167 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import prod
+from numbers import Real
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.mat_elements import check_elements
-from ema.io.tdms import MAGIC, CutOffError, channels_in
 from ema.types.errors import MeasurementError
+
+_HEADER = 128  # bytes before the first element
+_MATRIX, _COMPRESSED = 14, 15
+_NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
+_TEXT = frozenset((16, 17, 18))
+_NUMERIC_CLASSES = range(6, 16)
+_DEEPEST = 30  # structures in structures
+
+
+def check_elements(path: Path) -> None:
+    """Walk through all elements that are not compressed; those carry a checksum.
+
+    Parameters
+    ----------
+    path : Path
+        MATLAB file of version 5 to 7.2.
+
+    Raises
+    ------
+    ValueError
+        An element has an unknown type, or is longer than what it is in; the message says at which byte.
+    """
+    with path.open("rb") as file:
+        order = ">" if file.read(_HEADER)[-2:] == b"MI" else "<"
+        _check(file, _HEADER, os.fstat(file.fileno()).st_size, order, 0)
+
+
+def _check(file: BinaryIO, position: int, end: int, order: str, depth: int) -> None:
+    """Check the elements between two positions of a file; below the top they are the parts of one matrix."""
+    numeric = False
+    first = True
+    while position + 8 <= end:
+        file.seek(position)
+        tag = file.read(16)
+        kind, size = struct.unpack(f"{order}II", tag[:8])
+        start = position + 8
+        if kind >> 16:  # up to four bytes that stand in the tag itself
+            kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
+            stop = position + 8
+        else:
+            stop = start + size + (-size % 8 if kind != _COMPRESSED else 0)
+        expected = (
+            {_MATRIX, _COMPRESSED} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {_MATRIX}
+        )
+        if kind not in expected or start + size > end or depth > _DEEPEST:
+            message = f"the element at byte {position} has type {kind} and {size} bytes, which cannot be"
+            raise ValueError(message)
+        if depth > 0 and first and len(tag) > 8:  # the flags of a matrix, whose lowest byte is its class
+            numeric = struct.unpack(f"{order}I", tag[8:12])[0] & 0xFF in _NUMERIC_CLASSES
+        if kind == _MATRIX and size:
+            _check(file, start, start + size, order, depth + 1)
+        position, first = stop, False
+
+
+MAGIC = b"TDSm"
+"""First bytes of such a file."""
+
+Channel = tuple[tuple[int, ...], Any, str]
+"""Shape of an array, what reads it while the file is open, and its unit, empty where the file states none."""
+
+_CUT_OFF = "Last segment", "Data size"
+"""How npTDMS begins what it says of a file that ends before its numbers do."""
+_OF_NUMBERS = "Cropping data", "Unsupported scale"
+"""How it begins what it says of numbers that it could not scale; other words are of names."""
+
+
+class _Listener(logging.Handler):
+    """Hears that a file is cut off, and raises what else npTDMS says of numbers: they are not those of the file."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cut_off = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        said = record.getMessage()
+        self.cut_off |= said.startswith(_CUT_OFF)
+        if said.startswith(_OF_NUMBERS):
+            raise ValueError(said)
+
+
+class CutOffError(ValueError):
+    """A file ends before all channels have numbers."""
+
+
+@contextmanager
+def channels_in(path: Path) -> Iterator[dict[str, Channel]]:
+    """Open a TDMS file and give its channels of numbers, ``group/channel``, and their properties that are numbers.
+
+    Properties are named ``group/channel@wf_increment``, as attributes of HDF5 are. Of a file that is cut off, groups
+    that are whole are given; where none is, channels are given as far as the shortest of their group goes. Whatever
+    npTDMS raises of a damaged file is raised.
+
+    Raises
+    ------
+    CutOffError
+        A file that is cut off has a channel without a number, and no group that is whole.
+    """
+    from nptdms import TdmsFile  # here: few tests come in such files
+
+    with path.open("rb") as stream, _listening() as heard, TdmsFile.open(stream) as file:
+        groups = [[c for c in group.channels() if c.dtype.kind in "fiubc"] for group in file.groups()]
+        groups = [channels for channels in groups if channels]
+        length = {id(channels): {len(c) for c in channels} for channels in groups}
+        if heard.cut_off:
+            whole = [channels for channels in groups if len(length[id(channels)]) == 1 and len(channels[0])]
+            groups = whole or groups
+            if any(min(length[id(channels)]) == 0 for channels in groups) or not groups:
+                raise CutOffError
+        found: dict[str, Channel] = {}
+        for channels in groups:
+            for channel in channels:
+                name = f"{channel.group_name}/{channel.name}"
+                n = min(length[id(channels)]) if heard.cut_off else len(channel)
+                if n:
+                    unit = channel.properties.get("unit_string", "")
+                    found[name] = (n,), partial(_values, channel, n), str(unit)
+                for key, value in channel.properties.items():
+                    if isinstance(value, Real):
+                        found[f"{name}@{key}"] = (), partial(np.asarray, value), ""
+        yield found
+
+
+def is_cut_off(path: Path) -> bool:
+    """Whether a file is a TDMS file that ends before its numbers do."""
+    with path.open("rb") as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            return False
+    from nptdms import TdmsFile
+
+    with path.open("rb") as stream, _listening() as heard:
+        TdmsFile.read_metadata(stream)
+    return heard.cut_off
+
+
+def _values(channel: Any, n: int) -> NDArray[Any]:
+    return np.asarray(channel[:n])
+
+
+@contextmanager
+def _listening() -> Iterator[_Listener]:
+    """Hear what npTDMS says, and keep it from the terminal."""
+    from nptdms.log import log_manager
+
+    log, console, heard = logging.getLogger("nptdms"), log_manager.console_handler, _Listener()
+    level = console.level
+    log.addHandler(heard)
+    console.setLevel(logging.ERROR)
+    try:
+        yield heard
+    finally:
+        console.setLevel(level)
+        log.removeHandler(heard)
+
 
 LARGEST = 100_000_000
 """Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""

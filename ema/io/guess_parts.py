@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.polar import polar_units
+from ema.io.contents import polar_units
 from ema.io.variables import WAYS
 
 _Arrays = Mapping[str, NDArray[Any]]

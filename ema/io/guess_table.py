@@ -11,12 +11,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.contents import FORCE, UNKNOWN, Contents, dofs_in, lacks_sign, unit_in, volts_in, with_names
+from ema.io.contents import (
+    FORCE,
+    UNKNOWN,
+    Contents,
+    dofs_in,
+    lacks_sign,
+    polar_units,
+    unit_in,
+    volts_in,
+    with_names,
+)
 from ema.io.guess_parts import LONGEST_SAMPLE
-from ema.io.polar import polar_units
-from ema.io.rows import SEPARATORS, cells_of, decoded, encoding_of, number, ungrouped, unpacked
-from ema.io.sampling import is_uneven, rate_of_rounded
-from ema.io.segments import END_OF_HEADER, segments_of
+from ema.io.measured_function import is_uneven, rate_of_rounded
+from ema.io.rows import (
+    END_OF_HEADER,
+    SEPARATORS,
+    cells_of,
+    decoded,
+    encoding_of,
+    number,
+    segments_of,
+    ungrouped,
+    unpacked,
+)
 
 _FEWEST_ROWS = 10  # of numbers; less is no measured function
 _LOOKED_AT = 400  # rows of numbers

@@ -12,12 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from ema.io.contents import from_polar
 from ema.io.files import plain_bytes
-from ema.io.measured_function import MeasuredFunction
-from ema.io.polar import from_polar
-from ema.io.rows import SEPARATORS, cells_of, decoded, number, plain_rows, ungrouped, unpacked
-from ema.io.sampling import require_ascending
-from ema.io.segments import Segment, segments_of
+from ema.io.measured_function import MeasuredFunction, require_ascending
+from ema.io.rows import (
+    SEPARATORS,
+    Segment,
+    cells_of,
+    decoded,
+    number,
+    plain_rows,
+    segments_of,
+    ungrouped,
+    unpacked,
+)
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from ema.io.array_files import ArrayInFile, array, arrays_in
+from ema.io.contents import from_polar
 from ema.io.measured_function import MeasuredFunction
-from ema.io.polar import from_polar
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 

@@ -20,9 +20,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.campaign.references import Reassembly
+from ema.campaign.campaign_file import Reassembly
+from ema.modal.comparison import CLOSE, Modes, clusters, match, shared_dofs, sine
 from ema.modal.mac import comac, mac, modal_scale_factor
-from ema.modal.matching import CLOSE, Modes, clusters, match, shared_dofs, sine
 from ema.types.arrays import readonly
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
@@ -34,7 +34,7 @@ _WEIGHT = np.array([0.6, 0.2, 0.2])
 """Shares of the level that the kinds of test have: frequencies scatter least and tell most."""
 STATED_FREEDOM = 8
 """Degrees of freedom that the stated scatter counts for: it is then right within a factor of 1.7 in nine of ten
-laboratories, which spans what is known of reassembly (`ema.campaign.references`)."""
+laboratories, which spans what is known of reassembly (`ema.campaign.campaign_file`)."""
 _FEWEST_DOFS = 5  # over which a change of shape is judged
 _EDGE = 0.02  # share of a band's ends within which a mode may be missed
 _TWIN = 0.8  # MAC of a mode with its neighbour from which it is that one twice

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration
-from ema.campaign.named_files import format_of
-from ema.io.found_modes import FoundModes, ModesStd, joined
-from ema.io.modes_numpy import read_modes_numpy
-from ema.io.modes_table import read_modes_table
+from ema.campaign.campaign_file import format_of
+from ema.io.found_modes import FoundModes, ModesStd, joined, read_modes_table
 from ema.io.modes_uff import read_modes_uff
-from ema.modal.complexity import check_complexity
+from ema.io.sdynpy import read_modes_numpy
+from ema.modal.mac import check_complexity
 from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.geometry import Dof, Dofs, Geometry, driving_points

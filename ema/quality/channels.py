@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.measurement import Measurement
-from ema.quality.delay import delay, negative_share
-from ema.quality.identical import repeated
 from ema.quality.peaks import MIN_LINES, peaks
-from ema.quality.phases import phases
-from ema.quality.run_states import run_states
-from ema.quality.spatial_consistency import MIN_CHANNELS, contradictions, undetectable_signs
-from ema.quality.structure import formless
-from ema.quality.turned import turned_functions
+from ema.quality.spatial_consistency import (
+    MIN_CHANNELS,
+    contradictions,
+    delay,
+    negative_share,
+    phases,
+    turned_functions,
+    undetectable_signs,
+)
+from ema.quality.structure import formless, repeated, run_states
 from ema.quality.verdict import Verdict
-from ema.types.blocks import in_blocks, inner_products
+from ema.types.arrays import in_blocks, inner_products
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.geometry import Dofs
@@ -56,10 +59,10 @@ def check(measurement: Measurement, band: tuple[float, float] | None = None) -> 
     -----
     Checked are, in this order: frequency axis, numbers, dead and clipped channels (dead also by their form,
     `ema.quality.structure`), copies, runs of two states
-    of the structure (`ema.quality.run_states`), channels that share nothing with the others,
+    of the structure (`ema.quality.structure`), channels that share nothing with the others,
     coherence, driving points (the real part of the mobility must not be negative,
     which also places an anti-resonance between any two resonances), single functions that are turned against those of
-    the other forces (`ema.quality.turned`), sign, scale and exchange of channels
+    the other forces (`ema.quality.spatial_consistency`), sign, scale and exchange of channels
     (see `ema.quality.channels.spatial_consistency`), reciprocity, units, and the number of lines in a resonance.
     """
     frf = measurement.frf if band is None else measurement.frf.band(*band)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.quality.noise_colour import whitest
+from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict
 from ema.types.arrays import readonly
 from ema.types.frf import FRF, Quantity

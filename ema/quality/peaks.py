@@ -1,16 +1,148 @@
-"""Clear resonances of measured functions, as they stand before any identification."""
+"""Resonances and noise of measured functions, as they stand before any identification.
+
+The likelihood of a fit takes the noise as white. A function that is stored as receptance was often measured by an
+accelerometer, so that its noise falls with the square of the frequency, and modes of the upper band would count for
+nothing. The noise is measured here, and the fit is made in the quantity where it is the most even, so that the same
+data give the same modes as whatever quantity they come.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.blocks import in_blocks
-from ema.types.frf import FRF
-from ema.types.peak_finding import find_peaks, peak_widths
+from ema.types.arrays import in_blocks
+from ema.types.frf import DERIVATIVE, FRF, Quantity
+
+
+def find_peaks(
+    level: NDArray[np.float64], prominence: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the positions of peaks, (n_peak,), and their prominences, of those with at least a given one.
+
+    The prominence is the height over the higher of the lowest points on both sides, before anything is higher than the
+    peak. A flat top counts in its middle; what falls off at an end of the curve is no peak.
+
+    Parameters
+    ----------
+    level : (n,) float
+    prominence : float
+        The least one.
+    """
+    starts = np.flatnonzero(np.diff(level, prepend=np.nan) != 0)  # of stretches of equal values
+    ends = np.append(starts[1:], level.size) - 1
+    height = level[starts]
+    if height.size < 3:
+        return np.empty(0, dtype=np.int64), np.empty(0)
+    top = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
+    lines = (starts[top] + ends[top]) // 2
+    valley = np.maximum(_lowest(level)[lines], _lowest(level[::-1])[::-1][lines])
+    own = level[lines] - valley
+    kept = own >= prominence
+    return lines[kept].astype(np.int64), own[kept]
+
+
+def _lowest(level: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return for each point, (n,), the lowest one from it back to where the curve is higher than it."""
+    lowest: list[float] = []
+    stack: list[tuple[float, float]] = []  # heights that fall, each with the lowest point behind it
+    for own in level.tolist():
+        low = own
+        while stack and stack[-1][0] <= own:
+            low = min(low, stack.pop()[1])
+        stack.append((own, low))
+        lowest.append(low)
+    return np.array(lowest)
+
+
+def peak_widths(level: NDArray[np.float64], lines: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the widths of peaks, (n_peak,), in lines at half their prominence, between the lines interpolated.
+
+    Parameters
+    ----------
+    level : (n,) float
+    lines : sequence of int
+        Positions of the peaks.
+    """
+    left, right = _lowest(level), _lowest(level[::-1])[::-1]
+    widths = []
+    for line in lines:
+        half = level[line] - 0.5 * (level[line] - max(left[line], right[line]))
+        before = _crossing(level[line::-1], half)
+        after = _crossing(level[line:], half)
+        widths.append(before + after)
+    return np.array(widths)
+
+
+def _crossing(level: NDArray[np.float64], height: float) -> float:
+    """Return how far from its first point a curve falls to a height."""
+    below = np.flatnonzero(level <= height)
+    k = int(below[0]) if below.size else level.size - 1
+    if level[k] >= height or k == 0:
+        return float(k)
+    return float(k - (height - level[k]) / (level[k - 1] - level[k]))
+
+
+BLOCKS = 16
+"""Parts of the band in which the noise is measured."""
+LEANING = 0.3
+"""By how much accelerance, as which most functions are measured, is preferred to what the slope says."""
+_FEWEST = 8  # second differences in each
+_LOUD = 10.0
+
+
+def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128]) -> float:
+    """Exponent of the frequency that the noise of functions follows.
+
+    The noise is that of the second differences from line to line, their median in each part of the band, which neither
+    a smooth course nor a few sharp resonances enlarge.
+
+    Parameters
+    ----------
+    frequency : (n_frequency,) float
+        Lines above 0 Hz.
+    value : (n_function, n_frequency) complex
+
+    Returns
+    -------
+    float
+        Slope of the logarithm of the noise over that of the frequency; 0 where there are too few lines to tell.
+    """
+    size = (frequency.size - 2) // BLOCKS
+    if size < _FEWEST:
+        return 0.0
+    difference = (np.abs(np.diff(own, 2))[: size * BLOCKS].reshape(BLOCKS, size) for own in value)
+    noise = np.array([np.median(own, axis=1) for own in difference])
+    middle = frequency[1 : size * BLOCKS + 1].reshape(BLOCKS, size).mean(axis=1)
+    if not noise.min() > 0.0:
+        return 0.0
+    level = np.log(noise).mean(axis=0)
+    pairs = np.triu_indices(BLOCKS, 1)
+    slopes = (level[pairs[1]] - level[pairs[0]]) / np.log(middle[pairs[1]] / middle[pairs[0]])
+    return float(np.median(slopes))  # Theil and Sen: blocks that resonances fill do not count
+
+
+def whitest(frf: FRF) -> Quantity:
+    """Return the quantity in which the noise of functions, on lines above 0 Hz, is the most even.
+
+    Integration raises the lowest lines of a band that begins near 0 Hz; it goes no further than these bear.
+    """
+    slope = noise_slope(frf.frequency, frf.value.reshape(-1, frf.frequency.size))
+    wanted = DERIVATIVE[frf.quantity] - slope + LEANING
+    ranked = sorted(DERIVATIVE, key=lambda quantity: abs(DERIVATIVE[quantity] - wanted))
+    likely = [q for q in DERIVATIVE if DERIVATIVE[q] >= DERIVATIVE[ranked[0]]]
+    return next((q for q in likely if _even_at_the_start(frf.convert(q))), likely[-1])
+
+
+def _even_at_the_start(frf: FRF) -> bool:
+    """Whether the noise of the first lines is no larger than some times that of the others."""
+    difference = (np.abs(np.diff(own, 2)) for own in frf.value.reshape(-1, frf.frequency.size))
+    first, whole = np.array([(np.median(own[:_FEWEST]), np.median(own)) for own in difference]).T
+    return bool(np.median(first) <= _LOUD * np.median(whole))
+
 
 MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""

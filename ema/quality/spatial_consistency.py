@@ -1,4 +1,9 @@
-"""Channels that contradict their neighbours: turned, scaled or exchanged, found by the smoothness of shapes.
+"""Channels whose sign, phase or size contradicts the others: turned, delayed, scaled or exchanged.
+
+At a resonance the functions are the outer product of the mode's shape and its participation in the forces (Ewins,
+Modal Testing, 2nd ed., sec. 2.8): from point to point only the size of what the forces give changes, not their
+proportion. A point at which one force has the other sign at every resonance is no second mode of the same pole, which
+would do so at one of them, but a function that is turned.
 
 Every response is a combination of a few mode shapes, which vary smoothly over the structure. The shapes are
 modelled as Gaussian random fields (squared-exponential covariance in the coordinates plus a linear trend,
@@ -8,15 +13,148 @@ and noise by maximum likelihood. A fault is believed by how much its undoing rai
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.blocks import inner_products
+from ema.quality.peaks import peaks, residues
+from ema.quality.verdict import Verdict
+from ema.types.arrays import inner_products
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
+
+_LONGEST = 0.75
+"""Largest delay that is thought of, in periods of the last line: less than two samples of a usual recorder."""
+_TRIED = 151
+_SOUND, _TURNED = 0.1, 0.9
+"""Shares of negative power below which a delay mends a driving point, and above which a turned sign does."""
+
+
+def negative_share(mobility: NDArray[np.complex128]) -> float:
+    """Return the share of the real part of a driving-point mobility that is negative."""
+    real = mobility.real
+    return float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
+
+
+def delay(mobility: NDArray[np.complex128], frequency: NDArray[np.float64]) -> float | None:
+    """Return the delay of the response, s, that makes a driving point of one of negative power; None where none does.
+
+    Parameters
+    ----------
+    mobility : (n_frequency,) complex
+        Of a driving point, along the force.
+    frequency : (n_frequency,) float
+        Hz, above 0.
+    """
+    if negative_share(mobility) > _TURNED:
+        return None
+    tried = np.linspace(-_LONGEST, _LONGEST, _TRIED) / frequency[-1]
+    share = [negative_share(mobility * np.exp(2j * np.pi * frequency * time)) for time in tried]
+    best = int(np.argmin(share))
+    return float(tried[best]) if share[best] < _SOUND else None
+
+
+_IN_PHASE = 0.7
+"""Mean cosine of twice the angle between residues and a phase from which on they have that phase."""
+_FEWEST_LINES = 0.25
+"""Lines in a half-power bandwidth from which on a record is long enough for phases: its end turns them by 27 degrees at
+most, the angle whose sine is exp(-pi 0.25), where nothing else has faded the response out."""
+
+
+def phases(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+    """Compare the phase of the residues with that of the quantity.
+
+    Residues of real modes are imaginary in receptance and accelerance, and real in mobility, if time is counted from
+    the force. Where a resonance is narrower than the lines tell, its record ends before it has died away, and the phase
+    of its residues is that of the end of the record: it refuses nothing.
+    """
+    expected = 1.0 if frf.quantity == "mobility" else -1.0
+    wrong, resolved = [], []
+    for around in residues(frf, sound, peaks(frf, sound)):
+        square, power = np.sum(around.residue**2).real, np.sum(np.abs(around.residue) ** 2)
+        wrong.append(bool(expected * square < -_IN_PHASE * power))
+        resolved.append(around.lines > _FEWEST_LINES)
+    told = np.array(wrong)[resolved] if any(resolved) else np.array(wrong)
+    if told.size < 2 or told.sum() <= 0.75 * told.size:
+        return
+    other = "mobility" if expected < 0 else "accelerance or receptance"
+    text = f"given as {frf.quantity}, but {told.sum()} of {told.size} resonances have the phase of {other}"
+    if np.count_nonzero(resolved) >= 2:
+        yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
+    else:
+        text += (
+            "; they are narrower than the lines resolve, so that the end of the record may have turned it: check the "
+            "quantity, and take longer blocks"
+        )
+        yield Verdict(check="resolution", level="warn", channel=(), band=None, message=text)
+
+
+FEWEST_POINTS = 6
+"""Points from which on most of them say what the proportion of the forces is."""
+FEWEST_RESONANCES = 2
+"""Resonances at which a function must be turned."""
+_PROMINENCE = 3.0  # of a resonance, dB
+_FITS, _CONTRADICTS = 0.9, 0.5  # share of a point's power that has the proportion of the others
+_MOST = 0.7  # share of the points that must have it, for a resonance to be of one mode
+_SEEN = 0.3  # least size of a point's functions over their median, for its sign to be told
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnedFunction:
+    """A function of the wrong sign.
+
+    Attributes
+    ----------
+    output, input : int
+        Its positions.
+    resonances : tuple of float
+        Where it contradicts the others, Hz.
+    """
+
+    output: int
+    input: int
+    resonances: tuple[float, ...]
+
+
+def turned_functions(frf: FRF, channels: NDArray[np.int64]) -> tuple[TurnedFunction, ...]:
+    """Find functions that fit the proportion of the forces at no resonance, and at all of them if they are turned.
+
+    Parameters
+    ----------
+    frf : FRF
+        Functions of several inputs. Of two inputs nothing tells which function is turned; the first is named.
+    channels : (n_channel,) int
+        Outputs to be compared.
+    """
+    if channels.size < FEWEST_POINTS or frf.input.node.size == 1:
+        return ()
+    found: dict[tuple[int, int], list[float]] = {}
+    fitting: set[int] = set()
+    for peak in peaks(frf, channels, _PROMINENCE):
+        value = frf.value[channels, :, peak.line]
+        value = value / np.linalg.norm(value, axis=0)
+        size = np.linalg.norm(value, axis=1)
+        seen = np.flatnonzero(size > _SEEN * np.median(size))
+        row = value[seen] / size[seen, None]
+        proportion = np.linalg.svd(row, full_matrices=False)[2][0].conj()
+        part = row * proportion
+        whole = np.abs(part.sum(axis=1)) ** 2
+        if np.mean(whole > _FITS) < _MOST:
+            continue
+        turned = np.abs(part.sum(axis=1, keepdims=True) - 2.0 * part) ** 2
+        fitting |= {int(channels[k]) for k in seen[whole > _FITS]}
+        for k in np.flatnonzero((whole < _CONTRADICTS) & (turned.max(axis=1) > _FITS)):
+            which = int(channels[seen[k]]), int(turned[k].argmax())
+            found.setdefault(which, []).append(float(peak.frequency))
+    return tuple(
+        TurnedFunction(output=output, input=force, resonances=tuple(place))
+        for (output, force), place in found.items()
+        if output not in fitting and len(place) >= FEWEST_RESONANCES
+    )
+
 
 FaultKind = Literal["sign", "scale", "swapped", "unexplained"]
 MIN_CHANNELS = 8

@@ -1,17 +1,25 @@
-"""Whether a function has the form of a frequency-response function at all, judged by itself and without coherence."""
+"""Whether functions are FRFs of one structure in one state: their form, copies among them, and runs of other states.
+
+Small shifts from run to run, as a roving sensor's mass or temperature makes them, are compared after the
+identification (`ema.identification.run_poles`). Here whole runs are told apart that have other resonances, such as
+files of another bolt torque.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.blocks import in_blocks
+from ema.quality.peaks import MIN_LINES, peaks
+from ema.quality.verdict import Verdict
+from ema.types.arrays import in_blocks
 from ema.types.frf import FRF
 
-MIN_LINES = 64
+FEWEST_LINES = 64
 """Fewer lines do not tell noise from a function."""
 _PARTS = 8
 """Parts of the band, of which one with a function in it is enough: above what a hammer excites is noise alone."""
@@ -44,7 +52,7 @@ def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
     channels : (n_channel,) int
         Outputs that are looked at.
     """
-    if frf.frequency.size < MIN_LINES or not channels.size:
+    if frf.frequency.size < FEWEST_LINES or not channels.size:
         return
     steady, levels = steadiness(frf, channels), span(frf, channels)
     noise = min(_NOISE / np.sqrt(_lines(frf) - max(_APART)), _MOST)
@@ -83,7 +91,7 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     Parameters
     ----------
     frf : FRF
-        At least `MIN_LINES` lines.
+        At least `FEWEST_LINES` lines.
     channels : (n_channel,) int
         Outputs.
     """
@@ -103,7 +111,7 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
 
 def _lines(frf: FRF) -> int:
     """Return how many lines a part of the band has."""
-    return max(MIN_LINES, frf.frequency.size // _PARTS)
+    return max(FEWEST_LINES, frf.frequency.size // _PARTS)
 
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -115,3 +123,155 @@ def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
         low, high = np.percentile(level, _ENDS, axis=2)
         found.append((high - low).max(axis=1))
     return np.concatenate(found)
+
+
+_TOLD = 3  # that are told one by one
+
+
+def content_digests(frf: FRF) -> tuple[str, ...]:
+    """Return a digest of the values of each output's functions: files of other names and headers have the same."""
+    return tuple(hashlib.sha256(value.tobytes()).hexdigest() for value in frf.value)
+
+
+def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
+    """Find outputs of one configuration that hold the same functions.
+
+    Parameters
+    ----------
+    frf : FRF
+        All functions.
+    channels : (n,) int
+        Positions of sound outputs.
+    """
+    digest, first = content_digests(frf), dict[str, int]()
+    for channel in channels:
+        before = first.setdefault(digest[channel], int(channel))
+        if before != channel:
+            both = f"{_label(frf, before)} and {_label(frf, int(channel))}"
+            message = (
+                f"{both} hold the same values to the last digit: one is a copy of the other's file or column"
+            )
+            yield Verdict(
+                check="copied", level="warn", channel=(before, int(channel)), band=None, message=message
+            )
+
+
+def shared_functions(digests: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """Say which configurations hold functions of another one.
+
+    Parameters
+    ----------
+    digests : mapping of str to tuple of str
+        Of each configuration the digests of its functions, see `content_digests`.
+    """
+    names, found = list(digests), []
+    for i, name in enumerate(names):
+        for other in names[:i]:
+            common = set(digests[name]) & set(digests[other])
+            if common:
+                found.append(
+                    f"{other} and {name} share {len(common)} of {len(digests[name])} functions to the last digit: "
+                    "files of one stand in the other, too, which is no second measurement"
+                )
+    more = (
+        [f"{len(found) - _TOLD} more pairs of configurations share functions"] if len(found) > _TOLD else []
+    )
+    return (*found[:_TOLD], *more)
+
+
+def _label(frf: FRF, channel: int) -> str:
+    return f"{frf.output.name(channel)} (run {frf.run[channel] + 1}, {frf.source[channel]})"
+
+
+_FEWEST_RUNS = 4
+_FEWEST_PEAKS = 3
+"""Peaks that a run must show to be compared; fewer coincide by chance."""
+_MOST_OF = 0.5
+"""Share of the runs that must show as many: where bandwidths overlap, a few runs show the peaks that their sensors'
+places let stand out, and others show others."""
+_SAME = 0.008
+"""Relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by less."""
+_WITHIN, _BETWEEN = 0.6, 0.35
+"""Share of peaks that runs of one state have in common at least, and runs of two states at most, in the mean. Runs
+miss a peak where all their sensors are at a node; runs of other states meet a few by chance."""
+
+
+def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
+    """Find runs of two states among channels of one direction.
+
+    Each run's resonances are the peaks of its summed power, and two runs are as alike as the share of peaks that they
+    have in common. Runs are divided about the two that are least alike; they are of two states where both parts agree
+    within, but not with each other.
+
+    Parameters
+    ----------
+    frf : FRF
+        Finite functions.
+    channels : (n,) int
+        Positions of sound outputs of one direction: another direction has other resonances.
+    """
+    number, found = _resonances(frf, channels)
+    if number.size < max(_FEWEST_RUNS, _MOST_OF * np.unique(frf.run[channels]).size):
+        return
+    step = float(np.median(np.diff(frf.frequency)))
+    alike = np.array([[_alike(a, b, MIN_LINES * step) for b in found] for a in found])
+    first, second = np.unravel_index(int(np.argmin(alike)), alike.shape)
+    of_second = alike[:, second] > alike[:, first]
+    parts = (np.flatnonzero(~of_second), np.flatnonzero(of_second))
+    if min(part.size for part in parts) < 2:
+        return  # one odd run shares nothing with the others, which `unshared` says of its channels
+    within = min(_mean_of_others(alike[np.ix_(part, part)]) for part in parts)
+    between = float(alike[np.ix_(*parts)].mean())
+    if within < _WITHIN or between > _BETWEEN:
+        return
+    large, small = sorted(parts, key=lambda part: (-part.size, part[0]))
+    told = " and ".join(
+        f"runs {_listed(number[part])} (from {_source(frf, int(number[part[0]]))}) with peaks at {_peaks(found, part)}"
+        for part in (large, small)
+    )
+    message = (
+        f"runs of two states of the structure: {told}. They share {100 * between:.0f} % of their peaks, among "
+        "themselves runs share "
+        f"{100 * within:.0f} % or more. Put each state into a configuration of its own, or take the files "
+        "that belong here"
+    )
+    yield Verdict(check="states", level="fail", channel=(), band=None, message=message)
+
+
+def _resonances(frf: FRF, channels: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
+    """Return the runs that show enough peaks, and of each their frequencies, Hz."""
+    numbers, found = [], []
+    for run in np.unique(frf.run[channels]):
+        own = np.array([p.frequency for p in peaks(frf, channels[frf.run[channels] == run])])
+        if own.size >= _FEWEST_PEAKS:
+            numbers.append(int(run))
+            found.append(own)
+    return np.array(numbers, dtype=np.int64), found
+
+
+def _alike(one: NDArray[np.float64], other: NDArray[np.float64], near: float) -> float:
+    """Return the share of peaks that two runs have in common."""
+    apart = np.abs(one[:, None] - other)
+    close = apart <= np.maximum(near, _SAME * one[:, None])
+    return float(close.any(axis=1).sum() + close.any(axis=0).sum()) / (one.size + other.size)
+
+
+def _mean_of_others(alike: NDArray[np.float64]) -> float:
+    """Return the mean likeness of different runs."""
+    return float(alike[~np.eye(len(alike), dtype=bool)].mean())
+
+
+def _listed(runs: NDArray[np.int64]) -> str:
+    """Return numbers of runs, from 1, those in a row as a range."""
+    rows = np.split(runs, np.flatnonzero(np.diff(runs) > 1) + 1)
+    return ", ".join(f"{r[0] + 1}" if r.size == 1 else f"{r[0] + 1} to {r[-1] + 1}" for r in rows)
+
+
+def _source(frf: FRF, run: int) -> str:
+    return frf.source[int(np.flatnonzero(frf.run == run)[0])]
+
+
+def _peaks(found: list[NDArray[np.float64]], part: NDArray[np.intp]) -> str:
+    """Return the peaks of the run of a part that shows most."""
+    most = max((found[i] for i in part), key=len)
+    return ", ".join(f"{f:.5g}" for f in most[:4]) + (", ... Hz" if most.size > 4 else " Hz")

@@ -1,4 +1,4 @@
-"""What a quality check says about one channel or the whole measurement."""
+"""What a quality check says about one channel or the whole measurement, and what each check is called."""
 
 from __future__ import annotations
 
@@ -44,3 +44,43 @@ class Verdict:
 def at_points(verdicts: Sequence[Verdict], output: Dofs) -> tuple[Verdict, ...]:
     """Return verdicts with the points of the outputs that they are about, whose positions are those in `output`."""
     return tuple(replace(v, point=tuple(int(output.node[c]) for c in v.channel)) for v in verdicts)
+
+
+CHECKS = {
+    "number": ("finite values", "A value that is not a number or infinite spoils every fit."),
+    "axis": ("frequency axis", "Frequencies must rise in equal steps, the same for all functions."),
+    "dead": ("responding sensors", "A sensor that gives nothing but noise, or a cable that is loose."),
+    "clipped": ("no overload", "An amplifier that was overdriven cuts off what is above its range."),
+    "copied": ("no copies", "Two channels with the same values: one file or cable was taken twice."),
+    "states": ("one state", "All runs must be of one state of the structure: same torque, temperature, masses."),
+    "unshared": ("shared resonances", "A channel whose resonances no other channel has measures something else."),
+    "coherence": ("coherence", "Below 1 near a resonance, force and response hold noise or are not linear."),
+    "driving point": (
+        "power at the driving point",
+        "Where force and response act at the same place, the force can only give power, never take it.",
+    ),
+    "force sign": ("sign of the force", "A force stated the wrong way round turns all functions of its input."),
+    "sign": ("sign of the sensors", "A sensor that is mounted or stated the wrong way round turns its motion."),
+    "scale": ("calibration", "A sensor whose size fits its neighbours only after multiplication has a wrong factor."),
+    "swapped": ("places of the sensors", "Two channels, each of which fits the place of the other, are exchanged."),
+    "unexplained": ("shapes", "A channel that no smooth shape through its neighbours explains."),
+    "neighbours": ("agreement of neighbours", "Neighbouring points of a stiff body move nearly alike."),
+    "reciprocity": ("reciprocity", "Force at A and response at B give the same function as the other way round."),
+    "unit": ("unit of the functions", "Size and phase tell a receptance, a mobility and an accelerance apart."),
+    "resolution": ("frequency resolution", "A resonance needs several lines across its half-power bandwidth."),
+    "explained": ("explained power", "The share of the measured power that the identified modes make."),
+    "peak": ("peaks without a mode", "A peak of many channels at which no mode was identified."),
+    "complexity": ("real shapes", "Points of a lightly damped structure move in phase or against it."),
+    "linearity": ("linearity", "Functions measured at several forces must be the same."),
+}  # fmt: skip
+"""Of each check, by its key in `Verdict.check`, its name and what it looks at."""
+
+
+def label(check: str) -> str:
+    """Return what a check is called."""
+    return CHECKS.get(check, (check, ""))[0]
+
+
+def meaning(check: str) -> str:
+    """Return in one sentence what a check looks at; empty for one that is not listed."""
+    return CHECKS.get(check, ("", ""))[1]

@@ -1,7 +1,8 @@
-"""Read-only, shape-checked arrays for the frozen data types of `ema`."""
+"""Arrays: read-only and of a checked shape, and large ones worked on some functions at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -55,3 +56,23 @@ def _is_frozen(value: object) -> bool:
     if not isinstance(value, np.ndarray) or value.flags.writeable:
         return False
     return value.base is None or _is_frozen(value.base)
+
+
+BLOCK = 8
+"""Outputs whose functions are worked on at a time."""
+_LINES = 1024  # worked on at a time
+
+
+def in_blocks(channels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """Give channels, (n,), at most `BLOCK` at a time."""
+    for start in range(0, channels.size, BLOCK):
+        yield channels[start : start + BLOCK]
+
+
+def inner_products(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the inner products, (n, n), of functions (n, n_frequency), without a copy of all of them."""
+    total = np.zeros((len(value), len(value)), complex)
+    for start in range(0, value.shape[1], _LINES):
+        part = value[:, start : start + _LINES]
+        total += part @ part.conj().T
+    return total

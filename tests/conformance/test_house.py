@@ -21,7 +21,7 @@ FLOORS = 7
 SOLE_IMPORTERS = {
     "pyuff": {"ema/io/uff.py"},
     "h5py": {"ema/io/array_files.py"},
-    "nptdms": {"ema/io/tdms.py"},
+    "nptdms": {"ema/io/array_files.py"},
     "sdypy": set(),
 }
 DRAWING = {"matplotlib", "pyvista", "vtk", "tkinter", "plotly", "trame", "aiohttp"}

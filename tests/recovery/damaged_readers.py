@@ -17,18 +17,16 @@ from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
 from ema.identification.exchange import read_poles, write_poles
-from ema.io.array_histories import read_histories
-from ema.io.data_arrays import read_data_arrays
+from ema.io.array_histories import read_histories, read_wav
+from ema.io.found_modes import read_modes_table
 from ema.io.guess_table import guess_table
 from ema.io.guess_variables import guess_variables
-from ema.io.modes_numpy import read_modes_numpy
-from ema.io.modes_table import read_modes_table
 from ema.io.modes_uff import read_modes_uff
+from ema.io.sdynpy import read_data_arrays, read_modes_numpy
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.io.units import parse_unit
 from ema.io.variables import VariableLayout, read_variables
-from ema.io.wav import read_wav
 from ema.modal.read_modes import modal_model_of
 from ema.quality.channels import check
 from ema.types.errors import EmaError, IdentificationError

@@ -8,7 +8,7 @@ import pytest
 
 from ema.identification.identify import identify_frf
 from ema.identification.run_tracking import linked, runs_apart
-from ema.modal.run_changes import run_changes
+from ema.modal.runs import run_changes
 from ema.quality.explained import explained_power
 from tests.recovery.drifting_world import GEOMETRY, N_SEEN, SHIFTS, drawn, measured
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.identification.identify import identify_frf
-from ema.modal.run_changes import run_changes
+from ema.modal.runs import run_changes
 from tests.recovery.roving_world import BAND, DAMPING, FORCE, GEOMETRY, N_SEEN, RUN, measured, modes
 
 TRUE, SHAPE = (part[..., :N_SEEN] for part in modes())

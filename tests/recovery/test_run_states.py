@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ema.quality.channels import check, usable
-from ema.quality.run_states import run_states
+from ema.quality.structure import run_states
 from ema.types.errors import MeasurementError
 from tests.recovery.test_identify import block
 from tests.recovery.test_quality_faults import FAULTS, inject, plate, shifted

@@ -8,7 +8,7 @@ import pytest
 from ema.campaign.campaign import read_campaign
 from ema.identification.amplitude import Level, amplitude_dependence, identify_force_levels, resonances
 from ema.identification.identify import identify_frf
-from ema.plot.amplitude import amplitude_figure
+from ema.plot.figures import amplitude_figure
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 from updating.commands.usage import ema

@@ -9,8 +9,8 @@ from scipy.io import savemat
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io.array_histories import read_histories
-from ema.io.guess_histories import pulse_share
-from ema.io.sampling import is_uneven, rate_of_rounded
+from ema.io.guess_variables import pulse_share
+from ema.io.measured_function import is_uneven, rate_of_rounded
 from ema.io.table import TableLayout, read_table
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError, MeasurementError

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from ema.quality.channels import _passed
-from ema.quality.words import CHECKS, label, meaning
+from ema.quality.verdict import CHECKS, label, meaning
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,7 +9,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 from ema.campaign.campaign import read_campaign
-from ema.campaign.draft_lines import trace_lines
+from ema.campaign.draft_file import trace_lines
 from updating.commands.command_line import app
 
 DATA = Path(__file__).parents[2] / "data"

@@ -12,8 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from ema.identification.exchange import read_poles, write_poles
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import StabilizationDiagram
-from ema.plot.figures import stabilization_figure
-from ema.plot.picking import PolePicker, pick_poles
+from ema.plot.figures import PolePicker, pick_poles, stabilization_figure
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry

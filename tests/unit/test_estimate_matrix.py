@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from ema.campaign.estimate import Averaging, estimate_frf
-from ema.campaign.estimate_matrix import estimate_frf_matrix
-from ema.campaign.records import frfs_from_records
+from ema.campaign.estimate import Averaging, estimate_frf, estimate_frf_matrix
+from ema.campaign.reading import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import MeasurementError
 

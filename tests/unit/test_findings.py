@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ema import Verdict
-from ema.modal.run_changes import run_changes
+from ema.modal.runs import run_changes
 from ema.types.geometry import Dofs
 from updating.results.quality import quality
 

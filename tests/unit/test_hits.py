@@ -7,9 +7,8 @@ import pytest
 from pydantic import ValidationError
 from scipy import signal
 
-from ema.campaign.estimate import Averaging
-from ema.campaign.hits import cut_at_hits, find_hits, pulse_samples, second_pulse
-from ema.campaign.records import frfs_from_records
+from ema.campaign.estimate import Averaging, cut_at_hits, find_hits, pulse_samples, second_pulse
+from ema.campaign.reading import frfs_from_records
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import MeasurementError
 

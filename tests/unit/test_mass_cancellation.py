@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from ema.modal.loaded_modes import loaded
-from ema.modal.mass_cancellation import RovedModes, without_sensors
+from ema.modal.mass_cancellation import RovedModes, loaded, without_sensors
 
 N = 6
 STIFFNESS = 1e6 * (2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from ema.types.peak_finding import find_peaks, peak_widths
+from ema.quality.peaks import find_peaks, peak_widths
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import ema
-from ema.io.found_modes import FoundModes
-from ema.io.modes_numpy import read_modes_numpy
-from ema.io.modes_table import read_modes_table
+from ema.io.found_modes import FoundModes, read_modes_table
 from ema.io.modes_uff import read_modes_uff
+from ema.io.sdynpy import read_modes_numpy
 from ema.modal.read_modes import USUAL, modal_model_of
 from tests.command import lamella
 from updating.report.results import read_results

@@ -10,7 +10,7 @@ from ema.identification.identify import identify_frf
 from ema.identification.residual_search import LISTED, Refusal, _listed, take_in_peaks, try_peak
 from ema.identification.unexplained import _peaks, _peaks_of_any_width, unexplained_peaks
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
-from ema.quality.noise_colour import noise_slope, whitest
+from ema.quality.peaks import noise_slope, whitest
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ema.modal.run_scatter import run_scatter, std_with_scatter
+from ema.modal.runs import run_scatter, std_with_scatter
 
 
 def test_runs_that_agree_within_their_noise_do_not_scatter():

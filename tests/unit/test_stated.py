@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ema.modal.comparison import Comparison
-from ema.modal.scale import factor_text
-from ema.modal.stated import contradicted
-from ema.quality.identical import content_digests, shared_functions
+from ema.modal.configurations import contradicted, factor_text
+from ema.quality.structure import content_digests, shared_functions
 from ema.types.geometry import Dofs
 
 N_DOF, FREQUENCY = 6, (np.array([200.0, 300.0, 450.0]), np.array([240.0, 370.0, 560.0]))

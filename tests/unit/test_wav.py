@@ -5,7 +5,7 @@ import pytest
 from scipy.io import wavfile
 
 import ema
-from ema.io.wav import read_wav
+from ema.io.array_histories import read_wav
 
 RATE = 2560
 

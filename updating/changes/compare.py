@@ -18,7 +18,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtri
 
-from ema.campaign.references import Reassembly
+from ema.campaign.campaign_file import Reassembly
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
 from updating.changes.condensed import Condensed
 from updating.changes.damping import damping_changes

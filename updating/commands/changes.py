@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from ema import Campaign, Change, change_sentence, read_campaign
-from ema.campaign.references import repeats_of
+from ema.campaign.campaign_file import repeats_of
 from ema.types.threads import single_threaded
 from model import catalogue, read_stack
 from model.stack.stack_file import stack_inputs

@@ -26,12 +26,17 @@ from ema import (
     stabilization,
 )
 from ema.identification.amplitude import AmplitudeDependence
-from ema.identification.exchange import write_poles
+from ema.identification.exchange import write_modes_csv, write_modes_uff, write_poles, write_shapes_csv
 from ema.io.uff import write_uff
 from ema.modal.change import KINDS
-from ema.modal.export import write_modes_csv, write_modes_uff, write_shapes_csv
-from ema.plot.amplitude import amplitude_figure
-from ema.plot.figures import as_png, comparison_figure, frf_figure, shape_figure, stabilization_figure
+from ema.plot.figures import (
+    amplitude_figure,
+    as_png,
+    comparison_figure,
+    frf_figure,
+    shape_figure,
+    stabilization_figure,
+)
 from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ema import read_campaign, read_measurement, stabilization
 from ema.identification.exchange import write_poles
-from ema.plot.picking import pick_poles
+from ema.plot.figures import pick_poles
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
 from updating.results.chosen_poles import keep_choice

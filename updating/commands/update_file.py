@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ema.io.form import Section, read_form
+from ema.io.files import Section, read_form
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, Scope
 from updating.errors import FitError

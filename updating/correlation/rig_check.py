@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from ema.modal.configurations import factor_text
 from ema.modal.mac import mac
-from ema.modal.scale import factor_text
 from ema.types.modal_model import ModalModel
 from model import Modes, Observation, ReducedSystem, Stack, observe, sample_points, solve_modes
 from updating.correlation.registration import register

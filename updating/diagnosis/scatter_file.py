@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
-from ema.io.form import Section, read_form
+from ema.io.files import Section, read_form
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.errors import FitError
 

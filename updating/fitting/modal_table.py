@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ema.io.form import Section, read_form, read_toml
+from ema.io.files import Section, read_form, read_toml
 from ema.types.arrays import readonly
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.shape_class import class_grid, solve_by_class

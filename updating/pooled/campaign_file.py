@@ -25,9 +25,9 @@ from ema.campaign.campaign_file import (
     RecordNames,
     RunSection,
     TitleSection,
+    reference_faults,
 )
-from ema.campaign.references import reference_faults
-from ema.io.form import Section, did_you_mean, read_form, read_toml
+from ema.io.files import Section, did_you_mean, read_form, read_toml
 from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel
 from model import Stack, read_stack

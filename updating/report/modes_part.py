@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.modal.complexity import LEAST_MPC, complexity
-from ema.modal.mac import mac
+from ema.modal.mac import LEAST_MPC, complexity, mac
 from ema.plot import palette
 from ema.plot.figures import mac_figure
-from ema.quality.words import label, meaning
+from ema.quality.verdict import label, meaning
 from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import correlate
 from updating.correlation.correlation_plot import comac_figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ema import Campaign, Change, change, change_csv
-from ema.campaign.references import repeats_of
+from ema.campaign.campaign_file import repeats_of
 from ema.types.errors import IdentificationError
 from updating.results.identified import Identified
 from updating.results.store import write_bytes, write_result

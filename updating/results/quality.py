@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ema import ExplainedPower, Identification, ReadModes, Verdict
-from ema.modal.run_changes import run_changes
+from ema.modal.runs import run_changes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import model
-from ema.io.form import Section, read_form
+from ema.io.files import Section, read_form
 from ema.types.geometry import Geometry
 from model import Contact, Effect, Mesh, Observation
 from updating.errors import FitError

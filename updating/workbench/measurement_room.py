@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.modal.complexity import complexity
+from ema.modal.mac import complexity
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF

@@ -1,13 +1,31 @@
-"""Lines at which some function holds no number: of no account outside the band, few of them bridged inside it."""
+"""Frequency lines that all functions of a configuration share: even, finite, and from records of one length."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ema.io.measured_function import MeasuredFunction
+
+_NEARLY_ZERO = 0.05  # of a step; put in place of 0 Hz, to divide by it
+
+
+def snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
+    if frequency.size < 3:
+        return frequency
+    if 0.0 < frequency[0] < _NEARLY_ZERO * (frequency[1] - frequency[0]):
+        frequency = np.concatenate([[0.0], frequency[1:]])
+    uniform = np.linspace(frequency[0], frequency[-1], frequency.size)
+    tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))
+    tolerance = min(tolerance, 0.4 * abs(uniform[1] - uniform[0]))
+    return uniform if np.abs(frequency - uniform).max() <= tolerance else frequency
+
 
 MOST_LOST = 0.01
 """Share of the lines of a function that are bridged; where more are lost, the check of its numbers refuses it."""
@@ -95,3 +113,41 @@ def _bridged(
         bridged &= ~inside
     filled = np.interp(line, known, value[known].real) + 1j * np.interp(line, known, value[known].imag)
     return np.where(bridged, filled, value)
+
+
+Run = list[tuple[Path, tuple[MeasuredFunction, ...]]]
+SHORTEST = 0.8
+"""Share of the longest record that the shortest one has at least: a shorter one would cost the others their lines."""
+
+
+def of_common_length(groups: list[list[Run]], notes: list[str]) -> list[list[Run]]:
+    """Return the records of all runs with as many samples as the shortest has, and note it.
+
+    Parameters
+    ----------
+    groups : list of list of run
+        For each group of files its runs, for each run its records, for each record its file and its channels.
+    notes : list of str
+        The common length is added to it.
+
+    Returns
+    -------
+    groups
+        As they are where all have the same length, or the shortest has less than `SHORTEST` of the longest.
+    """
+    sizes = [f.abscissa.size for runs in groups for run in runs for _, channels in run for f in channels]
+    shortest, longest = min(sizes, default=0), max(sizes, default=0)
+    if shortest == longest or shortest < SHORTEST * longest:
+        return groups
+    notes.append(
+        f"the records hold {shortest} to {longest} samples; all are cut to {shortest}, so that their functions have "
+        "the same lines; state block_s under [measurement.time] for another length"
+    )
+    return [
+        [[(file, tuple(_cut(f, shortest) for f in channels)) for file, channels in run] for run in runs]
+        for runs in groups
+    ]
+
+
+def _cut(function: MeasuredFunction, n_sample: int) -> MeasuredFunction:
+    return replace(function, abscissa=function.abscissa[:n_sample], value=function.value[:n_sample])
