@@ -20,6 +20,18 @@ import scipy
 import scipy.linalg
 from numpy.typing import NDArray
 
+from ema.identification.evidence import (
+    LEAST_SHARE,
+    Left,
+    Peak,
+    holds_pole,
+    is_sound,
+    is_split,
+    judge,
+    left_at_poles,
+    powers,
+    unexplained_peaks,
+)
 from ema.identification.functions import (
     MAX_DAMPING,
     Functions,
@@ -31,20 +43,10 @@ from ema.identification.functions import (
     response,
 )
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.residual_search import Left, settled
 from ema.identification.run_poles import RunPoles, run_poles
 from ema.identification.run_tracking import follow_runs, runs_apart
-from ema.identification.selection import fit_chosen, select_modes, sound
-from ema.identification.significance import is_split, judge
+from ema.identification.selection import fit_chosen, select_modes, settled
 from ema.identification.stabilization import stabilization
-from ema.identification.unexplained import (
-    LEAST_SHARE,
-    Peak,
-    holds_pole,
-    left_at_poles,
-    powers,
-    unexplained_peaks,
-)
 from ema.types.frf import FRF
 
 REACH, FEWEST_LINES = 40.0, 400
@@ -203,7 +205,7 @@ def with_background(
         if needed.all():
             break
         pole = fit.pole[needed]
-    is_mode = needed & verdicts.accepted & sound(fit, pole, band)
+    is_mode = needed & verdicts.accepted & is_sound(fit, pole, band)
     return fit, is_mode & ~_doubles(fit, is_mode)
 
 

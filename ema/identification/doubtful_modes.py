@@ -13,6 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from ema.identification.evidence import MIN_COLLINEARITY, MIN_REALNESS, is_split, judge
 from ema.identification.functions import MAX_DAMPING, Functions, resonant
 from ema.identification.maximum_likelihood import (
     linear_fit,
@@ -21,8 +22,7 @@ from ema.identification.maximum_likelihood import (
     split_coefficients,
     stack_functions,
 )
-from ema.identification.run_poles import FALSE_ALARM, run_poles
-from ema.identification.significance import MIN_COLLINEARITY, MIN_REALNESS, is_split, judge
+from ema.identification.run_poles import RUNS_DIFFER, run_poles
 from ema.identification.stabilization import StabilizationDiagram
 from ema.quality.peaks import peaks
 from ema.quality.verdict import Verdict
@@ -209,7 +209,7 @@ def check_references(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
         found = np.abs(runs.pole[:, r]) / (2.0 * np.pi)
         seen = np.flatnonzero(np.isfinite(runs.frequency_std[:, r]))
         off = 2.0 * np.pi * np.ptp(found[seen]) / -kept[r].real if seen.size else 0.0
-        if off > LEAST_SHIFT and runs.probability[:, r].min() < FALSE_ALARM:
+        if off > LEAST_SHIFT and runs.probability[:, r].min() < RUNS_DIFFER:
             each = (f"{found[i]:.6g} Hz with the force at {modal_model.input.name(int(i))}" for i in seen)
             told.append(f"mode {number[r] + 1}: {' and '.join(each)}")
             sure = sure or off < WANDERS

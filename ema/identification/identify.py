@@ -1,8 +1,8 @@
 """From measured functions to a modal model, without any frequency guess.
 
-The way: poles of all model orders (`lscf`), clusters over the orders (`stabilization`), poles that are no
-modes taken away (`significance`), all modes refined together (`maximum_likelihood`), peaks that are left tried as
-modes (`residual_search`), shapes (`shapes`). All of it is done in the quantity whose noise is even (`noise_colour`).
+The way: poles of all model orders, and clusters over the orders (`stabilization`), the choice of those that are modes
+(`selection`), refined together (`maximum_likelihood`) and run by run (`band_fit`), shapes (`shapes`). All of it is done
+in the quantity whose noise is even (`ema.quality.peaks.whitest`).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
 from ema.identification.band_fit import BandFit, fit_band
 from ema.identification.doubtful_modes import check_modes, check_references
+from ema.identification.evidence import Left
 from ema.identification.functions import inside, resonant
 from ema.identification.maximum_likelihood import Fit
-from ema.identification.residual_search import Left
 from ema.identification.run_poles import RunPoles, frequency_damping_std, variance_along
 from ema.identification.shapes import shapes_from_residues, with_repeated_roots
 from ema.identification.stabilization import highest_order, stabilization

@@ -1,31 +1,34 @@
-"""Poles of single roving runs, so that a shift from run to run is seen.
+"""Poles of single roving runs: whether a mode moves from run to run, and whether two poles are one that does.
 
 A sensor that roves takes its mass along, and a structure may change between runs. Either moves the poles of a
 run against those of the others. The poles of each run are refined on that run's functions alone, and every
 frequency is compared with the mean of the other runs.
+
+Poles that each run has for itself meet whatever the modes of all runs lack: a mode beside another one that was not
+found, or what strong resonances elsewhere are off by. So where runs seem to disagree about a mode, the lines around it
+are fitted by themselves: with poles that all runs share, with a pole of the mode for each run, and with one more pole
+that all share. A mode moves where poles of each run are the likeliest.
 """
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ema.identification.evidence import inflation, is_confined, variance_inflation
 from ema.identification.functions import Functions, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.significance import variance_inflation
 from ema.identification.uncertainty import enlargement, run_noise
 from ema.modal.runs import run_scatter, std_with_scatter
 from ema.types.modal_model import RESOLVED
 
-VISIBLE = 1e-6
-"""Chance that noise alone makes a mode visible in a run."""
-FALSE_ALARM = 0.05
+_LOG = logging.getLogger(__name__)
+RUNS_DIFFER = 0.05
 """Chance that runs of one and the same structure are said to differ."""
-BESIDE = 2.0
-"""Sums of half bandwidths within which a mode overlaps another one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,16 +68,17 @@ class RunPoles:
 
     def disagree(self) -> bool:
         """Whether any run differs significantly from the others."""
-        return bool(np.any(self.probability < FALSE_ALARM))
+        return bool(np.any(self.probability < RUNS_DIFFER))
 
-    def beside(self, fit: Fit, n: int) -> RunPoles:
+    def beside(self, fit: Fit, n: int, *, overlap: float = 2.0) -> RunPoles:
         """Return the same beside further poles, the last `n` of a fit, which no run is asked about.
 
-        Nor are runs compared in modes that overlap others: the few functions of one run tell them from misfit no more.
+        Nor are runs compared in modes that overlap others, within sums of half bandwidths: the few functions of one run
+        tell them from misfit no more.
         """
         runs, ones = self.run.size, np.ones(n)
         further = fit.pole[-n:]
-        near = np.abs(fit.pole[:, None] - fit.pole) < -BESIDE * (fit.pole.real[:, None] + fit.pole.real)
+        near = np.abs(fit.pole[:, None] - fit.pole) < -overlap * (fit.pole.real[:, None] + fit.pole.real)
         alone = near.sum(axis=1)[:-n] == 1
         return replace(
             self,
@@ -248,14 +252,14 @@ def _determined(
     return certain & (np.abs(pole - start) < 0.05 * np.abs(pole))
 
 
-def _visible(fit: Fit) -> NDArray[np.bool_]:
+def _visible(fit: Fit, *, false_alarm: float = 1e-6) -> NDArray[np.bool_]:
     """Whether the residues of each mode at its fixed pole stand out of the noise of a few functions."""
     index = 2 * np.arange(fit.pole.size)
     # Per unit noise the two parts of a residue have nearly equal variance and no correlation.
     diagonal = np.diagonal(fit.linear_covariance, axis1=1, axis2=2)
     variance = 0.5 * (diagonal[:, index] + diagonal[:, index + 1]) * fit.noise[:, None] ** 2
     return np.sum(np.abs(fit.residue) ** 2 / variance, axis=0) > scipy.special.chdtri(
-        2 * fit.residue.shape[0], VISIBLE
+        2 * fit.residue.shape[0], false_alarm
     )
 
 
@@ -287,3 +291,171 @@ def _disagreement(
                 freedom[r], -abs(value[k, r] - centre) / np.sqrt(spread)
             )
     return np.minimum(1.0, probability * probability.size)
+
+
+def moves_from_run_to_run(
+    data: Functions,
+    fit: Fit,
+    mode: int,
+    candidates: NDArray[np.complex128],
+    *,
+    reach: float = 5.0,
+    fewest_lines: int = 16,
+    aside: tuple[float, ...] = (-1.0, -0.5, 0.5, 1.0),
+    apart: float = 0.35,
+    tolerance: float = 0.01,
+) -> tuple[bool, Fit | None]:
+    """Judge whether a mode moves from run to run, or seems to for another one beside it.
+
+    Parameters
+    ----------
+    data : Functions
+    fit : Fit
+        The modes, with poles that all runs share.
+    mode : int
+        Which of them.
+    candidates : (n_candidate,) complex
+        Stable poles, rad/s, that may be further modes.
+    reach, fewest_lines : float and int
+        Half bandwidths on each side of the mode on which it is judged, and fewest lines.
+    aside : tuple of float
+        Half bandwidths beside the mode at which a further one is sought.
+    apart : float
+        Half bandwidths beside any other at which it may be: two poles nearer to each other are what one that moves by
+        as little in some runs looks like to first order.
+    tolerance : float
+        To which logarithms of the likelihood are known, of which some ten decide.
+
+    Returns
+    -------
+    moves : bool
+        Whether a pole for each run is likelier than one that all share, alone or with a further one.
+    beside : Fit or None
+        The lines around the mode with a further pole, the last one, where that is likelier than both.
+    """
+    pole = fit.pole[mode]
+    spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
+    around = max(-reach * pole.real, fewest_lines * spacing)
+    lines = np.abs(2.0 * np.pi * data.frequency - np.abs(pole)) < around
+    near = np.abs(fit.pole.imag - pole.imag) < around
+    frequency = data.frequency[lines]
+    value = (data.value - response(data, fit.pole[~near], fit.residue[:, ~near]))[:, lines]
+    near[mode] = False
+    shared = refine(frequency, value, np.append(pole, fit.pole[near]), data.quantity)
+    numbers = np.unique(data.run)
+    gain, noise = np.empty(numbers.size), np.empty(numbers.size)
+    for k, number in enumerate(numbers):
+        of_run = value[data.run == number]
+        alone = linear_fit(frequency, of_run, shared.pole, data.quantity)
+        moved = refine(
+            frequency, of_run, shared.pole[:1], data.quantity, held=shared.pole[1:], tolerance=tolerance
+        )
+        gain[k], noise[k] = 2.0 * (alone.objective - moved.objective), inflation(moved.whitened())
+    if not np.any(gain > noise.max() * scipy.special.chdtri(2, RUNS_DIFFER / numbers.size)):
+        return False, None
+    start = [pole - 1j * offset * pole.real for offset in aside]
+    start += [c for c in candidates if 0.5 * -pole.real < np.abs(c - pole) < around]
+    tried = [
+        refine(frequency, value, np.append(shared.pole, s), data.quantity, tolerance=tolerance) for s in start
+    ]
+    distinct = [t for t in tried if np.abs(t.pole[-1] - t.pole[:-1]).min() > -apart * pole.real]
+    if not distinct:
+        return True, None
+    further = min(distinct, key=lambda one: one.objective)
+    # Unknowns are counted as Akaike does.
+    by_runs = float(gain.sum()) - 2 * 2 * (numbers.size - 1)
+    by_further = 2.0 * (shared.objective - further.objective) - 2 * (2 + 2 * len(value))
+    # A further pole that one run alone needs is where the mode is in that run, and no further mode of all runs.
+    if by_further > by_runs and not is_confined(further, data.run)[-1]:
+        return False, further
+    return True, None
+
+
+def image_of_a_mode(
+    data: Functions,
+    fit: Fit,
+    tried: NDArray[np.complex128],
+    *,
+    close: float = 3.0,
+    needed: float = 0.5,
+    many: float = 10.0,
+) -> int | None:
+    """Return the weakest pole that the runs, each with poles of its own, are likelier without, if there is one.
+
+    Two close poles may stand for one mode at different places in different runs.
+
+    Parameters
+    ----------
+    data : Functions
+    fit : Fit
+    tried : (n_tried,) complex
+        Poles that were asked about before, rad/s: two that are both among them are no such pair.
+    close : float
+        Sums of half bandwidths within which poles of different runs may be one mode.
+    needed, many : float
+        Rise of the logarithm of the likelihood that a pole brings to runs with poles of their own, over what these
+        bring by themselves and over the number of its unknowns, from which it is no image of another one.
+    """
+    numbers = np.unique(data.run)
+    if numbers.size < 3:
+        return None
+    _LOG.debug("ask whether two of %d poles are one mode in %d runs", fit.pole.size, numbers.size)
+    runs = [data.value[data.run == n] for n in numbers]
+    near = np.abs(fit.pole[:, None] - fit.pole) < close * -(fit.pole.real[:, None] + fit.pole.real)
+    np.fill_diagonal(near, False)
+    distance = np.abs(fit.pole[:, None] - tried)
+    row, column = scipy.optimize.linear_sum_assignment(distance)
+    added = np.ones(fit.pole.size, dtype=bool)
+    added[row] = distance[row, column] > -fit.pole.real[row]
+    suspects = np.any(near & (added[:, None] | added), axis=1)
+
+    each: list[Fit] = []
+    for i in np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0)):
+        if not suspects[i]:
+            continue
+        each = each or [_roughly(data, value, fit.pole) for value in runs]
+        rest = np.delete(fit.pole, i)
+        # Poles far from the one that is missing are those of the run with it.
+        far = np.delete(~near[i], i)
+        starts = [np.where(far, np.delete(run.pole, i), rest) for run in each]
+        with_it = sum(run.objective for run in each)
+        unknowns = many * 2 * (numbers.size + data.value.shape[0])
+        # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
+        common = fit.objective + 2 - 2 * rest.size * (numbers.size - 1)
+        most = min(max(needed * (fit.objective - with_it), unknowns), common - with_it)
+        alone = _alone_without(data, runs, each, starts, int(i), most)
+        if alone is None or alone + 2 * rest.size * (numbers.size - 1) >= fit.objective + 2:
+            continue
+        # Poles of its own let a run meet whatever else the fit lacks. A mode is one that runs with poles of their own
+        # need, too; an image is one mode more than each of them has.
+        if alone - with_it < max(needed * (fit.objective - alone), unknowns):
+            return int(i)
+    return None
+
+
+def _alone_without(
+    data: Functions,
+    runs: list[NDArray[np.complex128]],
+    each: list[Fit],
+    starts: list[NDArray[np.complex128]],
+    mode: int,
+    most: float,
+) -> float | None:
+    """Objective of all runs, each with poles of its own but one; None as soon as more than `most` is lost by that.
+
+    A pole less is never likelier. So the runs that are not fitted yet leave at least what they leave with it, and those
+    that show it best, which come first, mostly end the question.
+    """
+    lost, alone = 0.0, 0.0
+    for k in np.argsort([-np.sum(np.abs(run.residue[:, mode] / run.noise) ** 2) for run in each]):
+        without = _roughly(data, runs[k], starts[k]).objective
+        alone += without
+        lost += max(without - each[k].objective, 0.0)
+        if lost >= most:
+            return None
+    return alone
+
+
+def _roughly(data: Functions, value: NDArray[np.complex128], pole: NDArray[np.complex128]) -> Fit:
+    """Refine poles on the functions of a run until its likelihood is known as well as it is asked for: far below 10."""
+    return refine(data.frequency, value, pole, data.quantity, tolerance=0.1)

@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ema.identification.evidence import Left
 from ema.identification.functions import Functions, resonant, response
 from ema.identification.maximum_likelihood import Fit, linear_fit
-from ema.identification.residual_search import Left
-from ema.identification.run_poles import FALSE_ALARM, RunPoles, run_poles
+from ema.identification.run_poles import RUNS_DIFFER, RunPoles, run_poles
 from ema.identification.selection import select_modes
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
@@ -66,7 +66,7 @@ def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) 
 
     Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
     """
-    differs = (runs.probability < FALSE_ALARM).any(axis=0) & resonant(fit.pole, band)
+    differs = (runs.probability < RUNS_DIFFER).any(axis=0) & resonant(fit.pole, band)
     known = np.isfinite(runs.frequency_std) & differs
     off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
     return bool(np.any(off > (SLIGHTLY if left else APART)))

@@ -1,39 +1,61 @@
-"""Which poles are modes: from candidates to a fit of all modes of a band."""
+"""The choice of poles: from candidates to a fit of all modes of a band, and to the peaks that none explains.
+
+Candidates that are no modes where all are fitted at once are taken away (`_screened`). What is left is refined, and
+judged again, until every pole is a mode (`_refined`); poles that stand for one mode in different runs go
+(`_without_images`). Then modes are sought in what the fit leaves, one at a time (`_with_further_modes`), and in peaks
+(`take_in_peaks`). In the end modes of runs that seem to differ are asked for one more mode beside them
+(`_run_by_run_borne_out`). What is asked of a pole or of a peak stands in `evidence`, and of single runs in `run_poles`.
+
+A peak is judged in its own surroundings. What is left of the functions there is fitted once with the modes that are
+near and once with one more; the likelihood of these lines alone decides, so that a misfit of a strong mode elsewhere in
+the band, or noise of another size, does not hide a mode that anyone sees in the function. Peaks that are near each
+other hide each other, since what one leaves counts as noise of the next: such a peak is tried beside poles for the
+others, too, which are then judged in their turn.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
-from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant
-from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.residual_search import Left, take_in_peaks
-from ema.identification.run_evidence import RunEvidence, run_evidence
-from ema.identification.run_poles import FALSE_ALARM, RunPoles, run_poles
-from ema.identification.significance import (
+from ema.identification.evidence import (
+    EXPLAINS_LESS,
+    LEAST_ALONE,
+    LEAST_SHARE,
+    LISTED,
+    MANY_FUNCTIONS,
+    Left,
+    Peak,
+    Refusal,
+    Surroundings,
+    holds_pole,
     is_confined,
+    is_sound,
     is_split,
     judge,
+    least_listed,
+    left_of_functions,
     likeliest_poles,
+    objections,
+    share_left,
     significance_threshold,
+    unexplained_peaks,
 )
-from ema.identification.unexplained import unexplained_peaks
+from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant, response
+from ema.identification.maximum_likelihood import Fit, linear_fit, refine
+from ema.identification.run_poles import (
+    RUNS_DIFFER,
+    RunPoles,
+    image_of_a_mode,
+    moves_from_run_to_run,
+    run_poles,
+)
 
 _LOG = logging.getLogger(__name__)
-MAX_MOVE = 5.0
-"""Half bandwidths that refinement may move a pole; one that moves further was no estimate of that mode."""
-CLOSE = 3.0
-"""Poles of different runs nearer than this many sums of their half bandwidths may be one mode."""
-NEEDED, MANY = 0.5, 10.0
-"""Rise of the logarithm of the likelihood that a pole brings to runs with poles of their own, over what these bring by
-themselves and over the number of its unknowns, from which it is no image of another one."""
-_KNOWN = 0.1  # of the logarithm of the likelihood of a run, of which `MANY` times the unknowns are asked for
-_ASIDE = 0.03  # of the band, from its ends: where a flank's pole is first sought; refinement moves it
+_NONE = np.empty(0, dtype=complex)
 
 
 def select_modes(
@@ -59,97 +81,12 @@ def select_modes(
     left : tuple of (Peak, str)
         Peaks that stay unexplained, each with the reason why it was not taken in.
     """
-    none = np.empty(0, dtype=complex)
-    fit = _without_images(data, _refined(data, _screen(data, candidates), band), band, none)
-    before = fit.pole
-    threshold = significance_threshold(*data.value.shape)
-    searching, start = True, None
-    while searching:
-        _LOG.debug("look for further modes beside %d poles", fit.pole.size)
-        searching = False
-        proposals, start = _proposals(data, fit, candidates, band, start)
-        for more in proposals:
-            trial = np.append(fit.pole, more)
-            if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
-                continue
-            extended = refine(data.frequency, data.value, trial, data.quantity)
-            gain = 2.0 * (fit.objective - extended.objective)
-            # The others are judged when the search is over: a mode still missing spoils their phases.
-            if gain > threshold and _keep(data, extended, trial, band)[-1] and not is_split(extended, -1):
-                fit = extended
-                searching = True
-                break
-    fit = _without_images(data, _refined(data, fit.pole, band), band, before)
+    fit = _without_images(data, _refined(data, _screened(data, candidates), band), band, _NONE)
+    first = fit.pole
+    fit = _with_further_modes(data, fit, candidates, band)
+    fit = _without_images(data, _refined(data, fit.pole, band), band, first)
     fit, left = take_in_peaks(data, fit, candidates, band)
     return *_run_by_run_borne_out(data, fit, candidates, band), left
-
-
-def _run_by_run_borne_out(
-    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
-) -> tuple[Fit, RunPoles]:
-    """Finish a fit, and take runs to differ in those modes alone that are borne out on the lines around them.
-
-    A mode beside another one, whose pole it draws elsewhere in each run, is taken in.
-    """
-    fit, runs = _finished(data, fit, band)
-    while True:
-        doubtful = np.flatnonzero((runs.probability < FALSE_ALARM).any(axis=0) & resonant(fit.pole, band))
-        if doubtful.size:
-            _LOG.info("ask whether %d modes move from run to run of %d", doubtful.size, runs.run.size)
-        found = {int(r): run_evidence(data, fit, int(r), candidates) for r in doubtful}
-        extended = _with_modes_beside(data, fit, found.values(), band)
-        if extended is None:
-            break
-        fit, runs = _finished(data, extended, band)
-    still = np.array([r not in found or found[r].moves for r in range(fit.pole.size)], dtype=bool)
-    return fit, replace(runs, probability=np.where(still, runs.probability, 1.0))
-
-
-def _with_modes_beside(
-    data: Functions, fit: Fit, found: Iterable[RunEvidence], band: tuple[float, float]
-) -> Fit | None:
-    """Return the fit with the likeliest mode that was found beside others, if there is any.
-
-    Whether it has the phases of a mode is seen on the lines around it: beside all others what else is missing counts.
-    """
-    threshold = significance_threshold(*data.value.shape)
-    further = [one.beside for one in found if one.beside is not None and inside(one.beside.pole, band)[-1]]
-    best = None
-    for local in further:
-        verdicts = judge(data.frequency[: local.residual.shape[1]], local, data.quantity)
-        if not verdicts.accepted[-1] or is_split(local, -1):
-            continue
-        trial = np.append(fit.pole, local.pole[-1])
-        extended = refine(data.frequency, data.value, trial, data.quantity, fit.weight)
-        stays = sound(extended, trial, band)[-1] and not is_confined(extended, data.run)[-1]
-        gain = 2.0 * (fit.objective - extended.objective)
-        kept = stays and gain > threshold and not is_split(extended, -1)
-        if kept and extended.objective < (fit if best is None else best).objective:
-            best = extended
-    return best
-
-
-def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit, RunPoles]:
-    """Refine once more with the weights of the coherences, sort, and refine run by run.
-
-    A function is weighted only where that makes its residuals likelier: coherences are lost in files, rounded,
-    or low for other reasons than noise. Lines may weigh by the misfit already.
-    """
-    likelier = np.array(
-        [
-            np.sum(own * np.abs(rest) ** 2) < np.sum(other * np.abs(rest) ** 2)
-            for own, other, rest in zip(data.weight, fit.weight, fit.residual, strict=True)
-        ]
-    )
-    if likelier.any():
-        weight = np.where(likelier[:, None], data.weight, fit.weight)
-        weighted = refine(data.frequency, data.value, fit.pole, data.quantity, weight)
-        # What leaves its resonance was held there by lines that now count for little.
-        if np.all(np.abs(weighted.pole - fit.pole) < -fit.pole.real):
-            fit = weighted
-    rank = np.lexsort((np.abs(fit.pole), ~resonant(fit.pole, band)))
-    fit = linear_fit(data.frequency, data.value, fit.pole[rank], data.quantity, fit.weight)
-    return fit, run_poles(data, fit)
 
 
 def fit_chosen(
@@ -162,6 +99,80 @@ def fit_chosen(
     fit, runs = _finished(data, refine(data.frequency, data.value, pole, data.quantity), band)
     chosen = "the poles were chosen by hand"
     return fit, runs, tuple((peak, chosen) for peak in unexplained_peaks(data, fit))
+
+
+def _screened(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
+    pole = candidates
+    while pole.size:
+        verdicts = judge(data.frequency, data.linear_fit(pole), data.quantity)
+        if verdicts.accepted.all():
+            break
+        score = np.where(verdicts.accepted, np.inf, verdicts.score)
+        pole = np.delete(pole, np.argmin(score))
+    return pole
+
+
+def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:
+    """Refine, take away what is no mode, and refine again until every pole is one."""
+    while True:
+        fit = refine(data.frequency, data.value, pole, data.quantity)
+        keep = _keep(data, fit, pole, band)
+        if keep.all():
+            return fit
+        pole = pole[keep]
+
+
+def _keep(
+    data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]
+) -> NDArray[np.bool_]:
+    """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
+    verdicts = judge(data.frequency, fit, data.quantity)
+    modes = verdicts.accepted & is_sound(fit, start, band) & ~is_confined(fit, data.run)
+    neighbours = (
+        ~inside(fit.pole, band)
+        & ~inside(start, band)
+        & inside(fit.pole, (band[0] - (band[1] - band[0]), 2.0 * band[1] - band[0]))
+        & (-fit.pole.real > 1e-6 * np.abs(fit.pole))
+        & (-fit.pole.real < MAX_DAMPING * np.abs(fit.pole))
+        & (verdicts.statistic > verdicts.threshold)
+    )
+    return modes | neighbours
+
+
+def _without_images(
+    data: Functions, fit: Fit, band: tuple[float, float], tried: NDArray[np.complex128]
+) -> Fit:
+    """Take away poles that stand for one mode at different places in different roving runs, none of those `tried`."""
+    while (image := image_of_a_mode(data, fit, tried)) is not None:
+        fit = _refined(data, np.delete(fit.pole, image), band)
+    return fit
+
+
+def _with_further_modes(
+    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> Fit:
+    """Add the likeliest mode in what a fit leaves, and again, until no proposal is one.
+
+    The others are judged when the search is over: a mode still missing spoils their phases.
+    """
+    threshold = significance_threshold(*data.value.shape)
+    searching, start = True, None
+    while searching:
+        _LOG.debug("look for further modes beside %d poles", fit.pole.size)
+        searching = False
+        proposals, start = _proposals(data, fit, candidates, band, start)
+        for proposal in proposals:
+            trial = np.append(fit.pole, proposal)
+            if not judge(data.frequency, data.linear_fit(trial), data.quantity).accepted[-1]:
+                continue
+            extended = refine(data.frequency, data.value, trial, data.quantity)
+            gain = 2.0 * (fit.objective - extended.objective)
+            if gain > threshold and _keep(data, extended, trial, band)[-1] and not is_split(extended, -1):
+                fit = extended
+                searching = True
+                break
+    return fit
 
 
 def _proposals(
@@ -184,100 +195,17 @@ def _proposals(
     return np.concatenate([likeliest_poles(data.frequency, apart), unused, flanks]), start
 
 
-def _flanks(fit: Fit, band: tuple[float, float]) -> NDArray[np.complex128]:
-    """Poles just beyond both ends of the band: the flank of a mode there is no line that stands out within it.
+def _flanks(fit: Fit, band: tuple[float, float], *, aside: float = 0.03) -> NDArray[np.complex128]:
+    """Poles just beyond both ends of the band, by a share of it: the flank of a mode there stands out at no line.
 
-    Left out, it is shared between the modes of the band: one 7 % above it, 1 % of every shape.
+    Left out, it is shared between the modes of the band: one 7 % above it, 1 % of every shape. Refinement moves it.
     """
     if fit.pole.size == 0:
-        return np.empty(0, dtype=complex)
+        return _NONE
     damping = float(np.median(-fit.pole.real / np.abs(fit.pole)))
-    aside = _ASIDE * (band[1] - band[0])
-    ends = 2.0 * np.pi * np.array([end for end in (band[0] - aside, band[1] + aside) if end > 0.0])
+    off = aside * (band[1] - band[0])
+    ends = 2.0 * np.pi * np.array([end for end in (band[0] - off, band[1] + off) if end > 0.0])
     return np.asarray(ends * (1j * np.sqrt(1.0 - damping**2) - damping))
-
-
-def _without_images(
-    data: Functions, fit: Fit, band: tuple[float, float], tried: NDArray[np.complex128]
-) -> Fit:
-    """Take away poles that stand for one mode at different places in different roving runs.
-
-    Of two close poles the weaker one goes if the runs, each with poles of its own, are likelier without it. Those that
-    are both at poles `tried` before are no such pair.
-    """
-    while (image := _image(data, fit, tried)) is not None:
-        fit = _refined(data, np.delete(fit.pole, image), band)
-    return fit
-
-
-def _image(data: Functions, fit: Fit, tried: NDArray[np.complex128]) -> int | None:
-    """Return the index of the weakest pole that the runs are likelier without, if there is one."""
-    numbers = np.unique(data.run)
-    if numbers.size < 3:
-        return None
-    _LOG.debug("ask whether two of %d poles are one mode in %d runs", fit.pole.size, numbers.size)
-    runs = [data.value[data.run == n] for n in numbers]
-    close = np.abs(fit.pole[:, None] - fit.pole) < CLOSE * -(fit.pole.real[:, None] + fit.pole.real)
-    np.fill_diagonal(close, False)
-    distance = np.abs(fit.pole[:, None] - tried)
-    row, column = scipy.optimize.linear_sum_assignment(distance)
-    added = np.ones(fit.pole.size, dtype=bool)
-    added[row] = distance[row, column] > -fit.pole.real[row]
-    suspects = np.any(close & (added[:, None] | added), axis=1)
-
-    each: list[Fit] = []
-    for i in np.argsort(np.sum(np.abs(fit.residue / fit.noise[:, None]) ** 2, axis=0)):
-        if not suspects[i]:
-            continue
-        each = each or [_roughly(data, own, fit.pole) for own in runs]
-        rest = np.delete(fit.pole, i)
-        # Poles far from the one that is missing are those of the run with it.
-        far = np.delete(~close[i], i)
-        starts = [np.where(far, np.delete(own.pole, i), rest) for own in each]
-        alone = _alone_without(data, fit, runs, each, starts, int(i))
-        if alone is None:
-            continue
-        # Two unknowns for each pole and run, against Akaike's criterion for the common poles.
-        if alone + 2 * rest.size * (numbers.size - 1) >= fit.objective + 2:
-            continue
-        # Poles of its own let a run meet whatever else the fit lacks. A mode is one that runs with poles of their own
-        # need, too; an image is one mode more than each of them has.
-        needed = alone - sum(own.objective for own in each)
-        unknowns = 2 * (numbers.size + data.value.shape[0])
-        if needed < max(NEEDED * (fit.objective - alone), MANY * unknowns):
-            return int(i)
-    return None
-
-
-def _alone_without(
-    data: Functions,
-    fit: Fit,
-    runs: list[NDArray[np.complex128]],
-    each: list[Fit],
-    starts: list[NDArray[np.complex128]],
-    mode: int,
-) -> float | None:
-    """Objective of all runs, each with poles of its own but one; None as soon as it can be no image any more.
-
-    A pole less is never likelier. So the runs that are not fitted yet leave at least what they leave with it, and those
-    that show it best, which come first, mostly end the question.
-    """
-    with_it = sum(own.objective for own in each)
-    most = max(NEEDED * (fit.objective - with_it), MANY * 2 * (len(runs) + data.value.shape[0]))
-    most = min(most, fit.objective + 2 - 2 * starts[0].size * (len(runs) - 1) - with_it)
-    lost, alone = 0.0, 0.0
-    for k in np.argsort([-np.sum(np.abs(own.residue[:, mode] / own.noise) ** 2) for own in each]):
-        without = _roughly(data, runs[k], starts[k]).objective
-        alone += without
-        lost += max(without - each[k].objective, 0.0)
-        if lost >= most:
-            return None
-    return alone
-
-
-def _roughly(data: Functions, value: NDArray[np.complex128], pole: NDArray[np.complex128]) -> Fit:
-    """Refine poles on the functions of a run until its likelihood is known as well as it is asked for."""
-    return refine(data.frequency, value, pole, data.quantity, tolerance=_KNOWN)
 
 
 def _run_by_run(
@@ -298,55 +226,295 @@ def _run_by_run(
         return fit, known
     residual, noise = np.empty_like(fit.residual), np.empty_like(fit.noise)
     for number, pole in zip(runs.run, runs.pole, strict=True):
-        own = data.run == number
-        alone = linear_fit(data.frequency, data.value[own], pole, data.quantity)
-        residual[own], noise[own] = alone.residual, alone.noise
+        of_run = data.run == number
+        alone = linear_fit(data.frequency, data.value[of_run], pole, data.quantity)
+        residual[of_run], noise[of_run] = alone.residual, alone.noise
     return replace(fit, residual=residual, noise=noise), known
 
 
-def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:
-    """Refine, take away what is no mode, and refine again until every pole is one."""
+def take_in_peaks(
+    data: Functions,
+    fit: Fit,
+    candidates: NDArray[np.complex128],
+    band: tuple[float, float],
+    *,
+    most_tries: int = 3,
+) -> tuple[Fit, Left]:
+    """Try what the functions show as a peak and the modes do not explain, until all of it is tried.
+
+    Parameters
+    ----------
+    data : Functions
+    fit : Fit
+        The modes so far.
+    candidates : (n_candidate,) complex
+        Stable poles, rad/s, that may have been dropped.
+    band : (float, float)
+        Where modes are wanted, Hz.
+    most_tries : int
+        How often a peak is tried: its mode may be lost again when others are taken in.
+
+    Returns
+    -------
+    fit : Fit
+        All modes together.
+    left : tuple of (Peak, str)
+        Peaks that stay unexplained, each with the reason why it was not taken in.
+    """
+    refused: dict[int, Refusal] = {}
+    tries: dict[int, int] = {}
     while True:
-        fit = refine(data.frequency, data.value, pole, data.quantity)
-        keep = _keep(data, fit, pole, band)
-        if keep.all():
-            return fit
-        pole = pole[keep]
+        taken: list[Peak] = []
+        for peak in _possible_modes(data, fit):
+            # A peak brings one mode, and again only if that was lost: what another would take of it is misfit.
+            if peak.line in refused or tries.get(peak.line, 0) >= most_tries or holds_pole(data, fit, peak):
+                continue
+            tries[peak.line] = tries.get(peak.line, 0) + 1
+            _LOG.debug("try the peak at %.5g Hz", peak.frequency)
+            start = _starting_poles(data, peak, candidates)
+            answer = try_peak(data, fit, peak, start, band)
+            if isinstance(answer, Refusal):
+                others = _poles_beside(data, fit, peak, candidates)
+                again = try_peak(data, fit, peak, start, band, others) if others.size else answer
+                answer = answer if isinstance(again, Refusal) else again
+            if isinstance(answer, Refusal):
+                refused[peak.line] = answer
+            else:
+                fit = data.linear_fit(answer, fit.weight)
+                taken.append(peak)
+        if not taken:
+            return fit, peaks_to_report(data, fit, refused)
+        # What hid a peak may be among what is taken in beside it.
+        refused = {
+            line: refusal
+            for line, refusal in refused.items()
+            if not any(abs(line - peak.line) <= _reach(peak) for peak in taken)
+        }
+        fit, useless = _without_useless(data, settled(data, fit), taken)
+        refused |= dict.fromkeys(useless, Refusal(EXPLAINS_LESS))
 
 
-def _keep(
-    data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]
-) -> NDArray[np.bool_]:
-    """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
-    verdicts = judge(data.frequency, fit, data.quantity)
-    modes = verdicts.accepted & sound(fit, start, band) & ~is_confined(fit, data.run)
-    neighbours = (
-        ~inside(fit.pole, band)
-        & ~inside(start, band)
-        & inside(fit.pole, (band[0] - (band[1] - band[0]), 2.0 * band[1] - band[0]))
-        & (-fit.pole.real > 1e-6 * np.abs(fit.pole))
-        & (-fit.pole.real < MAX_DAMPING * np.abs(fit.pole))
-        & (verdicts.statistic > verdicts.threshold)
-    )
-    return modes | neighbours
+def _possible_modes(data: Functions, fit: Fit) -> list[Peak]:
+    """Unexplained peaks that may be modes: of few functions nothing but what is seen tells one from a misfit."""
+    many = data.value.shape[0] >= MANY_FUNCTIONS
+    return [peak for peak in unexplained_peaks(data, fit) if peak.visible or many]
 
 
-def _screen(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
-    pole = candidates
-    while pole.size:
-        verdicts = judge(data.frequency, data.linear_fit(pole), data.quantity)
-        if verdicts.accepted.all():
+def _reach(peak: Peak, *, half_widths: float = 8.0, fewest: int = 16) -> int:
+    """Lines on each side of a peak that are its surroundings, on which it is judged."""
+    return int(max(np.ceil(half_widths * peak.half_width), fewest))
+
+
+def _starting_poles(
+    data: Functions, peak: Peak, candidates: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Poles from which a peak is tried: the stable ones near it first, then that of its half-power bandwidth."""
+    spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
+    half_bandwidth = spacing * peak.half_width
+    centre = 2.0 * np.pi * peak.frequency
+    near = np.abs(candidates.imag - centre) < 2.0 * half_bandwidth
+    return np.append(candidates[near], complex(-half_bandwidth, centre))
+
+
+def _poles_beside(
+    data: Functions, fit: Fit, peak: Peak, candidates: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Poles for the other peaks without one that anyone sees around a peak, each its likeliest starting pole."""
+    others = [
+        _starting_poles(data, other, candidates)[0]
+        for other in unexplained_peaks(data, fit)
+        if other.visible
+        and 0 < abs(other.line - peak.line) <= _reach(peak)
+        and not peak.first <= other.line <= peak.last
+        and not holds_pole(data, fit, other)
+    ]
+    return np.array(others, dtype=complex)
+
+
+def try_peak(
+    data: Functions,
+    fit: Fit,
+    peak: Peak,
+    start: NDArray[np.complex128],
+    band: tuple[float, float],
+    beside: NDArray[np.complex128] = _NONE,
+) -> NDArray[np.complex128] | Refusal:
+    """Judge a peak on the lines around it, from each of several starting poles.
+
+    Parameters
+    ----------
+    data : Functions
+    fit : Fit
+        The modes so far.
+    peak : Peak
+    start : (n_start,) complex
+        Poles to begin with, rad/s.
+    band : (float, float)
+        Where modes are wanted, Hz.
+    beside : (n_beside,) complex
+        Poles, rad/s, that other peaks nearby may have: fitted beside it, and neither judged nor returned.
+
+    Returns
+    -------
+    (n_mode,) complex or Refusal
+        Poles of the whole fit with the likeliest one of the peak last and those near it refined beside it, rad/s;
+        or why it is not to be taken in.
+    """
+    around = _surroundings(data, fit, peak, beside)
+    if share_left(data, around, around.without, peak) < LEAST_SHARE * min(peak.share, 1.0):
+        # Such lines count for little beside resonances; but what anyone sees there is in no mode of the result.
+        alone = "the modes explain it where the lines around it are fitted alone, but not beside all others"
+        return Refusal(alone, least_listed(peak, LISTED))
+    best: tuple[float, NDArray[np.complex128]] | None = None
+    refusal = Refusal("no pole of the fit comes to rest there")
+    for pole in start:
+        trial = np.append(around.without.pole, pole)
+        extended = refine(around.target.frequency, around.target.value, trial, data.quantity)
+        objection = next(objections(data, around, extended, peak, band), None)
+        if objection is not None:
+            refusal = objection
+        elif best is None or extended.objective < best[0]:
+            best = extended.objective, extended.pole
+    if best is None:
+        return refusal
+    n_near = int(np.count_nonzero(around.near))
+    return np.concatenate([fit.pole[~around.near], best[1][:n_near], best[1][-1:]])
+
+
+def _surroundings(data: Functions, fit: Fit, peak: Peak, beside: NDArray[np.complex128]) -> Surroundings:
+    """Fit the lines around a peak with the modes that are near, and with poles of other peaks, but not of its own."""
+    lines = slice(max(0, peak.line - _reach(peak)), min(data.frequency.size, peak.line + _reach(peak) + 1))
+    frequency = data.frequency[lines]
+    near = (fit.pole.imag > 2.0 * np.pi * frequency[0]) & (fit.pole.imag < 2.0 * np.pi * frequency[-1])
+    target = replace(data, frequency=frequency)
+    value = fit.residual[:, lines] + response(target, fit.pole[near], fit.residue[:, near])
+    target = replace(target, value=value)
+    without = refine(frequency, value, fit.pole[near], data.quantity)
+    if holds_pole(data, without, peak) and not holds_pole(data, fit, peak):  # it was drawn into the peak
+        without = linear_fit(frequency, value, fit.pole[near], data.quantity)
+    if beside.size:
+        pole = np.append(without.pole, beside)
+        without = refine(frequency, value, pole, data.quantity)
+        if holds_pole(data, without, peak):
+            without = linear_fit(frequency, value, pole, data.quantity)
+    return Surroundings(lines, target, near, without)
+
+
+def settled(data: Functions, fit: Fit, *, wander: float = 0.5) -> Fit:
+    """Refine all modes together, but hold those that would wander (half bandwidths) to the misfit of stronger ones."""
+    refined = refine(data.frequency, data.value, fit.pole, data.quantity, fit.weight)
+    wanders = np.abs(refined.pole - fit.pole) > -wander * fit.pole.real
+    if not wanders.any():
+        return refined
+    held = fit.pole[wanders]
+    return refine(data.frequency, data.value, fit.pole[~wanders], data.quantity, fit.weight, held=held)
+
+
+def _without_useless(data: Functions, fit: Fit, taken: list[Peak]) -> tuple[Fit, list[int]]:
+    """Give up modes that explained their peaks on the lines around them, but do not beside all others.
+
+    The misfit of much stronger modes may be as large as such a peak, and its residue goes there. So it is first tried
+    whether lines that weigh by that misfit leave the residue to its mode.
+    """
+    useless = _useless(data, fit, taken)
+    if useless:
+        weighted = settled(data, data.weigh_by_misfit(fit))
+        still = _useless(data, weighted, taken)
+        if len(still) < len(useless) and weighted.objective < fit.objective:
+            fit, useless = weighted, still
+    if not useless:
+        return fit, []
+    centre = 2.0 * np.pi * np.array([peak.frequency for peak in useless])
+    lost = np.unique(np.abs(fit.pole.imag[:, None] - centre).argmin(axis=0))
+    without = data.linear_fit(np.delete(fit.pole, lost), fit.weight)
+    return settled(data, without), [peak.line for peak in useless]
+
+
+def _useless(data: Functions, fit: Fit, taken: list[Peak], *, most_left: float = 0.5) -> list[Peak]:
+    """Peaks of which a fit leaves the most."""
+    shares = [left_of_functions(data, fit, peak.window) for peak in taken]
+    # Some functions may show nothing but noise there.
+    return [peak for peak, share in zip(taken, shares, strict=True) if np.median(share) > most_left]
+
+
+def peaks_to_report(data: Functions, fit: Fit, refused: dict[int, Refusal]) -> Left:
+    """Peaks that a user is to know of, with the reasons, from why each line was refused."""
+    left: list[tuple[Peak, str]] = []
+    for peak in _possible_modes(data, fit):
+        refusal = refused.get(peak.line)
+        if holds_pole(data, fit, peak):
+            if peak.visible and peak.share > LISTED:
+                left.append((peak, "a mode is there, but the resonance is not that of a linear mode"))
+        elif peak.share > max(
+            LEAST_ALONE if peak.visible else LISTED, LEAST_ALONE if refusal is None else refusal.least
+        ):
+            left.append((peak, EXPLAINS_LESS if refusal is None else refusal.reason))
+    return tuple(left)
+
+
+def _run_by_run_borne_out(
+    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
+) -> tuple[Fit, RunPoles]:
+    """Finish a fit, and take runs to differ in those modes alone that are borne out on the lines around them.
+
+    A mode beside another one, whose pole it draws elsewhere in each run, is taken in.
+    """
+    fit, runs = _finished(data, fit, band)
+    while True:
+        doubtful = np.flatnonzero((runs.probability < RUNS_DIFFER).any(axis=0) & resonant(fit.pole, band))
+        if doubtful.size:
+            _LOG.info("ask whether %d modes move from run to run of %d", doubtful.size, runs.run.size)
+        answers = {int(r): moves_from_run_to_run(data, fit, int(r), candidates) for r in doubtful}
+        beside = [local for _, local in answers.values() if local is not None]
+        extended = _with_a_mode_beside(data, fit, beside, band)
+        if extended is None:
             break
-        score = np.where(verdicts.accepted, np.inf, verdicts.score)
-        pole = np.delete(pole, np.argmin(score))
-    return pole
+        fit, runs = _finished(data, extended, band)
+    moves = np.array([r not in answers or answers[r][0] for r in range(fit.pole.size)], dtype=bool)
+    return fit, replace(runs, probability=np.where(moves, runs.probability, 1.0))
 
 
-def sound(fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
-    """Tell which refined poles are determined by the data and stayed where they started."""
-    half_bandwidth = -fit.pole.real
-    std = np.sqrt(np.diag(fit.pole_covariance)[1::2])
-    moved = np.abs(fit.pole - start) > MAX_MOVE * np.maximum(half_bandwidth, -start.real)
-    determined = (std < half_bandwidth) & (half_bandwidth <= MAX_DAMPING * np.abs(fit.pole))
-    return inside(fit.pole, band) & ~moved & determined
+def _with_a_mode_beside(
+    data: Functions, fit: Fit, beside: list[Fit], band: tuple[float, float]
+) -> Fit | None:
+    """Return the fit with the likeliest mode, if there is any, of those that lines around others show, the last each.
+
+    Whether it has the phases of a mode is seen on the lines around it: beside all others what else is missing counts.
+    """
+    threshold = significance_threshold(*data.value.shape)
+    best = None
+    for local in beside:
+        verdicts = judge(data.frequency[: local.residual.shape[1]], local, data.quantity)
+        if not inside(local.pole, band)[-1] or not verdicts.accepted[-1] or is_split(local, -1):
+            continue
+        trial = np.append(fit.pole, local.pole[-1])
+        extended = refine(data.frequency, data.value, trial, data.quantity, fit.weight)
+        stays = is_sound(extended, trial, band)[-1] and not is_confined(extended, data.run)[-1]
+        gain = 2.0 * (fit.objective - extended.objective)
+        kept = stays and gain > threshold and not is_split(extended, -1)
+        if kept and extended.objective < (fit if best is None else best).objective:
+            best = extended
+    return best
+
+
+def _finished(data: Functions, fit: Fit, band: tuple[float, float]) -> tuple[Fit, RunPoles]:
+    """Refine once more with the weights of the coherences, sort, and refine run by run.
+
+    A function is weighted only where that makes its residuals likelier: coherences are lost in files, rounded,
+    or low for other reasons than noise. Lines may weigh by the misfit already.
+    """
+    likelier = np.array(
+        [
+            np.sum(by_coherence * np.abs(rest) ** 2) < np.sum(before * np.abs(rest) ** 2)
+            for by_coherence, before, rest in zip(data.weight, fit.weight, fit.residual, strict=True)
+        ]
+    )
+    if likelier.any():
+        weight = np.where(likelier[:, None], data.weight, fit.weight)
+        weighted = refine(data.frequency, data.value, fit.pole, data.quantity, weight)
+        # What leaves its resonance was held there by lines that now count for little.
+        if np.all(np.abs(weighted.pole - fit.pole) < -fit.pole.real):
+            fit = weighted
+    rank = np.lexsort((np.abs(fit.pole), ~resonant(fit.pole, band)))
+    fit = linear_fit(data.frequency, data.value, fit.pole[rank], data.quantity, fit.weight)
+    return fit, run_poles(data, fit)

@@ -29,7 +29,7 @@ import scipy
 import scipy.linalg
 from numpy.typing import NDArray
 
-from ema.identification.significance import MIN_COLLINEARITY, MIN_REALNESS, inflation
+from ema.identification.evidence import FALSE_ALARM, MIN_COLLINEARITY, MIN_REALNESS, inflation
 from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dofs, driving_points
 from ema.types.modal_model import ModalModel, synthesize
@@ -113,8 +113,6 @@ def shapes_from_residues(
     return Shapes(shape=shape, std=std, scaled=scaled)
 
 
-FALSE_ALARM = 1e-4
-"""Chance that noise alone makes the residues of one pole those of two modes."""
 LEAST_PART = 0.02
 """Part of a second mode in the residues, relative to the first, below which it may be an error of the measurement."""
 LEAST_DEFINITE = 1e-3

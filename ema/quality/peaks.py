@@ -279,3 +279,61 @@ def _local_fit(value: NDArray[np.complex128], peak: int) -> tuple[complex, NDArr
     if not x[0] < pole.real < x[-1]:
         return None
     return pole, coefficient[0] * size[size > 0.0]
+
+
+def peaks_of_any_width(
+    power: NDArray[np.float64], prominence: float, *, averaged: int = 4, fewest_blocks: int = 64
+) -> list[tuple[int, int, int]]:
+    """Return `peaks_over_noise`, then those of the power averaged over `averaged` lines, over its square, and so on.
+
+    A resonance that is wide beside the spacing of the lines is seen in noise from which no single line stands out.
+    """
+    peaks = peaks_over_noise(power, prominence)
+    width = averaged
+    while power.size >= fewest_blocks * width:
+        block = power[: power.size // width * width].reshape(-1, width).mean(axis=1)
+        for line, first, last in peaks_over_noise(block, prominence):
+            start, stop = width * first, width * (last + 1)
+            if not any(known_first < stop and start <= known_last for _, known_first, known_last in peaks):
+                peaks.append((width * line + width // 2, start, stop - 1))
+        width *= averaged
+    return peaks
+
+
+def peaks_over_noise(
+    power: NDArray[np.float64], prominence: float, *, over_noise: float = 8.0
+) -> list[tuple[int, int, int]]:
+    """Line, and first and last line around it, of peaks that stand out of the noise, the highest first.
+
+    Peaks are at least `prominence` dB high and `over_noise` standard deviations of the noise from line to line.
+    """
+    level = 10.0 * np.log10(np.maximum(power, 1e-12 * power.max()))
+    lines, heights = find_peaks(level, prominence)
+    return [
+        (int(lines[k]), *_around(level, int(lines[k]), min(0.8 * heights[k], 3.0)))
+        for k in np.argsort(-heights)
+        if heights[k] > over_noise * _scatter(level, int(lines[k]))
+    ]
+
+
+def _scatter(level: NDArray[np.float64], line: int, *, reach: int = 50) -> float:
+    """Return the scatter of a level around a line, from its second differences, which no smooth course enlarges.
+
+    Their variance is 6 times that of a line; the median of absolute normal numbers is 0.6745 standard deviations.
+    """
+    near = np.abs(np.diff(level[max(0, line - reach) : line + reach + 1], 2))
+    return float(np.median(near) / (0.6745 * np.sqrt(6.0)))
+
+
+def _around(level: NDArray[np.float64], line: int, depth: float, *, lopsided: int = 3) -> tuple[int, int]:
+    """First and last line around a peak that lie less than a depth (dB) below it, neither much farther than the other.
+
+    A resonance upon the flanks of others is often a dip and a peak, from which a plateau leads away: of what is more
+    than `lopsided` times as far as the steep side, the rest is such a plateau.
+    """
+    below = np.flatnonzero(level < level[line] - depth)
+    before, after = below[below < line], below[below > line]
+    first = int(before[-1]) + 1 if before.size else 0
+    last = int(after[0]) - 1 if after.size else level.size - 1
+    reach = lopsided * max(1, min(line - first, last - line))
+    return max(first, line - reach), min(last, line + reach)

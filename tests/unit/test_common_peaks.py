@@ -5,10 +5,10 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from ema.identification.band_fit import SEVERAL, BandFit, _told_of, fit_band, is_common
+from ema.identification.evidence import unexplained_peaks
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
 from ema.identification.run_poles import run_poles
-from ema.identification.unexplained import unexplained_peaks
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.identification.evidence import is_confined, is_split, judge, likeliest_poles, variance_inflation
 from ema.identification.maximum_likelihood import linear_fit, refine
-from ema.identification.significance import is_confined, is_split, judge, likeliest_poles, variance_inflation
 
 F = np.arange(1.0, 800.0, 0.5)
 POLE = 2 * np.pi * np.array([100.0, 240.0, 500.0]) * (-0.01 + 1j)

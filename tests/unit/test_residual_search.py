@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ema.identification.evidence import LISTED, Refusal, unexplained_peaks
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
-from ema.identification.residual_search import LISTED, Refusal, _listed, take_in_peaks, try_peak
-from ema.identification.unexplained import _peaks, _peaks_of_any_width, unexplained_peaks
+from ema.identification.selection import peaks_to_report, take_in_peaks, try_peak
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
-from ema.quality.peaks import noise_slope, whitest
+from ema.quality.peaks import noise_slope, peaks_of_any_width, peaks_over_noise, whitest
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
@@ -65,8 +65,8 @@ def test_wide_peaks_are_seen_in_noise_that_often_hides_each_line():
     by_line, by_any = 0, 0
     for seed in range(50):
         power = bump * np.random.default_rng(seed).gamma(5.0, 0.2, frequency.size)
-        by_line += any(abs(line - 1200) < 60 for line, _, _ in _peaks(power, 1.0))
-        by_any += any(abs(line - 1200) < 60 for line, _, _ in _peaks_of_any_width(power, 1.0))
+        by_line += any(abs(line - 1200) < 60 for line, _, _ in peaks_over_noise(power, 1.0))
+        by_any += any(abs(line - 1200) < 60 for line, _, _ in peaks_of_any_width(power, 1.0))
     assert by_line < 0.5 * 50
     assert by_any > 0.95 * 50
 
@@ -75,7 +75,7 @@ def test_averaged_lines_add_few_peaks_that_are_noise():
     more = 0
     for seed in range(200):
         noise = np.random.default_rng(seed).gamma(10.0, 1.0, 2000)
-        more += len(_peaks_of_any_width(noise, 1.0)) - len(_peaks(noise, 1.0))
+        more += len(peaks_of_any_width(noise, 1.0)) - len(peaks_over_noise(noise, 1.0))
     assert more <= 0.05 * 200
 
 
@@ -131,8 +131,8 @@ def test_what_the_modes_leave_in_the_end_decides_whether_a_peak_is_listed():
     (peak,) = unexplained_peaks(data, two)
     assert peak.share > LISTED
     refused = {peak.line: Refusal(reason="explained by others once", least=LISTED)}
-    assert [reason for _, reason in _listed(data, two, refused)] == ["explained by others once"]
-    assert _listed(data, two, {peak.line: Refusal(reason="noise", least=np.inf)}) == ()
+    assert [reason for _, reason in peaks_to_report(data, two, refused)] == ["explained by others once"]
+    assert peaks_to_report(data, two, {peak.line: Refusal(reason="noise", least=np.inf)}) == ()
 
 
 def test_a_line_of_the_mains_is_listed_and_no_mode():
