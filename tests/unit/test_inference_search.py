@@ -51,7 +51,9 @@ class Choice(Chain):
         )
 
 
-Choice.of = lambda self, coordinates: Choice(self.states, tuple(self.terms.values()), tuple(coordinates))
+Choice.of = lambda self, coordinates, _=None: Choice(
+    self.states, tuple(self.terms.values()), tuple(coordinates)
+)
 
 
 def states(loss):

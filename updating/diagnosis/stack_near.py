@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -101,11 +101,12 @@ class Whole(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Terms of the same target and factor, as one matrix."""
+    """A term: its factor, the moving parameters of that, and which of them leave nothing of it where neutral."""
 
     target: Target
     factor: ParameterFactor
     names: frozenset[str]
+    needs: frozenset[str]
     matrix: Vector
 
 
@@ -124,6 +125,36 @@ def _times(matrix: Matrix, x: Vector) -> Vector:
 def _parallel(one: Vector, other: Vector) -> bool:
     """Tell whether two forces differ by a factor only."""
     return abs(np.vdot(one, other)) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other)
+
+
+def _leading(blocks: Vector, energy: Vector, mass: Vector) -> Vector:
+    """Return a basis of what counts in some vectors.
+
+    Parameters
+    ----------
+    blocks : (n, k) float
+        Modes, scaled to an energy of 1 and more, and responses to steps of coordinates.
+    energy : (n, n) float
+        Lower Cholesky factor of the matrix that measures energy.
+    mass : (n, n) float
+        The mass, for which the basis is orthonormal.
+
+    Returns
+    -------
+    (n, m) float
+        The basis, the strongest combinations first.
+    """
+    weighed = energy.T @ blocks
+    if weighed.shape[1] > 2 * weighed.shape[0]:
+        square, direction = la.eigh(weighed @ weighed.T)
+        order = np.argsort(-square)
+        strength, direction = np.sqrt(np.maximum(square[order], 0.0)), direction[:, order]
+    else:
+        direction, strength, _ = la.svd(weighed, full_matrices=False)
+    kept = int(np.count_nonzero(strength > RESPONSE))
+    basis = la.solve_triangular(energy.T, direction[:, :kept])
+    root = la.cholesky(basis.T @ mass @ basis, lower=True)
+    return np.asarray(la.solve_triangular(root, basis.T, lower=True).T)
 
 
 class StackNear:
@@ -229,7 +260,7 @@ class StackNear:
                 first_mass = mass
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
             size = np.sqrt(np.maximum(value, floor))
-            blocks.append(vector[:, :n_basis] * (size[0] / size[:n_basis]) * 30.0)
+            blocks.append(vector[:, :n_basis] * (30.0 / size[:n_basis]))
             low, beyond = vector[:, : self.n_equation], vector[:, n_basis:]
             lam = np.maximum(value[: self.n_equation], floor)
             below = value[n_basis:, None] - lam
@@ -264,27 +295,15 @@ class StackNear:
                     for name in self.sized
                 ]
             if answering:
-                forces = np.hstack([own * (size[0] * small / np.sqrt(lam)) for own, small in answering])
+                forces = np.hstack([own * (small / np.sqrt(lam)) for own, small in answering])
                 blocks.append(beyond @ ((beyond.T @ forces) / np.tile(below, len(answering))))
             if c < n_state:
                 finer, inertia = whole.finer_mesh(theta)
                 self.mesh.append(finer)
                 self._inertia.append(inertia)
         assert reference is not None
-        energy = reference.T @ np.hstack(blocks) / size[0]
-        if energy.shape[1] > 2 * energy.shape[0]:
-            square, direction = la.eigh(energy @ energy.T)
-            order = np.argsort(-square)
-            strength, direction = np.sqrt(np.maximum(square[order], 0.0)), direction[:, order]
-        else:
-            direction, strength, _ = la.svd(energy, full_matrices=False)
-        kept = int(np.count_nonzero(strength > RESPONSE))
-        basis = la.solve_triangular(reference.T, direction[:, :kept])
-        root = la.cholesky(basis.T @ first_mass @ basis, lower=True)
-        self.basis = la.solve_triangular(
-            root, basis.T, lower=True
-        ).T  # mass of the first point is the identity
-        self.size = kept
+        self.basis = _leading(np.hstack(blocks), reference, first_mass)
+        self.size = self.basis.shape[1]
 
     def _sized(self, name: str, theta: Mapping[str, float], low: Vector, lam: Vector) -> Vector:
         """Return the force by which a dimension acts on modes, per unit of its logarithm."""
@@ -303,7 +322,19 @@ class StackNear:
             return projected[id(matrix)]
 
         n = self.size
-        parts = [_Part(t.target, t.factor, names, project(t.matrix)) for t, names in terms if names]
+        neutral = self.whole.theta(dict.fromkeys(self.names, 0.0), 0)[0]
+        anywhere = generic(neutral, self.moving)
+        parts = [
+            _Part(
+                t.target,
+                t.factor,
+                names,
+                frozenset(n for n in names & self.moving if not t.factor({**anywhere, n: neutral[n]})),
+                project(t.matrix),
+            )
+            for t, names in terms
+            if names
+        ]
         self.linear = {t: np.zeros((len(thetas), len(self.near) + len(self.sized), n, n)) for t in "KM"}
         fixed = {t: np.zeros((len(thetas), n, n)) for t in "KMC"}
         for c, theta in enumerate(thetas):
@@ -328,27 +359,59 @@ class StackNear:
         self.rows = [own.rows @ self.basis for own in self.whole.measured]
         self.slopes = [own.slope @ self.basis for own in self.whole.measured]
 
-    def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
-        """Return the same for some of the coordinates; the others stay where they are neutral."""
+    def of(self, coordinates: Sequence[Coordinate], point: Vector | None = None) -> StackNear:
+        """Return the same for some of the coordinates; the others stay where they are neutral.
+
+        With a `point` it holds about that alone, on a basis that is as much smaller.
+        """
         part = copy.copy(self)
         part.names = [c.name for c in coordinates]
         part.at = {name: i for i, name in enumerate(part.names)}
         part.far = [n for n in self.far if n in part.at]
         part.moving = frozenset(part.far)
         neutral = [self.whole.theta(dict.fromkeys(part.names, 0.0), c)[0] for c in range(len(self.rows))]
-        anywhere = [generic(theta, part.moving) for theta in neutral]
-        idle = frozenset(self.whole.parameters) - part.moving
-        keep: list[_Part] = []
-        fixed = {t: m.copy() for t, m in self.fixed.items()}
-        for p in self.parts:
-            if not p.names & (part.moving | {OMEGA}):
+        moving = part.moving | {OMEGA}
+        there = [p for p in self.parts if p.needs <= part.moving]
+        part.fixed = {t: m.copy() for t, m in self.fixed.items()}
+        for p in there:
+            if not p.names & moving:
                 for c, theta in enumerate(neutral):
-                    fixed[p.target][c] += p.factor(theta) * p.matrix
-            elif not p.names & idle or any(p.factor(theta) != 0.0 for theta in anywhere):
-                keep.append(p)
-        part.fixed = fixed
-        part._stack(keep)
+                    part.fixed[p.target][c] += p.factor(theta) * p.matrix
+        part._stack([p for p in there if p.names & moving])
+        if point is not None:
+            part._condense(point, [c.step for c in coordinates])
         return part
+
+    def _condense(self, x: Vector, step: Sequence[float]) -> None:
+        """Take for basis the modes at a point and how the lowest answer to each coordinate, as `_basis` does."""
+        n_basis = self.n_equation + N_FURTHER
+        if n_basis >= self.size:
+            return
+        at, blocks, first = dict(zip(self.names, x.tolist(), strict=True)), list[Vector](), None
+        for state in range(len(self.rows)):
+            theta, slope = self.whole.theta(at, state)
+            value, every, matrix = self.solved(x, state)
+            floor = value[value > self.whole.rigid][0]
+            size = np.sqrt(np.maximum(value, floor))
+            if first is None:
+                first = la.cholesky(matrix["K"] + floor * matrix["M"], lower=True), matrix["M"]
+            lam, below = value[: self.n_equation], value[n_basis:, None]
+            held = np.maximum(lam, floor)
+            blocks.append(every[:, :n_basis] * (30.0 / size[:n_basis]))
+            between = self._between(every)
+            answers = [
+                (change[0, n_basis:] - change[1, n_basis:] * lam) * (step[i] / np.sqrt(held)) / (below - held)
+                for i, change in self._moves(theta, slope, state, every, between).items()
+            ]
+            blocks.append(every[:, n_basis:] @ np.hstack(answers))
+        assert first is not None
+        basis = _leading(np.hstack(blocks), *first)
+        self.basis, self.size = self.basis @ basis, basis.shape[1]
+        self.fixed = {t: basis.T @ own @ basis for t, own in self.fixed.items()}
+        self.linear = {t: basis.T @ own @ basis for t, own in self.linear.items()}
+        self._stack([replace(p, matrix=basis.T @ p.matrix @ basis) for p in self.parts])
+        self.rows = [own @ basis for own in self.rows]
+        self.slopes = [own @ basis for own in self.slopes]
 
     def measured_as(self, whole: Whole) -> StackNear:
         """Return the same for other measured modes of the same states and points, those of `whole`."""
@@ -367,9 +430,7 @@ class StackNear:
         value = value[: self.n_equation]
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))
         value[:n_rigid] = 0.0
-        between = {
-            t: every.T @ (self.stacked[t] @ vector) if self.of_target[t] else np.zeros(0) for t in "KM"
-        }
+        between = self._between(every)
         moves = self._moves(theta, slope, state, every, between)
         stiffness, mass = (
             np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, self.size, self.n_equation)
@@ -424,6 +485,11 @@ class StackNear:
             of_mode_moves=np.array(sorted(of_mode_change), dtype=np.intp),
             of_mode_change=np.array([of_mode_change[i] for i in sorted(of_mode_change)]),
         )
+
+    def _between(self, every: Vector) -> dict[str, Vector]:
+        """Return the terms of K and M between all modes and those in equations, (n_part, size, n_equation)."""
+        low = every[:, : self.n_equation]
+        return {t: every.T @ (self.stacked[t] @ low) if self.of_target[t] else np.zeros(0) for t in "KM"}
 
     def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
         """Return all eigenvalues and modes of the local equations at coordinates, and K, M and C."""

@@ -66,11 +66,20 @@ class StackScreen:
                 if t != "C":
                     self._beyond[t] = np.einsum("ib,pib->pb", every[:, m:], whole[:, :, m:])
         self._here = near.whole.theta(dict(zip(near.names, x.tolist(), strict=True)), state)[0]
+        self._factors: dict[int, Vector] = {}
         slip = near.whole.slip
         slips = slip is not None and near.whole.measured[state].strain is not None
         self._slips = (
             {near.at[p.name] for p in slip.parameters if p.name in near.at} if slip and slips else set()
         )
+
+    def _factor(self, part: Any, slow: bool) -> Vector:
+        """Return the factor of a part at the point; at the frequency of each measured mode where it depends on that."""
+        if id(part) not in self._factors:
+            omega = 2.0 * np.pi * self.near.whole.measured[self.state].state.frequency
+            points = [{**self._here, OMEGA: w} for w in omega.tolist()] if slow else [self._here]
+            self._factors[id(part)] = np.array([part.factor(at) for at in points])
+        return self._factors[id(part)]
 
     def change(self, x: Vector) -> Change | None:
         """Return what the coordinates that differ at `x` change; None where that depends on amplitudes."""
@@ -79,25 +88,29 @@ class StackScreen:
         if self._slips.intersection(moved):
             return None
         names = frozenset(near.names[i] for i in moved)
+        nothing = frozenset(near.names[i] for i in np.flatnonzero((x == 0.0) & (self.x == 0.0)).tolist())
         theta, slope = near.whole.theta(dict(zip(near.names, x.tolist(), strict=True)), self.state)
         omega = 2.0 * np.pi * near.whole.measured[self.state].state.frequency
 
+        at_modes = [{**theta, OMEGA: w} for w in omega.tolist()]
+
         def summed(target: Target, blocks: Vector) -> tuple[Vector, Vector]:
             """Return the sum over terms of what changes, and its derivatives, last axes as those of `blocks`."""
-            total, by = np.zeros((1, *blocks.shape[1:])), np.zeros((len(moved), 1, *blocks.shape[1:]))
-            for p, block in zip(near.of_target[target], blocks, strict=True):
-                if not p.names & names:
-                    continue
-                each = [{OMEGA: w} for w in omega.tolist()] if OMEGA in p.names and target != "M" else [{}]
-                factor = np.array([p.factor({**theta, **at}) - p.factor({**self._here, **at}) for at in each])
-                total = total + np.multiply.outer(factor, block)
-                for k, name in enumerate(near.names[i] for i in moved):
+            acting = [
+                i for i, p in enumerate(near.of_target[target]) if p.names & names and not p.needs & nothing
+            ]
+            parts = [near.of_target[target][i] for i in acting]
+            slow = [OMEGA in p.names and target != "M" for p in parts]
+            n = len(at_modes) if any(slow) else 1
+            weight = np.zeros((1 + len(moved), n, len(parts)))  # of each part, and its derivatives
+            for i, (p, each) in enumerate(zip(parts, slow, strict=True)):
+                points, here = at_modes if each else [theta], self._factor(p, each)
+                weight[0, :, i] = [p.factor(at) for at in points] - here
+                for k, name in enumerate(near.names[j] for j in moved):
                     if name in p.names:
-                        rate = [p.factor.derivative({**theta, **at}, name) * slope[name] for at in each]
-                        if len(rate) > by.shape[1]:
-                            by = np.repeat(by, len(rate), axis=1)
-                        by[k] += np.multiply.outer(rate, block)
-            return total, by
+                        weight[1 + k, :, i] = [p.factor.derivative(at, name) * slope[name] for at in points]
+            summed = np.tensordot(weight, blocks[acting], 1)
+            return summed[0], summed[1:]
 
         none = np.zeros((0, near.size, near.n_equation))
         stiffness, mass, damping = (

@@ -1,4 +1,4 @@
-"""A screening of all terms: what one step from each of their starts is expected to reach.
+"""A screening of all terms: what a few steps from each of their starts are expected to reach.
 
 A change of the model acts linearly on equation errors, whatever its size, for given modal coordinates of the measured
 modes. So the errors at a start of a term are those at the origin, where the term is neutral, and
@@ -66,24 +66,27 @@ def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tupl
     n, k = len(weight), change.moved.size
 
     def each(pair: tuple[Vector, Vector]) -> Vector:
-        first, by = pair
-        return np.concatenate(
-            [np.broadcast_to(first, (n, *first.shape[1:]))[None], np.broadcast_to(by, (k, n, *by.shape[2:]))]
-        )
+        return np.concatenate([pair[0][None], np.broadcast_to(pair[1], (k, *pair[0].shape))])
 
-    dynamic = each(change.stiffness) - lam[..., None] * each(change.mass)  # (1 + k, n, M, m)
-    force = np.einsum("krij,rj->kri", dynamic, weight)
+    stiffness, mass = each(change.stiffness), each(change.mass)  # (1 + k, 1 or n, M, m)
+
+    def force(of: slice, modes: Vector, *, back: bool = False, to: slice = slice(None)) -> Vector:
+        """Return the dynamic stiffness of some changes times modal coordinates (..., n, m), or those beyond back."""
+        parts = (own[of, :, to].swapaxes(-1, -2) if back else own[of, :, to] for own in (stiffness, mass))
+        return next(parts) @ modes[..., None] - lam[..., None] * (next(parts) @ modes[..., None])
+
+    onto = force(slice(None), weight)[..., 0]
     beyond = each(change.stiffness_beyond) - lam * each(change.mass_beyond)
     held = modal.beyond - lam
     held = np.maximum(held + beyond[0], 0.1 * held)
-    answer = -force[0, :, m:] / held  # of the modes beyond
-    turned = -(force[1:, :, m:] + beyond[1:] * answer) / held
-    low = force[:, :, :m] + np.einsum("krbi,rb->kri", dynamic[:, :, m:], answer)
-    low[1:] += np.einsum("rbi,krb->kri", dynamic[0, :, m:], turned)
+    answer = -onto[0, :, m:] / held  # of the modes beyond
+    turned = -(onto[1:, :, m:] + beyond[1:] * answer) / held
+    low = onto[:, :, :m] + force(slice(None), answer, back=True, to=slice(m, None))[..., 0]
+    low[1:] += force(slice(1), turned, back=True, to=slice(m, None))[..., 0]
     value = -(low / scales(state, modal)).reshape(k + 1, -1).T
     lost, carried = (
-        np.einsum("ri,krij,rj->kr", weight, own, weight)
-        for own in (each(change.damping), each(change.mass)[:, :, :m])
+        np.einsum("ri,krij,rj->kr", weight, np.broadcast_to(own, (k + 1, n, m, m)), weight)
+        for own in (each(change.damping), mass[:, :, :m])
     )
     carried[0] += 1.0  # the modal mass of what was measured
     omega = 2.0 * np.pi * state.frequency
@@ -119,10 +122,10 @@ def screened(
     origins : sequence of mapping of str to float
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
     asked, each : int
-        Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these and
-        that of each origin.
+        Terms, the best of the screening, of which the model itself is asked, and starts of each and origin, the best of
+        these, from which further steps are taken by twice as many terms.
     steps : int
-        Most steps that are taken from there, for what one promises of a start far off is little more than a rank.
+        Most of these, for what one promises of a start far off is little more than a rank.
     weak : float
         Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
     """
@@ -133,47 +136,73 @@ def screened(
     for x in points:
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
             at.append((x, _origin(model, setting, local, x, sizes)))
-    best: dict[str, list[tuple[float, int, Vector]]] = {}
-    for term in further:
-        together = coordinates_of(model, [*present, term])
-        columns = np.array([index[c.name] for c in together])
-        new = [c for c in together if c.name not in origins[0]]
+    if not at:
+        return {}
+    together = {term.name: coordinates_of(model, [*present, term]) for term in further}
+    columns = {n: np.array([index[c.name] for c in own]) for n, own in together.items()}
+    first: dict[str, list[tuple[float, Vector, int]]] = {}  # steps, the best first, and from which origin
+    for name, own in together.items():
+        new = [c for c in own if c.name not in origins[0]]
         trials = list(itertools.product(*(c.starts for c in new)))
-        trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in own) for own in trials if new]
+        trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in values) for values in trials if new]
+        first[name] = []
         for values, (o, (x, origin)) in itertools.product(trials, enumerate(at)):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
-            ahead = _ahead(model, origin, start, columns, together) if origin is not None else None
-            best.setdefault(term.name, []).append((np.inf if ahead is None else ahead, o, start[columns]))
-    ranked = sorted(best, key=lambda name: -max(ahead for ahead, *_ in best[name]))
+            step = None if origin is None else _ahead(model, origin, start, columns[name], own)
+            first[name].append((*(step or (np.inf, start[columns[name]])), o))
+        first[name].sort(key=lambda one: -one[0])
+    ways: dict[str, list[tuple[float, Vector]]] = {}
+    for name in sorted(first, key=lambda name: -first[name][0][0])[: 2 * asked]:
+        ways[name] = [(ahead, x) for ahead, x, _ in first[name] if not np.isfinite(ahead)]
+        for o, (_, origin) in enumerate(at):
+            steps_from = [(ahead, x) for ahead, x, of in first[name] if of == o and np.isfinite(ahead)][:each]
+            if origin is not None and steps_from:
+                walks = [
+                    _walk(model, origin, one, columns[name], together[name], steps) for one in steps_from
+                ]
+                ways[name].append(max(walks, key=lambda one: one[0]))
     found: dict[str, tuple[float, Vector]] = {}
     by_name = {term.name: term for term in further}
-    for i, name in enumerate(ranked):
-        tried = sorted(best[name], key=lambda one: -one[0])
-        known = np.isfinite(tried[0][0])
-        if i >= asked and known:
-            break
-        first = [next(j for j, one in enumerate(tried) if one[1] == o) for o in {one[1] for one in tried}]
-        chosen = sorted({*range(min(each, len(tried))), *first}) if known else range(len(tried))
+    for name in sorted(ways, key=lambda name: -max(ahead for ahead, _ in ways[name]))[:asked]:
         terms = [*present, by_name[name]]
-        near = local.of(coordinates_of(model, terms))
-        for j in chosen:
+        for _, start in ways[name]:
             one = None
             with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                one = outlook(model, terms, setting, tried[j][2], near, sizes)
-                for _ in range(steps - 1):
-                    before, one = one, outlook(model, terms, setting, one[1], near, sizes)
-                    if abs(one[0] - before[0]) < 1.0:
-                        break
+                near = local.of(together[name], start)
+                one = outlook(model, terms, setting, start, near, sizes)
+                one = outlook(model, terms, setting, one[1], near, sizes)
             if one is not None and (name not in found or one[0] > found[name][0]):
                 found[name] = one
     return found
 
 
+def _walk(
+    model: Model,
+    origin: _Origin,
+    first: tuple[float, Vector],
+    columns: NDArray[np.intp],
+    coordinates: Sequence[Coordinate],
+    steps: int,
+) -> tuple[float, Vector]:
+    """Return what several steps are expected to reach, the first of which is taken, minus the cost, and where."""
+    before, one = -np.inf, first
+    for _ in range(steps - 1):
+        if abs(one[0] - before) < 1.0:
+            break
+        before, start = one[0], origin.x.copy()
+        start[columns] = one[1]
+        after = _ahead(model, origin, start, columns, coordinates)
+        if after is None:
+            break
+        one = after
+    return one
+
+
 def _ahead(
     model: Model, origin: _Origin, start: Vector, columns: NDArray[np.intp], coordinates: Sequence[Coordinate]
-) -> float | None:
-    """Return what one step from a start is expected to reach, minus the cost; None where no change is known."""
+) -> tuple[float, Vector] | None:
+    """Return what one step from a start is expected to reach, minus the cost, and where; None if unknown."""
     value, jacobian = origin.value, origin.jacobian[:, columns]
     if np.any(start != origin.x):
         parts = []
@@ -200,4 +229,4 @@ def _ahead(
     hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
     step = step_within(slope, hessian, x, coordinates) - x
     total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log
-    return -total - float(slope @ step + 0.5 * step @ hessian @ step)
+    return -total - float(slope @ step + 0.5 * step @ hessian @ step), x + step
