@@ -3,23 +3,28 @@ from model.effects.catalogue import catalogue, find_effects, printed_effects, re
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
 from model.matrices.reduced import ReducedMatrices, reduce_matrices
 from model.matrices.structure import MatrixStructure, read_matrices
-from model.modes.backbone import Backbone, backbone
-from model.modes.contact_strain import ContactStrain, contact_strain
+from model.modes.backbone import Backbone, ContactStrain, backbone, contact_strain
 from model.modes.enrichment import enriched, with_attachment_modes
-from model.modes.modes import Modes, complex_modes, solve_modes
-from model.modes.observation import Observation, Observed, observe, sample_points
+from model.modes.modes import (
+    Modes,
+    Observation,
+    Observed,
+    Surface,
+    complex_modes,
+    mode_surface,
+    observe,
+    sample_points,
+    solve_modes,
+)
 from model.modes.refinement import Refined, refine
 from model.modes.response import frf, frf_direct
-from model.modes.surface import Surface, mode_surface
-from model.plot.shapes import mode_plotter
-from model.reduction.assemble import assemble
+from model.plot.plots import mode_plotter
 from model.reduction.reduced_equations import ReducedEquations
-from model.reduction.reduction import ReducedSystem, reduce, reduced_terms
+from model.reduction.reduction import ReducedSystem, assemble, reduce, reduced_terms
 from model.reduction.truncation import Sampled, truncated
 from model.stack.effect import Effect, Parameter, shared_parameters
 from model.stack.errors import EffectError, MatricesError, ModelError, SolveError, StackError
-from model.stack.material import Material
-from model.stack.parts import Clamp, Contact, Instruments, Mesh
+from model.stack.parts import Clamp, Contact, Instruments, Material, Mesh
 from model.stack.stack import Stack
 from model.stack.stack_file import read_stack
 

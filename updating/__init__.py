@@ -12,4 +12,4 @@ from ema.types.lazy import exports
 from ema.types.shown import drawn_by
 
 __all__, __getattr__, __dir__ = exports(__name__, __file__)
-drawn_by("updating.report.notebook")
+drawn_by("updating.report.files")

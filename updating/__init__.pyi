@@ -1,15 +1,16 @@
-from updating.correlation.correlation import Correlation, correlate
-from updating.correlation.energy import Regions, modal_energy, regions
-from updating.correlation.expansion import Expansion, expand, expanded_modes
-from updating.correlation.frf_correlation import FrfCorrelation, correlate_frf, fdac
-from updating.correlation.localization import ErrorMap, map_error
-from updating.correlation.macxp import macx, macxp, poles
-from updating.correlation.orthogonality import cross_orthogonality
-from updating.correlation.pairing import Pairing, pair
-from updating.correlation.point_correlation import PointCorrelation, correlate_points
-from updating.correlation.registration import Registration, register
-from updating.correlation.subspace import subspace_mac
-from updating.correlation.tracking import Track, track
+from updating.correlation.correlation import (
+    Correlation,
+    FrfCorrelation,
+    PointCorrelation,
+    correlate,
+    correlate_frf,
+    correlate_points,
+    fdac,
+)
+from updating.correlation.criteria import cross_orthogonality, macx, macxp, poles, subspace_mac
+from updating.correlation.localization import ErrorMap, Regions, map_error, modal_energy, regions
+from updating.correlation.pairing import Pairing, Track, pair, track
+from updating.correlation.registration import Expansion, Registration, expand, expanded_modes, register
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
@@ -17,8 +18,7 @@ from updating.diagnosis.fit_settings import FitSettings
 from updating.diagnosis.joint_answer import FittedParameter, JointFit, Updated
 from updating.diagnosis.matrices_answer import MatricesFit, diagnose_matrices, fit_matrices
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
-from updating.fitting.fit import Estimate, Fit, fit
-from updating.fitting.objective import frequency_error, opt_d, opt_G
+from updating.fitting.fit import Estimate, Fit, fit, frequency_error, opt_d, opt_G
 from updating.pooled.joint_fit import joint_fit
 from updating.pooled.specimen import Specimen
 from updating.report.page import write_report

@@ -9,7 +9,7 @@ Mistaken for: lost_contact_ends with the opposite sign, adhesive_edges.
 import numpy as np
 
 from model import Effect, Monomial, Parameter, Term
-from model.contact.tangential import tangential_krons
+from model.contact.contact import tangential_krons
 
 
 def terms(assembly):

@@ -27,7 +27,7 @@ import scipy.sparse.linalg as sla
 from ema.io.uff import write_uff
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
-from model.matrices.nodes import read_nodes
+from model.matrices.rows import read_nodes
 
 HERE = Path(__file__).parent
 LENGTH, WIDTH, THICKNESS = 240.0, 160.0, 4.0  # mm

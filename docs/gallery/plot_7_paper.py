@@ -53,7 +53,7 @@ figure.axes[0].set_ylabel("frequency error [%]")
 # %%
 # Every calibration has a third bending mode, near 680 Hz under C1, between the modes that the paper reports. Neither
 # damping nor a neighbour can hide it: it is far more than its bandwidth away from both neighbours.
-from updating.correlation.shape_class import class_grid, shape_classes
+from updating.correlation.criteria import class_grid, shape_classes
 
 stack = model.read_stack(DATA / "pirnat2013/stack_C1.toml").with_effects(
     *model.find_effects(["clamp_inertia"])

@@ -50,7 +50,7 @@ for name, own in modes.items():
 
 # %%
 # The map of the probability of the location after the transport: one of the clamps.
-from updating.report.what_changed_part import map_figure
+from updating.report.change_part import map_figure
 
 transport = map_figure(answers["change_a"])
 

@@ -15,7 +15,7 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from ema.plot import palette
 from updating.diagnosis.answer import Diagnosis
-from updating.fitting.shape_plot import SWELL, ShapePair, shape_pairs
+from updating.fitting.plots import SWELL, ShapePair, shape_pairs
 from updating.report.identified_model import with_models
 from updating.report.results import read_results
 from updating.results.text import percent, together

@@ -18,7 +18,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from updating.report.pdf import find_browser
+from updating.report.files import find_browser
 
 SIZE = {"width": 1200, "height": 860}
 COLOURS = 96
@@ -45,8 +45,8 @@ def take(page: Any, path: Path) -> None:
     image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
-def rooms(page: Any, address: str, folder: Path) -> None:
-    """Go through the rooms of the workbench and take a picture of each that the tutorial shows."""
+def panels(page: Any, address: str, folder: Path) -> None:
+    """Go through the panels of the workbench and take a picture of each that the tutorial shows."""
     page.goto(address)
     page.wait_for_selector("#points .js-plotly-plot")
     take(page, folder / "tutorial_measurement.png")
@@ -72,7 +72,7 @@ def main(results: Path, pictures: Path) -> None:
         page = browser.new_page(viewport=SIZE)
         page.set_default_timeout(180_000)
         with workbench(results) as address:
-            rooms(page, address, pictures)
+            panels(page, address, pictures)
         page.goto((results / "report.html").absolute().as_uri())
         take(page, pictures / "tutorial_report.png")
         browser.close()

@@ -18,9 +18,8 @@ import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
 from model.contact.pressure import InterfaceLaw, PressureField
-from model.elements.clamping import footprint_points
 from model.elements.mesh import Plan, plan_of
-from model.elements.shell import plate_form
+from model.elements.terms import footprint_points, plate_form
 from model.stack.errors import SolveError, StackError
 from model.stack.parts import Pressing, PressureDistribution
 from model.stack.stack import Stack

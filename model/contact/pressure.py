@@ -9,8 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.elements.mesh import Plan
-from model.stack.arrays import readonly
-from model.stack.curve import CompressionCurve
+from model.stack.inputs import CompressionCurve, readonly
 from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]

@@ -21,8 +21,8 @@ import scipy.sparse as sp
 from numpy.polynomial import legendre
 
 from model.effects.parts import clamps_of, mean_lamina
-from model.elements.clamping import footprint_points
 from model.elements.equations import Assembly, Formula, Kron, Term, Theta
+from model.elements.terms import footprint_points
 from model.stack.effect import Effect, Parameter
 
 _HALF = 20.0  # N m2, half as much as a rigid bar on the demo stack

@@ -15,9 +15,9 @@ from __future__ import annotations
 import scipy.sparse as sp
 
 from model.effects.parts import clamps_of, mean_over, square
-from model.elements.clamping import height_shares
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
+from model.elements.terms import height_shares
 from model.stack.effect import Effect, Parameter
 
 

@@ -20,15 +20,12 @@ from numpy.typing import NDArray
 from model.effects.catalogue import catalogue
 from model.elements.equations import OMEGA, Assembly, Target, Term
 from model.elements.mesh import FIELDS
-from model.elements.rigid import rigid_body_modes
-from model.modes.modes import solve_modes
-from model.modes.observation import Observation
-from model.reduction.assemble import assemble
-from model.reduction.reduction import reduce
+from model.elements.terms import rigid_body_modes
+from model.modes.modes import Observation, solve_modes
+from model.reduction.reduction import assemble, reduce
 from model.stack.effect import OMEGA_REFERENCE, Effect, Parameter
 from model.stack.errors import EffectError
-from model.stack.material import Material
-from model.stack.parts import Clamp, Contact, EdgeSupport, Mesh
+from model.stack.parts import Clamp, Contact, EdgeSupport, Material, Mesh
 from model.stack.stack import Stack
 
 SECTIONS = ("Enters:", "Range:", "Does:", "Mistaken for:")

@@ -11,7 +11,7 @@ Mistaken for: pressure_exponent, clamp_frame; with one torque G_f itself.
 
 from __future__ import annotations
 
-from model.contact.tangential import tangential_krons
+from model.contact.contact import tangential_krons
 from model.elements.equations import Assembly, Monomial, Term
 from model.stack.effect import Effect, Parameter
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.contact.tangential import tangential_krons
+from model.contact.contact import tangential_krons
 from model.elements.equations import Assembly, Monomial, Term
 from model.stack.effect import Effect, Parameter
 

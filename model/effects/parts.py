@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model.contact.contact import contact_fields
-from model.elements.clamping import footprint_points
 from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 from model.elements.mesh import FIELDS, Derivative, Field
+from model.elements.terms import footprint_points
 from model.stack.errors import EffectError
 from model.stack.parts import Clamp, Instruments
 from model.stack.stack import Stack

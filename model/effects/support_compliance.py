@@ -19,7 +19,7 @@ from functools import partial
 from typing import Any
 
 from model.elements.equations import Assembly, Formula, Term, Theta
-from model.elements.support import held_motions
+from model.elements.terms import held_motions
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
 from model.stack.parts import EdgeSupport

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from model.contact.tangential import tangential_krons
+from model.contact.contact import tangential_krons
 from model.effects.parts import again
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import PRESSURE_REFERENCE, Effect, Parameter

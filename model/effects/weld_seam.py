@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from model.contact.tangential import jump, mean
+from model.contact.contact import jump, mean
 from model.effects.parts import shear_spring
 from model.elements.equations import Assembly, Formula, Kron, Term, Theta
 from model.stack.effect import Effect, Parameter

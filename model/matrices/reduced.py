@@ -1,4 +1,4 @@
-"""A structure of matrices reduced to a few coordinates: its modes, and what places and terms need beside them."""
+"""A structure of matrices reduced to a few coordinates: its modes, and what measured points and terms need."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.elements.equations import Monomial
-from model.matrices.checked import rigid_motion
-from model.matrices.labelled import Index, name_of
+from model.matrices.labelled import Index, name_of, rigid_motion
 from model.matrices.readers import Target
 from model.matrices.structure import Factor, MatrixStructure
-from model.reduction.reduced_equations import ReducedTerm
-from model.reduction.shared_range import summed
-from model.solvers.eigen import lowest_modes
-from model.solvers.nested_dissection import CholeskyFactor, NotPositiveError
+from model.reduction.reduced_equations import ReducedTerm, summed
+from model.solvers.eigen import CholeskyFactor, NotPositiveError, lowest_modes
 from model.stack.errors import MatricesError
 
 Vectors = NDArray[np.float64]
@@ -27,13 +25,21 @@ Vectors = NDArray[np.float64]
 _BEYOND = (
     1.5  # of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
 )
+
 _SHIFT = 1 / 4  # of the band: low against its modes, and far above what rounding gives rigid motion
+
 _FIRST = 20  # modes that are sought first
+
 _TOLERANCE = 1e-11  # relative, of eigenvalues
+
 _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
+
 _NEGATIVE = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
+
 _RIGID = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
+
 _ORDER = 2  # powers of a change that responses stand for: what is left is of the third
+
 _COLUMNS = 64  # right-hand sides at once
 
 
@@ -380,3 +386,157 @@ def _missing_compliance(
     matrix = found.matrix("K", found.theta) + shift * found.matrix("M", found.theta)
     kept = np.einsum("ij,ij->j", along, la.solve(matrix, along, assume_a="pos"))
     return float(np.max(1.0 - kept / np.einsum("ij,ij->j", answer, load)))
+
+
+_ABOUT = 27  # nodes about a point: the neighbours of one in a mesh of bricks
+
+_LOOKED = 1e-3  # share of a direction along an axis that counts
+
+_SAME = 1e-6  # of the structure's size: a point is on a node
+
+_SINGULAR = 1e-4  # of the polynomial: directions in which nodes do not spread
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Places:
+    """Where displacements are looked at.
+
+    Attributes
+    ----------
+    node : (n, k) int
+        Nodes about each place.
+    weight, slope : (n, k) float
+        What of their motion is that of the place, and its derivative along x, 1/m.
+    distance : (n,) float
+        From the place to the nearest node, m.
+    direction : (n, 3) float
+        Direction that is looked at, of unit length.
+    """
+
+    node: Index
+    weight: Vectors
+    slope: Vectors
+    distance: Vectors
+    direction: Vectors
+
+    def rows(self, reduced: ReducedMatrices) -> tuple[Vectors, Vectors]:
+        """Return the rows from coordinates to displacements, (n, size), and their derivatives along x."""
+        every, at = np.unique(self.node, return_inverse=True)
+        moves = reduced.moves(every)[at.reshape(self.node.shape)]
+        along = np.einsum("nkij,ni->nkj", moves, self.direction)
+        return np.einsum("nkj,nk->nj", along, self.weight), np.einsum("nkj,nk->nj", along, self.slope)
+
+
+def places_on(
+    structure: MatrixStructure,
+    number: Index,
+    location: Vectors,
+    direction: Vectors,
+    *,
+    tolerance: float = 0.01,
+) -> Places:
+    """Place measured components on a structure.
+
+    A point on a node moves as that; any other as the polynomial of second order that fits the nodes about it best, the
+    nearer the better (moving least squares: Lancaster and Salkauskas 1981). Where no file says where nodes are, points
+    are the nodes of their numbers.
+
+    Parameters
+    ----------
+    structure : MatrixStructure
+        The structure.
+    number, location, direction : (n,), (n, 3), (n, 3)
+        Number, place in the structure's coordinates, m, and direction of each component.
+    tolerance : float
+        How far a point may be from the nearest node, m, where the mesh is finer than that.
+
+    Raises
+    ------
+    MatricesError
+        A point is far from every node, or there is no node of its number.
+    """
+    n, number = len(direction), np.asarray(number, dtype=np.int64)
+    if not structure.placed:
+        missing = number[~np.isin(number, structure.node)]
+        if missing.size:
+            message = (
+                f"{structure.name}: point {missing[0]} has no node of its number, by which points are placed where no "
+                "file says where nodes are; name one by matrices.nodes, or number the points as the nodes"
+            )
+            raise MatricesError(message)
+        one, none = np.ones((n, 1)), np.zeros((n, 1))
+        return Places(node=number[:, None], weight=one, slope=none, distance=none[:, 0], direction=direction)
+    k = min(_ABOUT, np.unique(structure.node).size)
+    node, distance = np.zeros((n, k), dtype=np.int64), np.zeros(n)
+    weight, slope = np.zeros((n, k)), np.zeros((n, k))
+    looked = np.abs(direction) > _LOOKED
+    for axes in np.unique(looked, axis=0):
+        rows = np.flatnonzero(np.all(looked == axes, axis=1))
+        moving = _moving(structure, axes)
+        node[rows] = structure.node[0]
+        if not moving.size:  # nothing moves along these axes
+            continue
+        found = _near(structure, moving, location[rows], tolerance)
+        m = found[0].shape[1]
+        node[rows, :m], weight[rows, :m], slope[rows, :m], distance[rows] = found[:4]
+        if (found[4] > 0.0).any():
+            i = int(np.argmax(found[4]))
+            low, high = 1e3 * structure.location.min(axis=0), 1e3 * structure.location.max(axis=0)
+            span = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
+            message = (
+                f"{structure.name}: point {number[rows[i]]} is {1e3 * found[3][i]:.4g} mm from the nearest node; "
+                f"nodes span {span} mm. Points must have the coordinates of the model: check their unit and origin"
+            )
+            raise MatricesError(message)
+    return Places(node=node, weight=weight, slope=slope, distance=distance, direction=direction)
+
+
+def _moving(structure: MatrixStructure, axes: NDArray[np.bool_]) -> Index:
+    """Return the nodes that have a row for each of some axes."""
+    nodes = [structure.node[structure.dof == i + 1] for i in np.flatnonzero(axes)]
+    found = nodes[0]
+    for other in nodes[1:]:
+        found = np.intersect1d(found, other)
+    return np.unique(found)
+
+
+def _near(
+    structure: MatrixStructure, node: Index, location: Vectors, tolerance: float
+) -> tuple[Index, Vectors, Vectors, Vectors, Vectors]:
+    """Return nodes about places, (n, k), their weights and slopes, and how far the nearest is, (n,), and is too far."""
+    first = np.unique(structure.node, return_index=True)
+    place = structure.location[first[1][np.searchsorted(first[0], node)]]
+    n, k = len(location), min(_ABOUT, node.size)
+    spacing = _spacing(place)
+    near = scipy.spatial.KDTree(place / spacing).query(location / spacing, k)[1].reshape(n, k)
+    offset = place[near] - location[:, None]
+    distance = np.linalg.norm(offset, axis=2)
+    mesh = np.sort(np.linalg.norm(place[near] - place[near[:, :1]], axis=2), axis=1)[:, min(3, k - 1)]
+    within = np.clip(location, place.min(axis=0), place.max(axis=0))
+    beyond = np.linalg.norm(location - within, axis=1)
+    cells = np.linalg.norm((place[near] - within[:, None]) / spacing, axis=2).min(
+        axis=1
+    )  # of a mesh of planes
+    allowed = np.where(cells > 1.0, np.maximum(tolerance, mesh), np.inf)
+    far = np.maximum(distance.min(axis=1) - allowed, beyond - np.maximum(tolerance, mesh))
+    weight, slope = np.zeros((n, k)), np.zeros((n, k))
+    size = float(np.linalg.norm(np.ptp(place, axis=0)))
+    for i in range(n):
+        away = offset[i] / spacing
+        reach = max(float(np.linalg.norm(away, axis=1).max()), 1e-12)
+        x, y, z = (away / reach).T
+        powers = np.column_stack([np.ones(k), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x])
+        near_more = np.exp(-2.0 * (x * x + y * y + z * z))
+        found = np.linalg.pinv(near_more[:, None] * powers, rcond=_SINGULAR) * near_more
+        weight[i], slope[i] = found[0], found[1] / (reach * spacing[0])
+        if distance[i].min() < _SAME * size:
+            weight[i] = np.arange(k) == int(distance[i].argmin())
+    return node[near], weight, slope, distance.min(axis=1), far
+
+
+def _spacing(place: Vectors) -> Vectors:
+    """Return the distance between planes of nodes along x, y and z, (3,), by which neighbours are told."""
+    extent = np.ptp(place, axis=0)
+    largest = float(extent.max()) or 1.0
+    planes = [np.unique(np.round(along / (_SAME * largest))).size for along in place.T]
+    return np.where(extent > _SAME * largest, extent / np.maximum(np.array(planes) - 1, 1), largest)

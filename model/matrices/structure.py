@@ -11,8 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.matrices.checked import check_mass, check_rows, rigid_motion
-from model.matrices.labelled import UNITS, Index
+from model.matrices.labelled import UNITS, Index, check_mass, check_rows, rigid_motion
 from model.matrices.readers import Target
 from model.matrices.rows import Rows, read_rows
 from model.matrices.structure_file import StructureForm, TermForm, read_form

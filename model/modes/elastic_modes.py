@@ -1,25 +1,275 @@
-"""Elastic modes of equations whose stiffness, mass or damping may follow frequency, each with its own matrices."""
+"""Elastic modes of equations whose stiffness, mass or damping may follow frequency, and their derivatives."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, ParameterFactor, Target
-from model.modes.mode_derivatives import Derivatives, mode_derivatives, own_derivatives
-from model.reduction.reduced_equations import ReducedEquations
-from model.reduction.shared_range import full
-from model.solvers.eigen import inverse_iterated
+from model.reduction.reduced_equations import InRange, Matrix, ReducedEquations, full
+from model.solvers.eigen import inverse_iterated, orthogonal_answers
 from model.stack.errors import SolveError
 
+_SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Derivatives:
+    """Eigenvalues, vectors and phi' C phi of some modes, with derivatives by each parameter as the last axis.
+
+    `coordinate` are the vectors, (n, n_mode), and `d_shape` the derivatives of their observed rows,
+    (n_dof, n_mode, n_parameter). With c = V' C V, mode r obeys s**2 (1 - S) + s c_rr + lambda_r = 0 to second order of
+    the damping, where its `coupling` S is the sum of c_rs**2 / (lambda_s - lambda_r) over the other modes.
+    """
+
+    eigenvalue: NDArray[np.float64]
+    coordinate: NDArray[np.float64]
+    modal_damping: NDArray[np.float64]
+    coupling: NDArray[np.float64]
+    d_eigenvalue: NDArray[np.float64]
+    d_shape: NDArray[np.float64]
+    d_modal_damping: NDArray[np.float64]
+
+    def without_omega(self) -> Derivatives:
+        """Return the derivatives along the modes' own frequency, which was the last parameter.
+
+        The eigenvalue obeys lambda = L(theta, omega) with omega = sqrt(lambda), so by a parameter
+        d lambda = L_theta / (1 - L_omega / (2 omega)), and likewise for all that follows from it.
+        """
+        omega = np.sqrt(self.eigenvalue)[:, None]
+        d_eigenvalue = self.d_eigenvalue[:, :-1] / (1.0 - self.d_eigenvalue[:, -1:] / (2.0 * omega))
+        d_omega = d_eigenvalue / (2.0 * omega)
+        return dataclasses.replace(
+            self,
+            d_eigenvalue=d_eigenvalue,
+            d_shape=self.d_shape[:, :, :-1] + self.d_shape[:, :, -1:] * d_omega,
+            d_modal_damping=self.d_modal_damping[:, :-1] + self.d_modal_damping[:, -1:] * d_omega,
+        )
+
+    @classmethod
+    def steady(
+        cls, eigenvalue: NDArray[np.float64], coordinate: NDArray[np.float64], n_dof: int, n_parameter: int
+    ) -> Derivatives:
+        """Return modes that no parameter changes, undamped: rigid-body motion, of which any mixture is as good."""
+        n_mode = eigenvalue.size
+        return cls(
+            eigenvalue=eigenvalue,
+            coordinate=coordinate,
+            modal_damping=np.zeros(n_mode),
+            coupling=np.zeros(n_mode),
+            d_eigenvalue=np.zeros((n_mode, n_parameter)),
+            d_shape=np.zeros((n_dof, n_mode, n_parameter)),
+            d_modal_damping=np.zeros((n_mode, n_parameter)),
+        )
+
+    def unknown_by(self, n_parameter: int) -> Derivatives:
+        """Return the modes with derivatives that nobody asked for: NaN."""
+        n_mode = self.eigenvalue.size
+        return dataclasses.replace(
+            self,
+            d_eigenvalue=np.full((n_mode, n_parameter), np.nan),
+            d_shape=np.full((len(self.d_shape), n_mode, n_parameter), np.nan),
+            d_modal_damping=np.full((n_mode, n_parameter), np.nan),
+        )
+
+    def ordered(self, order: NDArray[np.intp]) -> Derivatives:
+        """Return the modes in another order."""
+        return self._each(lambda axis, value: np.take(value, order, axis=axis))
+
+    @classmethod
+    def joined(cls, parts: list[Derivatives]) -> Derivatives:
+        """Return the modes of all parts, in their order."""
+        first, *rest = parts
+        return first._each(lambda axis, value, *others: np.concatenate([value, *others], axis=axis), *rest)
+
+    def _each(self, function: Callable[..., NDArray[np.float64]], *others: Derivatives) -> Derivatives:
+        """Return what a function makes of each array's axis of modes and the array, beside those of others."""
+        axis = {"coordinate": 1, "d_shape": 1}
+        return Derivatives(
+            **{
+                f.name: function(
+                    axis.get(f.name, 0), getattr(self, f.name), *(getattr(o, f.name) for o in others)
+                )
+                for f in dataclasses.fields(self)
+            }
+        )
+
+
+def mode_derivatives(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    eigenvalues: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    which: NDArray[np.intp],
+    rows: NDArray[np.float64],
+    omega: NDArray[np.float64] | None = None,
+) -> Derivatives:
+    """Return modes and their derivatives as sums over all modes (Fox and Kapoor 1968).
+
+    Parameters
+    ----------
+    system : ReducedEquations
+        The equations.
+    theta : mapping of str to float
+        All their parameters.
+    names : tuple of str
+        Those by which derivatives are wanted.
+    eigenvalues, vectors : (n,), (n, n)
+        All eigenpairs at `theta`, the vectors mass-normalised.
+    which : (n_mode,) int
+        Modes that are wanted.
+    rows : (n_dof, n)
+        Observed degrees of freedom in the coordinates of the equations.
+    omega : (n_mode,), optional
+        Angular frequencies, rad/s, of these: factors are taken at each mode's own.
+    """
+    row, column = which, np.arange(which.size)
+    chosen, lam = vectors[:, row], eigenvalues[row]
+    gap = lam - eigenvalues[:, None]
+    scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
+    apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
+    slopes, damped = _images(system, theta, names, chosen, omega)
+    # beside all modes once for each parameter, which takes part in many terms
+    unbalanced = np.moveaxis(slopes["K"] - slopes["M"] * lam, 0, 1).reshape(len(vectors), -1)
+    coupling = np.moveaxis((vectors.T @ unbalanced).reshape(len(vectors), len(slopes["K"]), lam.size), 0, 1)
+    damped = vectors.T @ damped
+    mixing = coupling / apart  # (n_parameter, n, n_mode)
+    mixing[:, row, column] = -0.5 * _own(chosen, slopes["M"])
+    d_modal = 2.0 * np.sum(mixing * damped, axis=1) + _own(chosen, slopes["C"])
+    return Derivatives(
+        eigenvalue=lam,
+        coordinate=chosen,
+        modal_damping=damped[row, column],
+        coupling=-np.sum(damped**2 / apart, axis=0),
+        d_eigenvalue=coupling[:, row, column].T,
+        d_shape=np.moveaxis((rows @ vectors) @ mixing, 0, -1),
+        d_modal_damping=d_modal.T,
+    )
+
+
+def own_derivatives(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    shape: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    stiffness: NDArray[np.float64],
+    rows: NDArray[np.float64],
+) -> Derivatives:
+    """Return one mode and its derivatives without the other modes: one factorisation takes their place (Nelson 1976).
+
+    Parameters
+    ----------
+    system, theta, names
+        As in `mode_derivatives`; the mode's own frequency is among `theta`.
+    shape : (n,)
+        The mode, of unit modal mass.
+    mass, stiffness : (n, n)
+        The matrices at `theta`.
+    rows : (n_dof, n)
+        As in `mode_derivatives`.
+    """
+    eigenvalue = theta[OMEGA] ** 2
+    found, image = _images(system, theta, names, shape[:, None])
+    slopes, damped = {target: own[:, :, 0].T for target, own in found.items()}, image[:, 0]
+    unbalanced = slopes["K"] - eigenvalue * slopes["M"]
+    answer = orthogonal_answers(
+        stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped])
+    )
+    d_shape = answer[:, :-1] - 0.5 * np.outer(shape, shape @ slopes["M"])
+    return Derivatives(
+        eigenvalue=np.array([eigenvalue]),
+        coordinate=shape[:, None],
+        modal_damping=np.array([shape @ damped]),
+        coupling=np.array([answer[:, -1] @ damped]),
+        d_eigenvalue=(shape @ unbalanced)[None],
+        d_shape=(rows @ d_shape)[:, None],
+        d_modal_damping=(2.0 * damped @ d_shape + shape @ slopes["C"])[None],
+    )
+
+
+def _own(shape: NDArray[np.float64], image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what each mode has of its own image, (n_parameter, n_mode)."""
+    return np.asarray(np.einsum("nm,pnm->pm", shape, image))
+
+
+def _images(
+    system: ReducedEquations,
+    theta: Mapping[str, float],
+    names: tuple[str, ...],
+    shape: NDArray[np.float64],
+    omega: NDArray[np.float64] | None = None,
+) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the images of modes by the derivatives of M, C and K, (n_parameter, n, n_mode) each, and by C.
+
+    `shape` are the modes, (n, n_mode). With `omega`, (n_mode,), factors are taken at each mode's own.
+    """
+    known: dict[int, NDArray[np.float64]] = {}
+    sums: dict[int | None, _Sums] = {}  # by range
+    place = {name: j for j, name in enumerate(names)}
+    for term in system.terms:
+        used = term.factor.names(theta)
+        here = [theta] if omega is None or OMEGA not in used else [{**theta, OMEGA: float(o)} for o in omega]
+        every = {place[n]: [term.factor.derivative(t, n) for t in here] for n in used if n in place}
+        shares = {j: share for j, share in every.items() if any(share)}
+        factor = [term.factor(t) for t in here] if term.target == "C" else [0.0]
+        if not (shares or any(factor)):
+            continue
+        which = id(term.matrix.range) if isinstance(term.matrix, InRange) else None
+        if which not in sums:
+            sums[which] = _Sums(term.matrix, shape, len(names))
+        own = sums[which]
+        if id(term.matrix) not in known:
+            known[id(term.matrix)] = own.image(term.matrix)
+        for j, share in shares.items():
+            own.slopes[term.target][j] += np.multiply(share, known[id(term.matrix)])
+        if any(factor):
+            own.damped += np.multiply(factor, known[id(term.matrix)])
+    slopes: dict[Target, NDArray[np.float64]] = {
+        t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")
+    }
+    damped = np.zeros(shape.shape)
+    for own in sums.values():
+        own.add_to(slopes, damped)
+    return slopes, damped
+
+
+class _Sums:
+    """Images of modes by matrices of one range, summed between its directions; of those in full, as they are."""
+
+    def __init__(self, matrix: Matrix, shape: NDArray[np.float64], n_parameter: int) -> None:
+        self._range = matrix.range if isinstance(matrix, InRange) else None
+        self._shape = shape if self._range is None else self._range.T @ shape
+        self.slopes: defaultdict[Target, NDArray[np.float64]] = defaultdict(
+            partial(np.zeros, (n_parameter, *self._shape.shape))
+        )
+        self.damped = np.zeros(self._shape.shape)
+
+    def image(self, matrix: Matrix) -> NDArray[np.float64]:
+        """Return the images by one of the matrices."""
+        return (matrix.core if isinstance(matrix, InRange) else matrix) @ self._shape
+
+    def add_to(self, slopes: dict[Target, NDArray[np.float64]], damped: NDArray[np.float64]) -> None:
+        """Add the sums in the coordinates of the modes."""
+        for target, own in self.slopes.items():
+            slopes[target] += own if self._range is None else self._range @ own
+        damped += self.damped if self._range is None else self._range @ self.damped
+
+
 _TWIN = 1e-6  # relative gap of eigenvalues below which one mode's derivatives are taken beside all others
+
 _MOST_STEPS = 30  # of the search for a mode's own frequency
+
 _CONVERGED = 1e-10  # relative change of that frequency
+
 _MOST_GROWTH = 0.9  # of a frequency with the one that its stiffness is taken at, so that steps stay finite
 
 

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from model.elements.equations import Assembly, Term
 from model.modes.modes import reduced_eigenpairs
 from model.reduction.projection import projected_columns
-from model.reduction.reduced_equations import ReducedTerm
+from model.reduction.reduced_equations import ReducedTerm, full
 from model.reduction.reduction import ReducedSystem, acting, leading, shifted_factor
-from model.reduction.shared_range import full
 from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.solvers.eigen import orthonormalize
 from model.solvers.low_rank import Factor

@@ -12,26 +12,152 @@ complex eigenproblem, whose frequencies then differ from the undamped ones by 2.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA
-from model.modes.elastic_modes import ElasticModes, elastic_modes
-from model.modes.mode_derivatives import Derivatives
-from model.modes.observation import Observation, Observed, observe
+from model.elements.mesh import FIELDS
+from model.modes.elastic_modes import Derivatives, ElasticModes, elastic_modes
 from model.reduction.reduced_equations import ReducedEquations
+from model.reduction.reduction import ReducedSystem
 from model.reduction.through_thickness import shear_shift
-from model.stack.arrays import readonly
 from model.stack.errors import SolveError
+from model.stack.inputs import readonly
+from model.stack.stack import Stack
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observation:
+    """Degrees of freedom at given places.
+
+    Attributes
+    ----------
+    node : (n,) int
+        Point number of each degree of freedom.
+    location : (n, 3) float
+        Its place, m, in coordinates with their origin at the centre of the stack: x along the length, y along
+        the width, z along the height.
+    direction : (n, 3) float
+        Its direction, of unit length.
+
+    Raises
+    ------
+    ValueError
+        The shapes differ, or a direction is not of unit length.
+    """
+
+    node: NDArray[np.int64]
+    location: NDArray[np.float64]
+    direction: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = np.size(self.node)
+        object.__setattr__(self, "node", readonly("Observation", "node", self.node, (n,), int))
+        for name in ("location", "direction"):
+            object.__setattr__(self, name, readonly("Observation", name, getattr(self, name), (n, 3)))
+        length = np.linalg.norm(self.direction, axis=1)
+        if np.any(np.abs(length - 1.0) > 1e-6):
+            worst = int(np.argmax(np.abs(length - 1.0)))
+            message = (
+                f"Observation.direction: expected unit vectors, got length {length[worst]:.6g} "
+                f"at index {worst} (node {self.node[worst]})"
+            )
+            raise ValueError(message)
+
+
+def sample_points(
+    stack: Stack, location: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where the model is sampled for given places: the nearest point of the nearest lamina mid-plane.
+
+    Parameters
+    ----------
+    stack : Stack
+        The stack.
+    location : (n, 3)
+        Places, m.
+
+    Returns
+    -------
+    sampled : (n, 3)
+        Points of lamina mid-planes, m.
+    distance : (n,)
+        Their distances from `location`, m.
+    """
+    given = readonly("sample_points", "location", location, (None, 3))
+    half = np.array([stack.length, stack.width]) / 2.0
+    plan = np.clip(given[:, :2], -half, half)
+    sampled = np.column_stack([plan, stack.lamina_z[nearest_lamina(stack, given[:, 2])]])
+    return sampled, np.linalg.norm(sampled - given, axis=1)
+
+
+def nearest_lamina(stack: Stack, z: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the index of the lamina whose mid-plane is nearest to each height z, (n,) m."""
+    return np.abs(np.asarray(z)[:, None] - stack.lamina_z).argmin(axis=1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observed:
+    """An observation tied to a system: what repeated solves of that system need of it.
+
+    Attributes
+    ----------
+    node : (n,) int
+        Point numbers.
+    direction : (n, 3) float
+        Directions.
+    rows : (n, assembly.size) sparse
+        From z-reduced coordinates to the observed displacements.
+    reduced_rows : (n, system.size) float
+        From reduced coordinates to the observed displacements.
+    """
+
+    node: NDArray[np.int64]
+    direction: NDArray[np.float64]
+    rows: sp.csr_matrix
+    reduced_rows: NDArray[np.float64]
+
+
+def observe(system: ReducedEquations, observation: Observation | Observed) -> Observed:
+    """Tie an observation to a system, so that each further solve costs about a millisecond.
+
+    What is tied already comes back as it is.
+
+    Raises
+    ------
+    TypeError
+        An observation that is not tied needs a `ReducedSystem`, which knows what it was reduced from.
+    """
+    if isinstance(observation, Observed):
+        return observation
+    if not isinstance(system, ReducedSystem):
+        message = "observe: these equations alone know no points; tie the observation to their ReducedSystem"
+        raise TypeError(message)
+    sampled, _ = sample_points(system.stack, observation.location)
+    lamina = nearest_lamina(system.stack, sampled[:, 2])
+    parts = [
+        sp.diags_array(observation.direction[:, i]) @ system.field_rows(field, lamina, sampled[:, :2])
+        for i, field in enumerate(FIELDS)
+    ]
+    rows = (parts[0] + parts[1] + parts[2]).tocsr()
+    return Observed(
+        node=observation.node,
+        direction=observation.direction,
+        rows=rows,
+        reduced_rows=np.asarray(rows @ system.basis),
+    )
+
 
 _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
-_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
-_LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
+_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
+
+_LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
 Wanted = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.intp]]
 """Takes frequencies, (n,), Hz, and shapes, (n_dof, n), of elastic modes to the indices of those wanted."""
@@ -296,3 +422,81 @@ def complex_modes(
     poles = poles[poles.imag > 0.5 * np.sqrt(eigenvalues[n_rigid])]
     poles = poles[np.argsort(np.abs(poles))][: n_mode - n_rigid]
     return np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surface:
+    """A mode's displacement at the corners of the mesh of some laminas.
+
+    Attributes
+    ----------
+    location : (n_lamina, n_point, 3) float
+        The points at rest, m.
+    displacement : (n_lamina, n_point, 3) float
+        Their mass-normalised displacement along x, y and z, 1/sqrt(kg).
+    element : (n_element, 3 or 4) int
+        Points of each element, in order around it.
+    edge : (n_edge, 2) int
+        Points of the element sides that lie on the outline or on a hole.
+    """
+
+    location: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    element: NDArray[np.int64]
+    edge: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for name in ("location", "displacement"):
+            array = readonly("Surface", name, getattr(self, name), (None, None, 3))
+            object.__setattr__(self, name, array)
+        for name, width in (("element", None), ("edge", 2)):
+            array = readonly("Surface", name, getattr(self, name), (None, width), int)
+            object.__setattr__(self, name, array)
+
+
+def mode_surface(system: ReducedSystem, modes: Modes, mode: int, *, lamina: Sequence[int]) -> Surface:
+    """Sample a mode at the corners of the mesh of some laminas.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The reduced stack.
+    modes : Modes
+        Modes of that system.
+    mode : int
+        Column of `modes.shape`, from 0.
+    lamina : sequence of int
+        Laminas to sample, 0 the bottom one; negative ones count from the top.
+
+    Raises
+    ------
+    SolveError
+        There is no such mode or lamina.
+    """
+    stack, assembly = system.stack, system.assembly
+    if not 0 <= mode < modes.frequency.size:
+        message = f"mode = {mode}: the modes are numbered from 0 to {modes.frequency.size - 1}"
+        raise SolveError(message)
+    chosen = np.asarray(lamina, dtype=np.intp)
+    if chosen.size == 0 or chosen.min() < -stack.n_lamina or chosen.max() >= stack.n_lamina:
+        message = f"lamina = {list(lamina)}: the laminas are numbered from 0 to {stack.n_lamina - 1}"
+        raise SolveError(message)
+    chosen = chosen % stack.n_lamina
+    mesh = assembly.plan.membrane.mesh
+    point = mesh.p.T
+    coordinate = system.basis @ modes.coordinate[:, mode]
+    displacement = np.empty((chosen.size, len(point), 3))
+    for axis, field in enumerate(FIELDS):
+        over = coordinate[assembly.slices()[field]].reshape(assembly.n_z[field], -1)
+        displacement[:, :, axis] = (
+            system.phi[field][chosen] @ (assembly.plan.point_rows(field, point) @ over.T).T
+        )
+    location = np.empty_like(displacement)
+    location[:, :, :2] = point
+    location[:, :, 2] = stack.lamina_z[chosen, None]
+    return Surface(
+        location=location,
+        displacement=displacement,
+        element=mesh.t.T,
+        edge=mesh.facets[:, mesh.boundary_facets()].T,
+    )

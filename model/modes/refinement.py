@@ -5,12 +5,16 @@ A step of preconditioned subspace iteration on the full equations (LOBPCG: Knyaz
 error, and close to it as long as the preconditioner is good; it has two levels, the equations in the
 through-thickness basis, factorised, for what is smooth over the height, and for the rest planar problems that
 eigenvectors over z of the interfaces leave.
+
+Where the estimated error is too large, the basis is enriched or all laminas are solved.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy.linalg as la
@@ -20,20 +24,33 @@ from numpy.typing import NDArray
 
 from model.elements.equations import Assembly, Kron
 from model.elements.mesh import FIELDS, Field
-from model.modes.modes import full_parameters, outside_ranges, reduced_eigenpairs
-from model.reduction.reduction import ReducedSystem, shifted_factor
+from model.modes.modes import (
+    Modes,
+    Observation,
+    full_parameters,
+    outside_ranges,
+    reduced_eigenpairs,
+    solve_modes,
+)
+from model.reduction.reduction import ReducedSystem, reduce, shifted_factor
 from model.reduction.through_thickness import SPARE, shear_shift
 from model.solvers.eigen import lowest_modes, orthonormalize
 from model.solvers.low_rank import Factor
-from model.stack.arrays import readonly
+from model.stack.inputs import readonly
+from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
 
 _AT_ONCE = 2  # modes of which the residual is taken
+
 _RATIO = 8.0  # of eigenvalues over z that share one planar factor
+
 _MAX_STEPS = 30
+
 _MIN_STEPS = 6  # with through-thickness functions, for modes that the reduced system lacks to come up
+
 _TOLERANCE = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
+
 _SAFETY = 2.0  # the next drops together are taken as no more than this times their geometric sum
 
 
@@ -371,3 +388,97 @@ class _Rough:
             part = turned[m].transpose(1, 0, 2).reshape(n_planar, -1)
             turned[m] = solve(part).reshape(n_planar, m.size, k).transpose(1, 0, 2)
         return (self.over_z @ turned.reshape(n, -1)).reshape(n, n_planar, k)
+
+
+Basis = Literal["first", "enriched", "all laminas"]
+
+_SHARE = 0.1  # of the tolerance, that the through-thickness functions may take in the first basis
+
+_ENRICHED = 0.003  # and in the enriched one
+
+_SPARE = 2  # modes beyond those asked for, so that none is missing among close ones
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Verification:
+    """How far the frequencies of a reduced stack are from those of all its laminas.
+
+    Attributes
+    ----------
+    error : (n_mode,) float
+        Estimated relative error of each frequency, from the residual of the equations of all laminas.
+    tolerance : float
+        The error that was allowed.
+    basis : "first", "enriched" or "all laminas"
+        What the frequencies are from: the first reduced basis, which kept the tolerance; one with more
+        through-thickness functions, because the first did not; or an iteration on the equations of all laminas,
+        because neither did.
+    first_error : float
+        Largest estimated error with the first basis.
+    """
+
+    error: NDArray[np.float64]
+    tolerance: float
+    basis: Basis
+    first_error: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "error", readonly("Verification", "error", self.error, (None,)))
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether every error is within the tolerance."""
+        return bool(np.all(self.error <= self.tolerance))
+
+
+def solve_verified(
+    stack: Stack, *, observation: Observation, n_mode: int = 16, tolerance: float = 1e-4
+) -> tuple[ReducedSystem, Modes, Verification]:
+    """Solve for the modes of a stack and check them on the equations of all laminas.
+
+    When the estimated error exceeds the tolerance, the basis is enriched; when that does not suffice, the modes are
+    iterated on the equations of all laminas. Damping ratios and shapes are those of the last reduced basis.
+
+    Parameters
+    ----------
+    stack : Stack
+        The stack.
+    observation : Observation
+        Where shapes are wanted.
+    n_mode : int
+        Number of modes, rigid-body modes included.
+    tolerance : float
+        Relative error of a frequency.
+
+    Returns
+    -------
+    system : ReducedSystem
+        The reduced stack, for pictures and responses.
+    modes : Modes
+        The modes, rigid-body ones first.
+    verification : Verification
+        Errors, and what the frequencies are from.
+
+    Raises
+    ------
+    SolveError
+        The modes do not converge.
+    """
+    contact = stack.contact
+
+    def attempt(share: float) -> tuple[ReducedSystem, Modes, NDArray[np.float64]]:
+        system = reduce(stack, n_mode=n_mode + _SPARE, n_snapshot=1, z_tolerance=share * tolerance)
+        modes = solve_modes(system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observation)
+        return system, modes, residual_error(system, G_f=contact.G_f, n_mode=n_mode)
+
+    system, modes, error = attempt(_SHARE)
+    first, basis = float(error.max()), "first"
+    if first > tolerance:
+        system, modes, error = attempt(_ENRICHED)
+        basis = "enriched"
+    if error.max() > tolerance:
+        check = refine(system, G_f=contact.G_f, n_mode=n_mode, tolerance=_SHARE * tolerance)
+        # where factors depend on frequency, the correction is that at the reference frequency
+        corrected = modes.frequency * (1.0 - check.reduction_error + check.error)
+        modes, basis, error = dataclasses.replace(modes, frequency=corrected), "all laminas", check.error
+    return system, modes, Verification(error=error, tolerance=tolerance, basis=basis, first_error=first)  # type: ignore[arg-type]

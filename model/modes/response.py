@@ -11,8 +11,7 @@ import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, Target, Term
-from model.modes.modes import full_parameters
-from model.modes.observation import Observation, observe
+from model.modes.modes import Observation, full_parameters, observe
 from model.reduction.reduction import ReducedSystem, shifted_factor
 from model.solvers.eigen import orthonormalize
 from model.stack.errors import SolveError

@@ -1,8 +1,8 @@
-"""Galerkin projection of the terms of the equations of motion on dense bases.
+"""Galerkin projection of the terms of the equations of motion on dense bases, on all processors.
 
 Effects bring many terms, and most of them differ little: some act at a few places of the plan alone, some hold the same
 products. Both are used here, and that places far apart are not coupled, for at this size the projection costs as
-much as the modes.
+much as the modes. Numbers are the same whatever the number of processors.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from model.reduction.threads import threaded
 Vector = NDArray[np.float64]
 
 _DENSE = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
+
 _COLUMNS = 48  # vectors that a term is applied to at once
+
 _IMAGES = 256  # in one product with a basis
+
 _STRIPS = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,15 +19,14 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.elements.equations import Assembly, Term
-from model.elements.mesh import Field
-from model.elements.rigid import rigid_body_modes
-from model.reduction.assemble import assemble
+from model.contact.contact import contact_terms
+from model.contact.pressing import pressure_distribution
+from model.elements.equations import OMEGA, Assembly, Term
+from model.elements.mesh import FIELDS, Field, plan_of
+from model.elements.terms import clamp_terms, lamina_terms, rigid_body_modes, support_terms
 from model.reduction.effect_basis import effect_answers, effect_samples
 from model.reduction.projection import projected_terms
-from model.reduction.reduced_equations import ReducedEquations, ReducedTerm
-from model.reduction.shared_range import in_ranges
-from model.reduction.sobol import sobol
+from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, in_ranges
 from model.reduction.through_thickness import (
     FREE,
     N_RIGID,
@@ -39,14 +39,71 @@ from model.reduction.through_thickness import (
 from model.solvers.eigen import Block, Product, orthonormalize
 from model.solvers.low_rank import Factor
 from model.solvers.stack_solver import Solver, solver_over_plan
-from model.stack.arrays import readonly
-from model.stack.effect import Effect
+from model.stack.effect import OMEGA_REFERENCE, Effect
 from model.stack.errors import SolveError
+from model.stack.inputs import readonly
 from model.stack.stack import Stack
 
+
+def assemble(stack: Stack) -> Assembly:
+    """Assemble laminas, contact, clamps, supports and physical effects of a stack.
+
+    The parameters are `G_f` (Pa/Pa), `d_f` (s/Pa), the mean `pressure` (Pa), the factors `young`, `density`,
+    `normal_modulus` and, with interlayers, `layer_modulus` on the stack's own values (nominal 1), and those of
+    the stack's effects. Contact damping is beta = d_f p times the contact stiffness, tangential and normal. The
+    assembly's own stack holds the pressure field that its clamps cause.
+
+    Raises
+    ------
+    EffectError
+        An effect needs something that the stack does not have.
+    """
+    stack = dataclasses.replace(stack, pressing=pressure_distribution(stack))
+    plan = plan_of(stack)
+    terms = (
+        *lamina_terms(stack, plan),
+        *clamp_terms(stack, plan),
+        *contact_terms(stack, plan),
+        *support_terms(stack, plan),
+    )
+    contact = stack.contact
+    theta = {
+        "G_f": contact.G_f,
+        "d_f": contact.d_f,
+        "pressure": contact.pressure,
+        "young": 1.0,
+        "density": 1.0,
+        "normal_modulus": 1.0,
+    }
+    if stack.interlayers:
+        theta["layer_modulus"] = 1.0
+    base = Assembly(
+        stack=stack, plan=plan, n_z=dict.fromkeys(FIELDS, stack.n_lamina), terms=terms, theta=theta
+    )
+    added = tuple(term for effect in stack.effects for term in effect.terms(base))
+    frequency = (
+        {OMEGA: OMEGA_REFERENCE} if any(effect.frequency_dependent for effect in stack.effects) else {}
+    )
+    return base.with_terms(added, {**stack.effect_values, **frequency})
+
+
+def sobol(n: int, n_axis: int) -> NDArray[np.float64]:
+    """Return the first points of a scrambled Sobol sequence in the unit box, (n, n_axis), always the same."""
+    if not n or not n_axis:
+        return np.empty((n, n_axis))
+    from scipy.stats import qmc  # here: it takes long to import, and few commands need it
+
+    with warnings.catch_warnings():  # that a number of points is not a power of 2 does not matter here
+        warnings.simplefilter("ignore", UserWarning)
+        return np.asarray(qmc.Sobol(n_axis, rng=np.random.default_rng(0)).random(n))
+
+
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
+
 _LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
+
 _ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
+
 _MIN_STEPS = 4  # for modes of a snapshot that those before it lack
 
 

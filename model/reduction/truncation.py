@@ -9,9 +9,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model.reduction.basis_parts import BasisParts, Further
+from model.reduction.reduced_equations import BasisParts, Further, full
 from model.reduction.reduction import ReducedSystem
-from model.reduction.shared_range import full
 from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.stack.errors import SolveError
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from model.elements.equations import Assembly, Kron, ParameterFactor, Target, Term
 from model.elements.mesh import FIELDS, Field
-from model.solvers.chain import factorize, levels
 from model.solvers.eigen import Block, lowest_modes, orthonormalize
-from model.solvers.low_rank import Factor, FarProduct, LowRank, low_rank, with_change
+from model.solvers.low_rank import Factor, FarProduct, LowRank, factorize, levels, low_rank, with_change
 
 Vector = NDArray[np.float64]
 Index = NDArray[np.intp]

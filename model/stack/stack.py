@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from model.stack.effect import Effect, shared_parameters
 from model.stack.errors import EffectError, StackError
-from model.stack.material import Material
 from model.stack.outline import Outline, Triangulation
 from model.stack.parts import (
     NO_CONTACT,
@@ -25,6 +24,7 @@ from model.stack.parts import (
     EdgeSupport,
     Instruments,
     Interlayer,
+    Material,
     Mesh,
     PatchSupport,
     Pressing,

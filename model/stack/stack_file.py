@@ -14,10 +14,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from model.stack import outline
-from model.stack.curve import read_curve
 from model.stack.errors import StackError
 from model.stack.files import plain_text
-from model.stack.material import Material
+from model.stack.inputs import read_curve
 from model.stack.parts import (
     NO_CONTACT,
     Clamp,
@@ -27,6 +26,7 @@ from model.stack.parts import (
     EdgeSupport,
     Interlayer,
     Laminas,
+    Material,
     Mesh,
     PatchSupport,
     Pressing,

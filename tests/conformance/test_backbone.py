@@ -7,8 +7,7 @@ import pytest
 
 import model
 from model.contact.slip_law import SlipLaw
-from model.modes.backbone import backbone
-from model.modes.contact_strain import contact_strain
+from model.modes.backbone import backbone, contact_strain
 from model.modes.modes import full_parameters, reduced_eigenpairs
 
 DROP = 0.05

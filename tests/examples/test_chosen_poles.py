@@ -8,10 +8,9 @@ import pytest
 
 from ema.campaign.campaign import read_campaign
 from tests.command import lamella
-from updating.commands import open_ as open_command
+from updating.commands import report as open_command
 from updating.errors import StoreError
-from updating.results.chosen_poles import chosen_poles, forget_choices
-from updating.results.stored_campaign import campaign_file
+from updating.results.identified import campaign_file, chosen_poles, forget_choices
 from updating.workbench.opened import find
 
 

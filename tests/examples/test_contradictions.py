@@ -14,7 +14,7 @@ from updating.commands.update import run_update
 from updating.diagnosis import assembly
 from updating.errors import FitError
 from updating.fitting import fit
-from updating.results.campaign_findings import measurement_findings
+from updating.results.campaign import measurement_findings
 from updating.results.identified import assignments, every_identified
 
 

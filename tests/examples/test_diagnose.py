@@ -19,9 +19,8 @@ from updating.report.results import read_results
 from updating.results.ledger import Ledger
 from updating.results.store import read_result
 from updating.results.text import interval_text, percent
-from updating.workbench.what_if import outcome, tried_model
-from updating.workbench.what_if_effects import values_of
-from updating.workbench.what_if_room import fitted_sentence
+from updating.workbench.what_if import outcome, tried_model, values_of
+from updating.workbench.what_if_panel import fitted_sentence
 
 CONSIDERED = ("clamp_mass", "pressure_exponent")
 

@@ -17,11 +17,11 @@ from ema.campaign.campaign_file import CampaignFile
 from model.stack.stack_file import StackFile
 from updating.commands import diagnose, specimens
 from updating.commands.command_line import app
-from updating.commands.update_file import UpdateFile
+from updating.commands.update import UpdateFile
 from updating.diagnosis.scatter_file import ScatterFile
 from updating.fitting.modal_table import ModalTableFile
 from updating.pooled.campaign_file import SpecimensFile
-from updating.virtual.vibration_test_file import VirtualTestFile
+from updating.virtual.vibration_test import VirtualTestFile
 
 DATA = Path(__file__).parents[2] / "data"
 N = 10

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from updating.commands import shipped
-from updating.commands.shipped import shipped_data
+from updating.commands import demo
+from updating.commands.demo import shipped_data
 from updating.errors import StoreError
 
 ROOT = Path(__file__).parents[2]
@@ -46,7 +46,7 @@ def test_data_is_found_from_any_folder(tmp_path, monkeypatch):
     assert (shipped_data("demo_diagnosis") / "campaign.toml").is_file()
     monkeypatch.chdir(ROOT)
     assert shipped_data("demo_diagnosis") == Path("data/demo_diagnosis")  # as a person would write it
-    monkeypatch.setattr(shipped, "_CHECKOUT", tmp_path)
+    monkeypatch.setattr(demo, "_CHECKOUT", tmp_path)
     with pytest.raises(StoreError, match="lacks the data 'nothing'"):
         shipped_data("nothing")
 

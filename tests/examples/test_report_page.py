@@ -17,15 +17,14 @@ import pytest
 from PIL import Image
 
 from ema.modal.mac import frac
-from updating.commands.view import window
+from updating.commands.report import window
 from updating.errors import StoreError
 from updating.report import page as page_module
-from updating.report.chart_part import renderer
+from updating.report.files import NAMES, print_pdf
 from updating.report.frf_part import frf_picture
 from updating.report.modes_part import modes_section
 from updating.report.page import titles, write_report
-from updating.report.part import Section, Table, of_model, packed
-from updating.report.pdf import NAMES, print_pdf
+from updating.report.part import Section, Table, of_model, packed, renderer
 from updating.report.results import read_results
 from updating.results.text import Z95, uncertain
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from updating.commands.ema import identify_campaign
 from updating.commands.fit import fit_campaign
 from updating.errors import StoreError
-from updating.report.opening import opening_section
+from updating.report.answer import opening_section
 from updating.report.results import read_results
 from updating.results.store import read_document
 from updating.workers import workers as workers_module

@@ -11,8 +11,7 @@ import pytest
 from rich.console import Console
 
 from ema.types.errors import EmaError
-from updating.commands.update import parameter_table, run_update
-from updating.commands.update_file import read_update_file
+from updating.commands.update import parameter_table, read_update_file, run_update
 from updating.diagnosis.joint_answer import Updated
 from updating.errors import FitError
 from updating.results.store import read_result

@@ -1,4 +1,4 @@
-"""The workbench as a person uses it: a browser clicks through every room of what a small campaign left."""
+"""The workbench as a person uses it: a browser clicks through every panel of what a small campaign left."""
 
 import re
 import shutil
@@ -16,12 +16,12 @@ from rich.console import Console
 from ema import read_poles
 from updating.commands.fit import fit_campaign
 from updating.diagnosis.answer import Diagnosis
-from updating.report.pdf import NAMES
+from updating.report.files import NAMES
 from updating.report.results import read_results
 from updating.results.identified import Failed
 from updating.results.store import read_result
 from updating.results.text import percent, quantity
-from updating.workbench.measurement_room import findings
+from updating.workbench.measurement_panel import findings
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 sync_api = pytest.importorskip("playwright.sync_api", reason="no playwright, which is in the extra dev")
@@ -95,8 +95,8 @@ def page(address):
         browser.close()
 
 
-def enter(page, room):
-    page.get_by_role("tab", name=room).click()
+def enter(page, panel):
+    page.get_by_role("tab", name=panel).click()
 
 
 def says(page, selector, words, patience=PATIENCE):
@@ -126,7 +126,7 @@ def test_whoever_has_no_token_is_refused(address):
     assert status(f"{root}/index.html", Cookie=f"lamella_{port}={token}x") == 403
 
 
-def test_the_page_loaded_again_is_the_same_page_in_the_same_room(page):
+def test_the_page_loaded_again_is_the_same_page_in_the_same_panel(page):
     """The token has left the address; a cookie that no script can read stands for it."""
     assert "secret" not in page.url
     enter(page, "Comparison")
@@ -138,10 +138,10 @@ def test_the_page_loaded_again_is_the_same_page_in_the_same_room(page):
     assert page.get_by_role("tab", name="Comparison").get_attribute("aria-selected") == "true"
 
 
-def test_back_and_forward_go_through_the_rooms(page):
-    def stands_in(room):
+def test_back_and_forward_go_through_the_panels(page):
+    def stands_in(panel):
         page.wait_for_function(
-            f"document.querySelector('[role=tab][aria-selected=true]')?.textContent.includes({room!r})"
+            f"document.querySelector('[role=tab][aria-selected=true]')?.textContent.includes({panel!r})"
         )
 
     enter(page, "Comparison")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from model.contact.tangential import jump, mean, tangential_krons
+from model.contact.contact import jump, mean, tangential_krons
 from model.elements.equations import Assembly, Kron, Monomial, Term
 from model.elements.mesh import Derivative, Field, Plan
 from model.stack.stack import Stack

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import model
-from model.modes.verified import solve_verified
+from model.modes.refinement import solve_verified
 
 SCRIPT = Path(__file__).parents[1] / "peers/calculix_stack.py"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from updating.fitting.objective import frequency_error, opt_d, opt_G
+from updating.fitting.fit import frequency_error, opt_d, opt_G
 
 TABLES = Path(__file__).parents[2] / "data/pirnat2013"
 

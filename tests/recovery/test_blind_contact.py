@@ -9,8 +9,7 @@ import pytest
 from ema import identify_frf
 from updating import fit
 from updating.virtual.measurement import simulate
-from updating.virtual.vibration_test import VirtualConfiguration
-from updating.virtual.vibration_test_file import read_virtual_test
+from updating.virtual.vibration_test import VirtualConfiguration, read_virtual_test
 
 SPECIFICATION = Path(__file__).parents[2] / "data/demo_stack/virtual_test.toml"
 SEEDS = range(100, 106)

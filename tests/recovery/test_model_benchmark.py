@@ -11,7 +11,7 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.contact.tangential import tangential_krons
+from model.contact.contact import tangential_krons
 from model.modes.refinement import residual_error
 
 pytestmark = pytest.mark.benchmark

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from updating.commands.usage import diagnose
+from updating.commands.command_line import diagnose
 from updating.diagnosis.answer import Diagnosis
 from updating.results.store import read_result
 

@@ -10,7 +10,7 @@ import pytest
 import model
 from model.effects.contact_slip import STRAIN
 from tests.studies.blind import blind_test, candidates_of, simulated
-from updating.commands.usage import diagnose
+from updating.commands.command_line import diagnose
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched

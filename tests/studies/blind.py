@@ -28,8 +28,7 @@ from updating.inference.decide import decide
 from updating.inference.equation_error import equation_errors
 from updating.inference.explain import Explanation, coordinates_of, explain
 from updating.inference.search import Search
-from updating.virtual.vibration_test import VirtualTest
-from updating.virtual.vibration_test_file import read_virtual_test
+from updating.virtual.vibration_test import VirtualTest, read_virtual_test
 from updating.workers.workers import workers
 
 SPECIFICATION = DATA / "demo_stack" / "virtual_test.toml"

@@ -25,7 +25,7 @@ from updating.inference.explain import Explanation, coordinates_of, explain
 from updating.pooled.diagnosis import concluded, specimens_model
 from updating.pooled.search import Found, begin, searched
 from updating.pooled.specimen import Specimen
-from updating.results.pooled_answer import PooledDiagnosis
+from updating.results.pooled import PooledDiagnosis
 
 RECORD = BLIND / "pooled.jsonl"
 """The cases of the published table."""

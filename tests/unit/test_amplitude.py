@@ -11,8 +11,8 @@ from ema.identification.identify import identify_frf
 from ema.plot.figures import amplitude_figure
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
-from updating.commands.usage import ema
-from updating.results.amplitude import over_amplitude, stored_amplitude
+from updating.commands.command_line import ema
+from updating.results.campaign import over_amplitude, stored_amplitude
 from updating.results.identified import assignments, read_back
 
 FREQUENCY = np.arange(90.0, 260.0, 0.2)

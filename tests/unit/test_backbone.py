@@ -8,9 +8,8 @@ import pytest
 
 import model
 from model.contact.slip_law import SlipLaw
-from model.modes.backbone import backbone
-from model.modes.contact_strain import chosen_interfaces, contact_strain
-from model.stack.curve import read_curve
+from model.modes.backbone import backbone, chosen_interfaces, contact_strain
+from model.stack.inputs import read_curve
 from model.stack.parts import Pressing
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")

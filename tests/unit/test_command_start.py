@@ -54,7 +54,7 @@ def test_help_needs_no_numbers():
     )
     assert asked & (DRAWING | SERVING | READING | NUMBERS) == set()
     own = {name for name in asked if name.startswith("updating.commands.")}
-    assert own == {f"updating.commands.{name}" for name in ("command_line", "options", "terminal", "usage")}
+    assert own == {f"updating.commands.{name}" for name in ("command_line", "terminal")}
 
 
 def test_a_command_begins_without_what_it_may_need_later():

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from updating.correlation.correlation import correlate
+from updating.correlation.correlation import correlate, correlate_points
 from updating.correlation.pairing import pair
-from updating.correlation.point_correlation import correlate_points
 from updating.errors import PairingError
 
 N_DOF = 30

@@ -18,8 +18,8 @@ from updating.diagnosis.answer_parts import (
 )
 from updating.diagnosis.nuisance_text import misstated, strained
 from updating.diagnosis.text import next_command, second_level_text, sentences
-from updating.fitting.estimate import ParameterEstimate
-from updating.report.opening import headline
+from updating.fitting.fit import ParameterEstimate
+from updating.report.answer import headline
 from updating.results.text import interval_text, percent, quantity, together
 
 NAN = float("nan")

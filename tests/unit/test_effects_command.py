@@ -9,7 +9,7 @@ import pytest
 import model
 from model.effects.conformance import effect_faults
 from tests.command import lamella
-from updating.commands.effect_option import with_named_effects
+from updating.commands.model import with_named_effects
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 ROOT = Path(__file__).parents[2]

@@ -8,11 +8,9 @@ import pytest
 
 from model import read_effect, read_stack
 from model.stack.parts import Mesh
-from updating.fitting.prepared import prepare, solve_target
 from updating.fitting.shared_opt_G import fit_shared_opt_G
-from updating.fitting.target import target_of_table
-from updating.virtual.vibration_test import specimens
-from updating.virtual.vibration_test_file import read_virtual_test
+from updating.fitting.target import prepare, solve_target, target_of_table
+from updating.virtual.vibration_test import read_virtual_test, specimens
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")

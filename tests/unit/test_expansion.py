@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import model
-from updating.correlation.expansion import expand, expanded_modes, pseudo_orthogonality
-from updating.correlation.orthogonality import cross_orthogonality
+from updating.correlation.criteria import cross_orthogonality
+from updating.correlation.registration import expand, expanded_modes, pseudo_orthogonality
 from updating.errors import PairingError
 
 

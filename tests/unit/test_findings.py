@@ -8,7 +8,7 @@ import pytest
 from ema import Verdict
 from ema.modal.runs import run_changes
 from ema.types.geometry import Dofs
-from updating.results.quality import quality
+from updating.results.identified import quality
 
 MODES = np.array([100.0, 200.0, 300.0])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from updating.correlation.correlation_plot import frf_correlation_figure
-from updating.correlation.frf_correlation import correlate_frf, fdac
+from updating.correlation.correlation import correlate_frf, fdac
+from updating.correlation.plots import frf_correlation_figure
 from updating.errors import UpdatingError
 
 LINES = np.linspace(10.0, 100.0, 181)

@@ -14,13 +14,11 @@ from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.explained_model import explained_stack
 from updating.errors import FitError
-from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import Fit, fit
+from updating.fitting.fit import Fit, ParameterEstimate, fit
 from updating.report import identified_model as module
-from updating.report.answer import before_after_table
+from updating.report.answer import before_after_table, frac_sentence
 from updating.report.identified_model import Found, identified_model, what_was_found, with_models
 from updating.report.modes_part import by_model, complexity_table, pair_tables
-from updating.report.opening import frac_sentence
 from updating.report.page import render
 from updating.report.part import Picture, Section, Table, of_model
 from updating.report.results import IdentifiedModel, Results

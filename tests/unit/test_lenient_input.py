@@ -15,7 +15,7 @@ from ema.plot.figures import as_png, shape_figure
 from ema.types.geometry import Geometry
 from model import read_stack
 from model.stack.stack_file import stack_inputs
-from updating.commands.update_file import read_update_file
+from updating.commands.update import read_update_file
 from updating.fitting.modal_table import is_modal_table
 
 MARK = b"\xef\xbb\xbf"

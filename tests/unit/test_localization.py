@@ -10,9 +10,15 @@ import pytest
 from PIL import Image
 
 import model
-from updating.correlation.correlation_plot import error_map_picture
-from updating.correlation.energy import KINDS, Regions, energy_by_region, modal_energy, regions
-from updating.correlation.localization import map_error
+from updating.correlation.localization import (
+    KINDS,
+    Regions,
+    energy_by_region,
+    map_error,
+    modal_energy,
+    regions,
+)
+from updating.correlation.plots import error_map_picture
 from updating.errors import UpdatingError
 
 N_MODE = 6

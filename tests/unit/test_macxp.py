@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.modal.mac import mac
-from updating.correlation.macxp import macx, macxp, poles
+from updating.correlation.criteria import macx, macxp, poles
 
 
 @pytest.fixture

@@ -15,10 +15,10 @@ import scipy.sparse.linalg as sla
 
 import model
 from model.matrices.labelled import placed, symmetric
-from model.matrices.nodes import read_nodes
-from model.matrices.places import places_on
 from model.matrices.readers import read_entries
-from model.solvers.nested_dissection import CholeskyFactor, NotPositiveError
+from model.matrices.reduced import places_on
+from model.matrices.rows import read_nodes
+from model.solvers.eigen import CholeskyFactor, NotPositiveError
 
 EXAMPLE = Path(__file__).parents[2] / "data/matrices_example"
 N, SPRING, MASS = 6, 2.0e3, 0.5  # a chain of 6 masses along x, N/m and kg, held at its first end

@@ -198,7 +198,7 @@ def test_surface_repeats_the_observed_shape(system):
 
 
 def test_picture_is_a_png(system):
-    from model.plot.shapes import mode_png
+    from model.plot.plots import mode_png
 
     modes = model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS)
     picture = mode_png(system, modes, 6, size=(300, 200))

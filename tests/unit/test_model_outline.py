@@ -8,8 +8,8 @@ import scipy.sparse.linalg as splinalg
 import model
 from model.contact.pressing import press
 from model.elements.mesh import plan_of, triangles
-from model.plot.pressure import pressure_figure
-from model.stack.curve import read_curve
+from model.plot.plots import pressure_figure
+from model.stack.inputs import read_curve
 from model.stack.outline import BoltHoles, Outline, Triangulation, ring, smallest_angle, stator
 from model.stack.parts import Pressing
 

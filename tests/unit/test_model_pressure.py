@@ -10,7 +10,7 @@ from model.contact.pressing import press
 from model.contact.pressure import separate
 from model.effects.parts import centred
 from model.elements.mesh import rectangle
-from model.stack.curve import read_curve
+from model.stack.inputs import read_curve
 from model.stack.parts import Interlayer, Pressing
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")

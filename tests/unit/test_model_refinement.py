@@ -8,7 +8,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.contact.tangential import tangential_krons
+from model.contact.contact import tangential_krons
 
 N = 24
 STACK = model.Stack(

@@ -7,7 +7,7 @@ import scipy.integrate as integrate
 
 import model
 from model.contact.pressing import press
-from model.stack.curve import CompressionCurve, read_curve
+from model.stack.inputs import CompressionCurve, read_curve
 from model.stack.parts import Interlayer, Pressing
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")

@@ -6,8 +6,7 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.contact.normal import normal_krons
-from model.contact.tangential import tangential_krons
+from model.contact.contact import normal_krons, tangential_krons
 from model.effects.parts import turn_of
 from model.elements.equations import Product
 from model.reduction.effect_basis import shaping

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse.linalg as splinalg
 
 import model
-from model.modes.verified import solve_verified
+from model.modes.refinement import solve_verified
 from model.stack.outline import stator
 
 N = 24

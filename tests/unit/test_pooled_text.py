@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.report.page import write_report
 from updating.report.pooled_part import contact_chart, grouping, pooled_section
-from updating.results.pooled_answer import (
+from updating.results.pooled import (
     ContactState,
     Contrast,
     ModeAnswer,
@@ -16,8 +16,8 @@ from updating.results.pooled_answer import (
     PooledDiagnosis,
     PooledRanked,
     SpecimenAnswer,
+    sentences,
 )
-from updating.results.pooled_text import sentences
 from updating.results.store import read_result, write_result
 
 

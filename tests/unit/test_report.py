@@ -9,8 +9,8 @@ from PIL import Image
 
 from ema import Geometry
 from updating import StoreError
-from updating.fitting.shape_plot import point_displacement
-from updating.report import pdf
+from updating.fitting.plots import point_displacement
+from updating.report import files
 from updating.report.page import render
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 
@@ -95,9 +95,9 @@ def test_points_measured_in_skew_directions_move_as_they_were_measured():
 
 def test_without_a_browser_it_is_said_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(pdf, "_PATHS", (str(tmp_path / "nowhere"),))
+    monkeypatch.setattr(files, "_PATHS", (str(tmp_path / "nowhere"),))
     with pytest.raises(StoreError, match=r"apt install chromium.*Google Chrome or Microsoft Edge"):
-        pdf.print_pdf(tmp_path / "report.html")
+        files.print_pdf(tmp_path / "report.html")
 
 
 def browser(folder, script):
@@ -110,9 +110,9 @@ def browser(folder, script):
 def test_a_browser_that_fails_leaves_the_earlier_pdf_and_says_why(monkeypatch, tmp_path):
     (tmp_path / "report.pdf").write_bytes(b"earlier")
     own = browser(tmp_path, "echo 'cannot open display' >&2; exit 3")
-    monkeypatch.setattr(pdf, "find_browser", lambda: own)
+    monkeypatch.setattr(files, "find_browser", lambda: own)
     with pytest.raises(StoreError, match=r"exit code 3.*cannot open display"):
-        pdf.print_pdf(tmp_path / "report.html")
+        files.print_pdf(tmp_path / "report.html")
     assert (tmp_path / "report.pdf").read_bytes() == b"earlier"
 
 
@@ -120,5 +120,5 @@ def test_the_first_browser_on_the_path_prints(monkeypatch, tmp_path):
     script = 'for a in "$@"; do case $a in --print-to-pdf=*) printf %%PDF > "${a#*=}";; esac; done'
     own = browser(tmp_path, script)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert pdf.find_browser() == own
-    assert pdf.print_pdf(tmp_path / "report.html").read_bytes() == b"%PDF"
+    assert files.find_browser() == own
+    assert files.print_pdf(tmp_path / "report.html").read_bytes() == b"%PDF"

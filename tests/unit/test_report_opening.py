@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
+from updating.report.answer import headline, opening
 from updating.report.change_part import mode_changes, mode_picture, step_figure, step_picture, steps
 from updating.report.location_part import _surface
-from updating.report.opening import headline, opening
 from updating.report.results import Results
 
 NAN = float("nan")

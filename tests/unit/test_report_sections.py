@@ -10,16 +10,12 @@ from model import read_stack
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
 from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.signature_plot import signature_pattern_figure
-from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import Estimate
+from updating.fitting.fit import Estimate, ParameterEstimate
 from updating.fitting.modal_table import TableFit, TableRow
 from updating.report.answer import answer_section, moved_table
-from updating.report.ledger_part import ledger_figure, ledger_section
-from updating.report.page import render, sections
-from updating.report.parameter_part import interval_table
-from updating.report.provenance import provenance_section
+from updating.report.ledger_part import interval_table, ledger_figure, ledger_section, signature_section
+from updating.report.page import provenance_section, render, sections
 from updating.report.results import Results
-from updating.report.signature_part import signature_section
 from updating.results.ledger import Entry
 
 STACK = Path(__file__).parents[2] / "data/demo_stack/stack.toml"

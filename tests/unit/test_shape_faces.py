@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from updating.fitting.shape_faces import faces
+from updating.fitting.plots import faces
 
 
 def test_a_block_of_points_has_its_six_faces():

@@ -5,7 +5,7 @@ import weakref
 import numpy as np
 import pytest
 
-from model.reduction.shared_range import InRange, full, in_ranges, n_row, summed
+from model.reduction.reduced_equations import InRange, full, in_ranges, n_row, summed
 
 N = 90
 

@@ -11,7 +11,7 @@ import model
 import updating
 from ema.types.shown import figure_of, html_of, html_table
 from updating.diagnosis.answer import Diagnosis, Ranked
-from updating.report.notebook import diagnosis_figure, diagnosis_html, fit_figure, fit_html
+from updating.report.files import diagnosis_figure, diagnosis_html, fit_figure, fit_html
 
 ROOT = Path(__file__).parents[2]
 

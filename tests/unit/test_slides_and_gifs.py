@@ -11,9 +11,9 @@ from PIL import Image
 from pptx import Presentation
 from pptx.enum.shapes import MSO_SHAPE_TYPE
 
-from updating.fitting.shape_plot import ShapePair
-from updating.report import slides
-from updating.report.moving import shape_gif
+from updating.fitting.plots import ShapePair
+from updating.report import files
+from updating.report.files import shape_gif
 from updating.report.part import Opening, Picture, Section, Table
 
 
@@ -64,8 +64,8 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
         ("model_functions", lambda *_: {}),
         ("within_band", lambda *_: None),
     ):
-        monkeypatch.setattr(slides, name, made)
-    path = slides.write_slides(
+        monkeypatch.setattr(files, name, made)
+    path = files.write_slides(
         SimpleNamespace(
             name="A test",
             folder=tmp_path,
@@ -119,7 +119,7 @@ def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_
         ("mac_picture", lambda *_: picture),
         ("location_section", lambda *_: Section(title="Where", blocks=(picture,))),
     ):
-        monkeypatch.setattr(slides, name, made)
+        monkeypatch.setattr(files, name, made)
     tested = [
         SimpleNamespace(
             name=name, fit=fitted(0.03, 0.9), stack_fit=fitted(0.03, 0.9),
@@ -127,7 +127,7 @@ def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_
         )
         for name in ("M1", "M2")
     ]  # fmt: skip
-    path = slides.write_slides(SimpleNamespace(name="A test", folder=tmp_path, tested=tested))
+    path = files.write_slides(SimpleNamespace(name="A test", folder=tmp_path, tested=tested))
     show = {slide.shapes.title.text: slide for slide in Presentation(str(path)).slides}
     assert list(show) == [
         "A test: identified", "Where the base model fails",

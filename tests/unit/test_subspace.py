@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ema.modal.mac import mac
-from updating.correlation.subspace import clusters, rotate_onto, span_mac, subspace_mac
+from updating.correlation.criteria import clusters, rotate_onto, span_mac, subspace_mac
 
 
 @pytest.fixture

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 import model
-from updating.correlation.orthogonality import cross_orthogonality
-from updating.correlation.pairing import pair
-from updating.correlation.shape_class import class_grid, shape_classes
-from updating.correlation.tracking import track
+from updating.correlation.criteria import class_grid, cross_orthogonality, shape_classes
+from updating.correlation.pairing import pair, track
 from updating.errors import PairingError
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import model
 from model import Sampled, truncated
-from model.reduction.basis_parts import Further
+from model.reduction.reduced_equations import Further
 
 STACK = model.Stack(
     name="small",

@@ -10,19 +10,20 @@ import pytest
 
 from model import Contact, catalogue, read_stack
 from updating.diagnosis.answer import Diagnosis, Ranked
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.report.results import Results
-from updating.workbench import diagnosis_room
-from updating.workbench.diagnosis_room import CHANGES
-from updating.workbench.what_if import Knob, explanation
-from updating.workbench.what_if_effects import (
+from updating.workbench import diagnosis_panel
+from updating.workbench.diagnosis_panel import CHANGES
+from updating.workbench.what_if import (
     FIRST,
     NEXT,
+    Knob,
     effect_choices,
+    explanation,
     slider_rows,
     values_of,
 )
-from updating.workbench.what_if_room import fitted_sentence
+from updating.workbench.what_if_panel import fitted_sentence
 
 MASS = ParameterEstimate(
     name="clamp_added_mass", unit="kg", value=0.3, lower=0.1, upper=0.5, at_bound=False
@@ -130,8 +131,8 @@ class State(SimpleNamespace):
 @pytest.mark.parametrize("word", CHANGES)
 def test_what_is_about_to_be_replaced_is_grey_and_says_so_until_the_command_has_ended(word, monkeypatch):
     state = State(stale="", said=[], running="")
-    own = diagnosis_room._Commands(state, SimpleNamespace(results=results))
-    monkeypatch.setattr(diagnosis_room, "opening", lambda _: SimpleNamespace(badge="", sentence=""))
+    own = diagnosis_panel._Commands(state, SimpleNamespace(results=results))
+    monkeypatch.setattr(diagnosis_panel, "opening", lambda _: SimpleNamespace(badge="", sentence=""))
 
     async def run(words, done):
         assert state.stale == CHANGES[word]
@@ -151,7 +152,7 @@ def test_what_is_about_to_be_replaced_is_grey_and_says_so_until_the_command_has_
 
 def test_a_report_makes_nothing_grey(monkeypatch):
     state = State(stale="", said=[], running="")
-    own = diagnosis_room._Commands(state, SimpleNamespace(results=results))
+    own = diagnosis_panel._Commands(state, SimpleNamespace(results=results))
 
     async def run(*_):
         pass
@@ -168,8 +169,8 @@ def test_a_report_makes_nothing_grey(monkeypatch):
 
 def test_results_that_belong_to_earlier_modes_are_left_out_and_said(monkeypatch):
     state = State()
-    monkeypatch.setattr(diagnosis_room, "opening", lambda _: SimpleNamespace(badge="", sentence=""))
+    monkeypatch.setattr(diagnosis_panel, "opening", lambda _: SimpleNamespace(badge="", sentence=""))
     given = replace(results(), remarks=("M1/fit.json comes from another modal_model.json than is here.",))
-    diagnosis_room._Commands(state, SimpleNamespace(results=lambda: given)).refresh()
+    diagnosis_panel._Commands(state, SimpleNamespace(results=lambda: given)).refresh()
     assert state.remarks == ["M1/fit.json comes from another modal_model.json than is here."]
     assert (state.has_steps, state.has_changes) == (False, False)

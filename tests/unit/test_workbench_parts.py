@@ -12,10 +12,8 @@ import pytest
 from ema.campaign.campaign import read_campaign
 from updating.errors import StoreError
 from updating.results.store import write_result
-from updating.workbench.campaign_edit import write_identification
-from updating.workbench.identification_charts import toggled
-from updating.workbench.opened import find
-from updating.workbench.run import Command
+from updating.workbench.identification_panel import toggled, write_identification
+from updating.workbench.opened import Command, find
 from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response
 
 DEMO = Path(__file__).parents[2] / "data" / "demo_diagnosis" / "campaign.toml"

@@ -146,7 +146,7 @@ class Kind:
         Whether that location may be anywhere on the plan; otherwise it is a clamp or an edge.
     exact : callable, optional
         The same as `value` of amplitudes that were estimated with the structure's answer
-        (`updating.changes.condensed`); None where its rows hold to first order only, as beside the tip of a crack.
+        (`updating.changes.refined`); None where its rows hold to first order only, as beside the tip of a crack.
     whole : float
         Largest amplitude then: 1 where that is all there is.
     splits : bool

@@ -20,23 +20,22 @@ from scipy.special import logsumexp, ndtri
 
 from ema.campaign.campaign_file import Reassembly
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
-from updating.changes.condensed import Condensed
 from updating.changes.damping import damping_changes
 from updating.changes.fields import Fields
-from updating.changes.kinds import kinds
-from updating.changes.levels import (
+from updating.changes.kinds import KINDS
+from updating.changes.refined import Condensed, Refined, refine
+from updating.changes.scan import Actions, Weighed, conditional, weigh
+from updating.changes.situation import (
     EXPLAINED,
     IDEAL,
     IN_FULL,
     SCATTER_SPREAD,
+    FittedReference,
+    Situation,
 )
-from updating.changes.refined import Refined, refine
-from updating.changes.scan import Actions, Weighed, conditional, weigh
-from updating.changes.situation import FittedReference, Situation
 from updating.diagnosis.assembly import Campaigned
 from updating.inference.levels import MISSING, NAMED, SEPARATE
-from updating.results.what_changed import KindOfChange, Verdict, WhatChanged
-from updating.results.what_changed_text import sentences
+from updating.results.what_changed import KindOfChange, Verdict, WhatChanged, sentences
 
 Vector = NDArray[np.float64]
 
@@ -87,7 +86,7 @@ def what_changed(
     stated = float(np.sqrt(2.0)) * assembly.frequency
     at = Situation(reference, changed)
     stack = reference.candidates.stack
-    every = kinds() if known is None else known
+    every = KINDS if known is None else known
     impossible = {kind.name: why for kind in every if (why := kind.why_not(stack)) is not None}
     if np.isfinite(at.shift).all():
         no_split = "it splits a mode in two, and this state has no further mode"

@@ -1,22 +1,179 @@
-"""The likeliest candidates weighed once more, with the structure's answer to them: evidence, and sizes."""
+"""The likeliest changes weighed once more, with the answer of the whole structure to a change of any size.
+
+The scan takes modes of the reference as they are. Beside a change of some size the structure gives way more than these
+can: strains concentrate about a patch that is soft, and what a mass pulls at yields. So the rest of its basis, and on
+a single plate, which bends sharply at a point, its static answers to forces about the location, are added as
+coordinates v and eliminated at each measured frequency,
+
+    dS(t) = t S_ll - t**2 S_lv (D_vv + t S_vv)**-1 S_vl,    S = dK - lambda dM,    D = K - lambda M,
+
+which is exact for any amplitude t within these coordinates (Guyan 1965; Leung 1978 at the frequency of each mode).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
-from updating.changes.candidate import Candidates, Kind
-from updating.changes.condensed import Change, Condensed
-from updating.changes.scan import EFFECTS
+from model.elements.mesh import FIELDS
+from model.reduction.reduction import shifted_factor
+from updating.changes.candidate import Candidates, Kind, Part
+from updating.changes.fields import Fields
+from updating.changes.scan import EFFECTS, apparent
+from updating.changes.situation import Situation
 
 Vector = NDArray[np.float64]
 
+Change = Callable[[Vector], Vector]
+"""Takes amplitudes (n,), returns the change of all errors of the changed state, (n, N)."""
+
+_NEAR = np.array([-1.0, 0.0, 1.0])
+
+_SMALLEST = 0.1  # of the root of the plan's area: half the side of the square over which forces are tried
+
+_DEPENDENT = 1e-5  # of the largest energy: directions with less are none
+
+_ABOVE = 0.9  # of the highest measured eigenvalue over one of the rest
+
+_LEAST = 0.05  # of its stiffness that a direction keeps
+
+
+class Condensed:
+    """The structure about the fitted reference, and how it answers to changes.
+
+    Parameters
+    ----------
+    at : Situation
+        State and reference.
+    """
+
+    def __init__(self, at: Situation) -> None:
+        self.at, self.fields = at, at.fields
+        self.assembly, self.theta = at.fields.system.assembly, dict(at.fields.theta)
+        self._kept: dict[tuple[object, ...], tuple[Fields, Vector, Vector]] = {}
+
+    @cached_property
+    def _plate(self) -> tuple[Any, Any, Any]:
+        """Factor of the stiffness, and stiffness and mass, of the equations of motion of a single plate."""
+        factor = shifted_factor(self.assembly, self.theta)
+        return factor, self.assembly.matrix("K", self.theta), self.assembly.matrix("M", self.theta)
+
+    def change(self, kind: Kind, candidates: Candidates, i: int) -> Change:
+        """Return what one candidate does to the equation errors of the changed state, by its amplitude.
+
+        Parameters
+        ----------
+        kind : Kind
+            Its kind.
+        candidates : Candidates
+            Among which it is number `i`.
+        """
+        fields, stiffness, mass = self._around(kind, candidates, i)
+        own = kind.candidates(fields, candidates.place[i, None, :2])
+        (j,) = np.flatnonzero(own.form == candidates.form[i])
+        m, measured = self.fields.n_mode, self.at.ours
+        steps = list[tuple[Vector, Vector, Vector]]()
+        parts = _matrices(own.only(np.array([j])))
+        for r, value in enumerate(measured.eigenvalue):
+            s = _dynamic(parts, value)
+            gap = stiffness - value * mass
+            mu, turn = la.eigh(s[m:, m:], gap)
+            a = measured.weight[r]
+            steps.append((s[:m, :m] @ a, s[:m, m:] @ turn, np.column_stack([mu, turn.T @ s[m:, :m] @ a])))
+
+        def changed(amplitude: Vector) -> Vector:
+            found = np.zeros((amplitude.size, *measured.scale.shape))
+            for r, (first, back, answers) in enumerate(steps):
+                t = amplitude[:, None]
+                yields = t**2 * answers[:, 1] / np.maximum(1.0 + t * answers[:, 0], _LEAST)
+                found[:, r] = -(t * first - yields @ back.T) / measured.scale[r]
+            return found.reshape(amplitude.size, -1)
+
+        return changed
+
+    def _around(self, kind: Kind, candidates: Candidates, i: int) -> tuple[Fields, Vector, Vector]:
+        """Return the fields of modes and answers, and stiffness and mass of the answers."""
+        place, size = candidates.place[i, :2], candidates.size[i]
+        least = _SMALLEST * float(np.sqrt(self.fields.grid.area.sum()))
+        half = max(float(size), least) if np.isfinite(size) else least
+        near = kind.local and self.fields.stack.n_lamina == 1
+        key = (*np.round(place, 4).tolist(), round(half, 4)) if near else ()
+        if key not in self._kept:
+            self._kept[key] = self._beside(self._answers(place, half) if near else None)
+        return self._kept[key]
+
+    def _beside(self, answers: Vector | None) -> tuple[Fields, Vector, Vector]:
+        """Return the fields of the modes and of all else, with stiffness and mass of what else there is."""
+        system = self.fields.system
+        modes, raw = self.at.modes, np.eye(system.basis.shape[1])
+        stiffness, mass = system.matrix("K", self.theta), system.matrix("M", self.theta)
+        if answers is not None:
+            _, stiffness, mass = self._plate
+            modes, raw = system.basis @ modes, np.hstack([system.basis, answers])
+        raw = raw - modes @ (modes.T @ (mass @ raw))
+        energy, inertia = raw.T @ (stiffness @ raw), raw.T @ (mass @ raw)
+        unit = 1.0 / np.sqrt(np.maximum(np.diag(energy), 1e-300))
+        value, turn = la.eigh(energy * np.outer(unit, unit))
+        keep = value > _DEPENDENT * value[-1]
+        turn = unit[:, None] * turn[:, keep] / np.sqrt(value[keep])
+        # nothing near the measured frequencies or below: it would be a mode that is looked at already
+        ratio, axes = la.eigh(turn.T @ inertia @ turn)
+        above = ratio * self.at.ours.eigenvalue.max() < _ABOVE
+        vectors = raw @ (turn @ axes[:, above])
+        if answers is None:
+            vectors = system.basis @ vectors
+        fields = Fields(system, np.hstack([self.fields.vectors, vectors]), self.theta, self.fields.band)
+        return fields, np.eye(vectors.shape[1]), np.diag(ratio[above])
+
+    def _answers(self, place: Vector, half: float) -> Vector:
+        """Return a plate's static answers to forces and moments about a place, at nine points."""
+        plan, where = self.assembly.plan, self.assembly.slices()
+        at = np.stack(np.meshgrid(place[0] + half * _NEAR, place[1] + half * _NEAR, indexing="ij"), axis=-1)
+        at = plan.nearest(at.reshape(-1, 2))
+        force = []
+        for field in FIELDS:
+            n_z, size = self.assembly.n_z[field], plan.size(field)
+            rows = [plan.point_rows(field, at)]
+            rows += [plan.point_rows(field, at, d) for d in ("x", "y")] if field == "w" else []
+            block = sp.kron(sp.identity(n_z), sp.vstack(rows)).toarray().T
+            whole = np.zeros((self.assembly.size, block.shape[1]))
+            whole[where[field]] = block.reshape(n_z * size, -1)
+            force.append(whole)
+        return np.asarray(self._plate[0].solve(np.hstack(force)))
+
+
+def _matrices(own: Candidates) -> list[tuple[Part, Vector]]:
+    """Return what each part of one candidate adds for an amplitude of 1, as a matrix."""
+    found = []
+    for part in own.parts:
+        row = sp.csr_array(part.weight)
+        rows = part.rows[row.indices]
+        flat = rows.reshape(-1, rows.shape[2])
+        found.append((part, flat.T @ (np.repeat(row.data, rows.shape[1])[:, None] * flat)))
+    return found
+
+
+def _dynamic(parts: Sequence[tuple[Part, Vector]], eigenvalue: float) -> Vector:
+    """Return dK - lambda dM at one measured mode."""
+    total = np.zeros_like(parts[0][1])
+    for part, matrix in parts:
+        factor = -eigenvalue if part.target == "M" else 1.0
+        if part.resonance is not None:
+            factor *= float(apparent(np.array([eigenvalue]), part.resonance)[0, 0])
+        total += factor * matrix
+    return (total + total.T) / 2.0
+
+
 _N_COARSE, _N_CLOSE = 60, 61
+
 _DEEP = 15.0
 """Fall of the logarithm of the posterior beyond which an amplitude is not looked at more closely."""
 

@@ -1,18 +1,11 @@
-from updating.commands.demo import demo_command
-from updating.commands.diagnose import diagnose_command
-from updating.commands.effects import effects_command
-from updating.commands.ema import ema_command
+from updating.commands.demo import demo_command, published_command
+from updating.commands.diagnose import diagnose_command, next_test_command
+from updating.commands.ema import ema_command, pick_command
 from updating.commands.fit import fit_command
-from updating.commands.model import model_command
+from updating.commands.model import effects_command, model_command, simulate_command
 from updating.commands.new import new_command
-from updating.commands.next_test import next_test_command
-from updating.commands.open_ import open_command
-from updating.commands.pick import pick_command
-from updating.commands.published import published_command
-from updating.commands.report import make_report, report_command
-from updating.commands.simulate import simulate_command
+from updating.commands.report import make_report, open_command, report_command, view_command
 from updating.commands.update import update_command
-from updating.commands.view import view_command
 
 __all__ = [
     "demo_command",

@@ -1,4 +1,4 @@
-"""`lamella ema`: identify every configuration of a campaign."""
+"""The commands that identify: the modes of a campaign, and poles chosen by clicks."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from ema import (
     compare,
     complexity,
     read_campaign,
+    read_measurement,
     repeats,
     stabilization,
 )
@@ -34,29 +35,30 @@ from ema.plot.figures import (
     as_png,
     comparison_figure,
     frf_figure,
+    pick_poles,
     shape_figure,
     stabilization_figure,
 )
 from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT
-from updating.results.amplitude import over_amplitude, stored_amplitude
-from updating.results.campaign_findings import campaign_findings
-from updating.results.changes import compared
-from updating.results.chosen_poles import forget_choices
+from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (
     Assignment,
     Failed,
     Identified,
     assignments,
     attempted,
+    forget_choices,
     identified,
+    keep_choice,
     require_none,
 )
-from updating.results.store import read_frf, write_bytes, write_result
+from updating.results.store import folder_name, read_frf, write_bytes, write_result
 from updating.workers.workers import in_parallel
 
 _LONGEST_NAME = 24  # characters on one line
+
 _MODE_COLUMN = 16  # characters of "12345.6  12.34" with its frame
 
 
@@ -314,3 +316,23 @@ def print_campaign_findings(results: Sequence[Identified]) -> None:
     """Print what configurations beside each other say of the campaign."""
     for line in campaign_findings(results):
         OUT.print(f"  {line}", markup=False, highlight=False)
+
+
+@single_threaded
+def pick_command(campaign: Path, configuration: str, output: Path) -> None:
+    """Let the user choose the poles of one configuration, and say where they are."""
+    OUT.print(f"Poles: {choose_poles(campaign, configuration, output)}")
+
+
+def choose_poles(campaign_file: Path, configuration: str, output: Path) -> Path:
+    """Let the user choose the poles of one configuration in its stabilisation chart and write poles.txt."""
+    campaign = read_campaign(campaign_file)
+    frf = read_measurement(campaign, configuration).frf
+    options = campaign.identification
+    lines = frf if options.band is None else frf.band(*options.band)
+    diagram = stabilization(lines) if options.order is None else stabilization(lines, order=options.order)
+    chosen = pick_poles(diagram)
+    path = output / folder_name(configuration) / "poles.txt"
+    write_poles(path, chosen)
+    keep_choice(path, path.parent)
+    return path

@@ -20,7 +20,7 @@ from model.stack.stack_file import stack_inputs
 from updating import commands
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
-from updating.commands.matrices import identify_and_fit_matrices, matrices_fit_table
+from updating.commands.model import identify_and_fit_matrices, matrices_fit_table
 from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.correlation.correlation import correlate
@@ -30,19 +30,18 @@ from updating.diagnosis.matrices_answer import MatricesFit
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.fit import fit as fit_configuration
 from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
-from updating.fitting.prepared import prepare
 from updating.fitting.shared_opt_G import SharedFit, fit_shared_opt_G
-from updating.fitting.target import model_file, specimen_name, stack_in_state, target_of_table
+from updating.fitting.target import model_file, prepare, specimen_name, stack_in_state, target_of_table
 from updating.pooled.campaign_file import has_specimens
 from updating.pooled.joint_fit import entry_of, joint_fit
 from updating.pooled.specimen import Specimen
-from updating.results.chosen_poles import forget_choices
 from updating.results.identified import (
     Assignment,
     Failed,
     Identified,
     assignments,
     attempted,
+    forget_choices,
     identified,
     require_none,
 )

@@ -1,31 +1,323 @@
-"""`lamella model`: press a stack and solve its modes."""
+"""The commands on models alone: solve a stack or matrices, explain an effect, simulate a test."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import difflib
+import textwrap
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from ema import ModalModel
 from ema.plot.figures import as_png
+from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
-from model import EffectError, Modes, Stack, catalogue, read_stack
+from model import (
+    Effect,
+    EffectError,
+    MatricesError,
+    Modes,
+    Parameter,
+    Stack,
+    catalogue,
+    find_effects,
+    read_matrices,
+    read_stack,
+    reduce_matrices,
+)
 from model.contact.pressing import press
 from model.contact.pressure import PressureSummary
-from model.matrices.structure_file import is_structure_file
-from model.modes.verified import Verification, solve_verified
-from model.plot.pressure import pressure_figure
-from model.plot.shapes import mode_png
+from model.effects.conformance import effect_faults
+from model.matrices.structure_file import is_structure_file, matrices_inputs
+from model.modes.refinement import Verification, solve_verified
+from model.plot.plots import mode_png, pressure_figure
 from model.reduction.through_thickness import n_rigid
+from model.stack.effect import Family
 from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
-from updating.commands.effect_option import with_named_effects
-from updating.commands.matrices import solve_matrices
 from updating.commands.terminal import OUT, bar
-from updating.correlation.shape_class import class_grid, shape_classes
-from updating.results.store import write_bytes, write_result
+from updating.correlation.correlation import correlate
+from updating.correlation.criteria import class_grid, shape_classes
+from updating.diagnosis.matrices_answer import MatricesFit, fit_matrices, modes_at
+from updating.diagnosis.signature import Signature, signature, signature_figure
+from updating.results.identified import Assignment, Identified, identified
+from updating.results.store import kept, write_bytes, write_result
+from updating.results.text import Z95, quantity
+from updating.virtual.campaign import write_virtual_test
+from updating.virtual.vibration_test import read_virtual_test
+
+_WIDTH = 98
+
+_SAME_SHAPE = 0.95  # cross-orthogonality of a mode with itself
+
+
+@single_threaded
+def effects_command(
+    name: str | None, stack: Path | None, output: Path | None, effect_file: Sequence[Path]
+) -> bool:
+    """List effects or explain one; return whether that has no fault."""
+    if name is None:
+        for table in effect_tables(catalogue(effect_file)):
+            OUT.print(table)
+        OUT.print("More about one: lamella effects NAME --stack STACK")
+        return True
+    explained = explain(name, stack, output, effect_file, OUT)
+    OUT.print(effect_text(explained.effect), markup=False, highlight=False)
+    OUT.print(parameter_table(explained.effect))
+    for fault in explained.faults:
+        OUT.print(f"Fault: {fault}", style="bold red", markup=False, highlight=False)
+    if explained.signature is None:
+        OUT.print("What it does to your stack: add --stack STACK")
+    else:
+        OUT.print(signature_table(explained.signature))
+    return not explained.faults
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Explained:
+    """An effect as `explain` finds it.
+
+    `signature` is None without a stack; `faults` are those of an effect that does not ship.
+    """
+
+    effect: Effect
+    faults: tuple[str, ...]
+    signature: Signature | None
+
+
+def explain(
+    name: str, stack_file: Path | None, output: Path | None, files: Iterable[Path], console: Console
+) -> Explained:
+    """Find an effect, check it if it is the user's own, and try it on the stack; with `output` draw that."""
+    shipped = catalogue()
+    (effect,) = find_effects([name], catalogue(files))
+    with bar(console) as progress:
+        task = progress.add_task("explain", total=2)
+        faults = () if effect.name in shipped else effect_faults(effect)
+        progress.advance(task)
+        found = None
+        if stack_file is not None and not faults:
+            found = signature(read_stack(stack_file), effect)
+            if output is not None:
+                write_bytes(output / f"{effect.name}.png", as_png(signature_figure(found)))
+        progress.advance(task)
+    return Explained(effect=effect, faults=faults, signature=found)
+
+
+def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
+    """List effects, one table a family, with their parameters."""
+    tables = []
+    for family in get_args(Family):
+        members = [effect for effect in known.values() if effect.family == family]
+        table = Table(title=family, title_justify="left", width=_WIDTH)
+        table.add_column("effect", width=28)
+        table.add_column("what it is", ratio=1)
+        table.add_column("parameter, range and unit", ratio=1)
+        for effect in members:
+            table.add_row(
+                effect.printed, effect.summary, "\n".join(f"{p.name} {_range(p)}" for p in effect.parameters)
+            )
+        if members:
+            tables.append(table)
+    return tuple(tables)
+
+
+def effect_text(effect: Effect) -> str:
+    """Write what an effect is, its paragraphs filled to the width of the terminal's tables."""
+    paragraphs: list[str] = []
+    for line in effect.description.strip().splitlines():
+        if line.startswith((" ", "\t")) or (paragraphs and line and paragraphs[-1] and line[0].islower()):
+            paragraphs[-1] += f" {line.strip()}"
+        else:
+            paragraphs.append(line.strip())
+    filled = (textwrap.fill(text, _WIDTH, subsequent_indent="    ") for text in paragraphs)
+    return f"{effect.printed}, {effect.family}\n\n" + "\n".join(filled) + "\n"
+
+
+def parameter_table(effect: Effect) -> Table:
+    """List the parameters of an effect with unit, range and source."""
+    table = Table(title="Parameters", title_justify="left", width=_WIDTH)
+    for name in ("parameter", "range and unit", "nominal", "neutral"):
+        table.add_column(name, no_wrap=True)
+    table.add_column("source", ratio=1)
+    for p in effect.parameters:
+        table.add_row(p.name, _range(p), f"{p.nominal:g}", f"{p.neutral:g}", p.source)
+    return table
+
+
+def signature_table(found: Signature) -> Table:
+    """List what an effect does to the first modes at each pressure."""
+    values = ", ".join(f"{name} = {value:g}" for name, value in found.strength.items())
+    turned = [
+        name for name, like in zip(found.mode, found.likeness.T, strict=True) if like.min() < _SAME_SHAPE
+    ]
+    table = Table(
+        title=f"What it does at {values}",
+        title_justify="left",
+        caption=f"The shape of {', '.join(turned)} changes: MAC in mass below {_SAME_SHAPE**2:.2g}."
+        if turned
+        else None,
+        caption_justify="left",
+    )
+    table.add_column("pressure", justify="right")
+    table.add_column("change of")
+    for name, f in zip(found.mode, found.base_frequency.T, strict=True):
+        table.add_column(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz", justify="right")
+    rows = zip(found.pressure, 100.0 * found.frequency_change, 100.0 * found.damping_change, strict=True)
+    for pressure, frequency, damping in rows:
+        at = f"{pressure / 1e3:g} kPa"
+        table.add_row(at, "frequency [%]", *(f"{x:+.2f}" for x in frequency))
+        table.add_row("", "damping ratio [% points]", *(f"{x:+.3f}" for x in damping))
+    return table
+
+
+def _range(parameter: Parameter) -> str:
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.lower:g} to {parameter.upper:g}{unit}"
+
+
+def with_named_effects(stack: Stack, options: Iterable[str], known: dict[str, Effect]) -> Stack:
+    """Return the stack with effects that have the values given, and nominal ones where none is.
+
+    Raises
+    ------
+    EffectError
+        An effect or a parameter is unknown, or a value is no number in the parameter's range.
+    """
+    for option in options:
+        name, _, given = option.partition(":")
+        effect = find_effects([name.strip()], known)[0]
+        values = {p.name: p.nominal for p in effect.parameters}
+        values.update(_value(effect, part) for part in given.split(",") if part.strip())
+        stack = stack.with_effects(effect, **values)
+    return stack
+
+
+def _value(effect: Effect, text: str) -> tuple[str, float]:
+    name, equals, number = (part.strip() for part in text.partition("="))
+    parameters = {p.name: p for p in effect.parameters}
+    if not equals:
+        message = f"effect {effect.name}: {text!r} must be parameter=value; it has {', '.join(parameters)}"
+        raise EffectError(message)
+    if name not in parameters:
+        close = difflib.get_close_matches(name, parameters, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(parameters)}"
+        message = f"effect {effect.name}: no parameter {name!r}; {hint}"
+        raise EffectError(message)
+    parameter = parameters[name]
+    try:
+        value = float(number)
+    except ValueError as error:
+        message = f"effect {effect.name}: {name} must be a number in {parameter.unit}, got {number!r}"
+        raise EffectError(message) from error
+    if not parameter.lower <= value <= parameter.upper:
+        message = (
+            f"effect {effect.name}: {name} = {value:g} {parameter.unit} lies outside its range, "
+            f"{parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
+        )
+        raise EffectError(message)
+    return name, value
+
+
+def identify_and_fit_matrices(
+    file: Path, threshold: float, assigned: Assignment
+) -> tuple[Identified, MatricesFit]:
+    """Identify a configuration and fit the stated terms of a structure to it; what an earlier run left is read back."""
+    found = identified(assigned)
+    inputs = (assigned.campaign.path, *matrices_inputs(file), found.folder / "modal_model.json")
+
+    def make() -> MatricesFit:
+        return fit_matrices(read_matrices(file), found.modal_model, threshold=threshold)
+
+    path, options = found.folder / "fit.json", {"threshold": threshold}
+    return found, kept(path, MatricesFit, make, inputs=inputs, options=options, keep=assigned.keep)
+
+
+def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> Table:
+    """Solve the modes of a structure, write them, say what the file and the reduction leave out, and list them.
+
+    Raises
+    ------
+    MatricesError
+        It has fewer modes than are asked for.
+    """
+    with bar(console) as progress:
+        task = progress.add_task("read, reduce and solve", total=3)
+        structure = read_matrices(file)
+        progress.advance(task)
+        reduced = reduce_matrices(structure)
+        progress.advance(task)
+        frequency = reduced.solve()[0]
+        elastic = frequency[frequency > 1e-3 * structure.band_Hz]
+        inside = elastic[elastic <= structure.band_Hz][:n_mode]
+        if not inside.size:
+            message = f"{file}: no mode below reduction.band_Hz = {structure.band_Hz:g}; raise it"
+            raise MatricesError(message)
+        none = np.zeros((0, inside.size))
+        modes = modes_at(inside, np.zeros(inside.size), none, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        write_result(output / "modes.json", modes, inputs=matrices_inputs(file), options={"n_mode": n_mode})
+        progress.advance(task)
+    for note in structure.notes:
+        console.print(f"  {note}", markup=False, highlight=False, soft_wrap=True)
+    table = Table(
+        title=f"{structure.name}: {inside.size} elastic modes up to {structure.band_Hz:g} Hz",
+        title_justify="left",
+        caption=f"{frequency.size - elastic.size} modes of a rigid body. {structure.node.size} degrees of freedom were "
+        f"reduced to {reduced.size}; that leaves at most {100 * reduced.left.frequency['nominal']:.2g} % of a "
+        f"frequency, and {100 * max(reduced.left.frequency.values()):.2g} % one prior deviation of a term away.",
+        caption_justify="left",
+    )
+    table.add_column("mode", justify="right")
+    table.add_column("f [Hz]", justify="right")
+    for r, f in enumerate(inside, start=1):
+        table.add_row(str(r), f"{f:.4f}")
+    return table
+
+
+def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
+    """Put measured beside fitted modes, with the MAC before, and what was fitted below."""
+    pairs = correlate(measured, fit.modes, fit.pairing)
+    moved = [
+        f"{own.label} {quantity(own.value, own.unit)} ± {quantity(Z95 * own.std, own.unit, own.value)}"
+        f" (stated {own.stated:g})"
+        for own in fit.moved
+        if not own.name.startswith("gain")
+    ]
+    left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
+    caption = (
+        f"mean frequency error {100 * fit.error:.2f} % ({100 * fit.initial_error:.2f} % before), of "
+        f"{fit.pairing.measured.size} of {measured.frequency.size} measured modes\n"
+        + "\n".join(moved)
+        + (f"\nmeasured but not paired: {', '.join(left_over)} Hz" if left_over else "")
+    )
+    table = Table(
+        title=f"{fit.name}: measured and fitted",
+        title_justify="left",
+        caption=caption,
+        caption_justify="left",
+    )
+    for name in ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "MAC\nbefore", "MAC"):
+        table.add_column(name, justify="right")
+    columns = (
+        pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, fit.initial_mac, pairs.mac
+    )  # fmt: skip
+    for mode, (f_exp, f_num, error, before, mac) in zip(
+        fit.pairing.measured, zip(*columns, strict=True), strict=True
+    ):
+        table.add_row(
+            str(mode + 1),
+            f"{f_exp:.2f}",
+            f"{f_num:.2f}",
+            f"{100 * error:+.2f}",
+            f"{before:.4f}",
+            f"{mac:.4f}",
+        )
+    return table
 
 
 @single_threaded
@@ -158,3 +450,10 @@ def pressure_table(pressure: PressureSummary) -> Table:
         f"{100 * pressure.lost_contact.mean():.3g}",
     )  # fmt: skip
     return table
+
+
+@single_threaded
+def simulate_command(specification: Path, output: Path, effect_file: Sequence[Path]) -> None:
+    """Simulate a vibration test, and say where its campaign file is."""
+    write_virtual_test(read_virtual_test(specification, effect_file), output)
+    OUT.print(f"Campaign: {output / 'campaign.toml'}")

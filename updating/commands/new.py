@@ -7,7 +7,7 @@ from pathlib import Path
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, write_draft
 from ema.campaign.draft_modes import draft_modes, modes_draft_file
-from model.matrices.draft import write_structure
+from model.matrices.text import write_structure
 from updating.commands.terminal import OUT
 
 

@@ -17,8 +17,7 @@ from updating.pooled.campaign_file import SpecimenCampaign, read_specimens, spec
 from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
 from updating.pooled.specimen import Specimen
 from updating.results.identified import assignments, every_identified
-from updating.results.pooled_answer import PooledDiagnosis
-from updating.results.pooled_text import SPECIMEN_HEADER, explanation_text, specimen_row
+from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept
 from updating.workers.workers import workers
 

@@ -1,4 +1,4 @@
-"""Measured against modelled modes, pair by pair: the table that a fit is judged by, with what noise allows."""
+"""Measurement and model side by side: modes, points and functions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ema.modal.mac import frac
 from ema.types.arrays import readonly
+from updating.correlation.criteria import rotate_onto
 from updating.correlation.pairing import ModeSet, Pairing
+from updating.errors import PairingError, UpdatingError
 
 
 class MeasuredModes(ModeSet, Protocol):
@@ -99,3 +102,225 @@ def correlate(measured: MeasuredModes, model: ModeSet, pairing: Pairing) -> Corr
         mac=pairing.paired_mac,
         noise_mac=1.0 - np.minimum(variance / np.sum(np.abs(measured.shape[:, r]) ** 2, axis=0), 1.0),
     )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointCorrelation:
+    """Shapes of paired modes compared at each DOF.
+
+    Attributes
+    ----------
+    node : (n_dof,) int
+        Point number of each DOF.
+    direction : (n_dof, 3) float
+        Its direction.
+    comac : (n_dof,) float
+        Coordinate MAC over all pairs, with magnitudes of shapes of unit length: 1 where they agree. It cannot see
+        signs, nor the scale of a sensor.
+    s_comac : (n_dof,) float
+        Scale CoMAC: as `comac`, with the model's shapes brought to the scale and phase of the measured ones by the
+        modal scale factor, and with the sign of each mode. It sees signs that differ from mode to mode.
+    e_comac : (n_dof,) float
+        Enhanced CoMAC: half the mean absolute difference of shapes of unit length, so 0 where they agree. It
+        sees a sensor of wrong sign or scale, and tells most where modes move most.
+    scale : (n_pair,) complex
+        Modal scale factor from each model shape to its measured one. Where both are mass-normalised, its
+        magnitude is 1 if the modal masses agree.
+    difference : (n_dof, n_pair) complex
+        Measured less scaled model shape, over the measured shape's root mean square.
+    difference_std : (n_dof, n_pair) float
+        Standard deviation of `difference` that the measurement's noise causes.
+    """
+
+    node: NDArray[np.int64]
+    direction: NDArray[np.float64]
+    comac: NDArray[np.float64]
+    s_comac: NDArray[np.float64]
+    e_comac: NDArray[np.float64]
+    scale: NDArray[np.complex128]
+    difference: NDArray[np.complex128]
+    difference_std: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n_dof, n_pair = np.shape(self.difference)
+        expected: dict[str, tuple[tuple[int, ...], type]] = {
+            "node": ((n_dof,), int),
+            "direction": ((n_dof, 3), float),
+            "comac": ((n_dof,), float),
+            "s_comac": ((n_dof,), float),
+            "e_comac": ((n_dof,), float),
+            "scale": ((n_pair,), complex),
+            "difference": ((n_dof, n_pair), complex),
+            "difference_std": ((n_dof, n_pair), float),
+        }
+        for name, (shape, dtype) in expected.items():
+            array = readonly("PointCorrelation", name, getattr(self, name), shape, dtype)
+            object.__setattr__(self, name, array)
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """Root mean square of `difference` over all pairs, (n_dof,)."""
+        return np.sqrt(np.mean(np.abs(self.difference) ** 2, axis=1))
+
+    @property
+    def error_std(self) -> NDArray[np.float64]:
+        """What `error` would be from the measurement's noise alone, (n_dof,)."""
+        return np.sqrt(np.mean(self.difference_std**2, axis=1))
+
+
+def correlate_points(measured: MeasuredModes, model: ModeSet, pairing: Pairing) -> PointCorrelation:
+    """Compare the shapes of paired modes DOF by DOF.
+
+    Pairs that belong together only as a subspace are compared after turning the model's shapes within it.
+
+    Parameters
+    ----------
+    measured : MeasuredModes
+        Identified modes.
+    model : ModeSet
+        Modes of the model on the same DOFs.
+    pairing : Pairing
+        Of the two.
+
+    Raises
+    ------
+    PairingError
+        No modes are paired.
+    """
+    if pairing.measured.size == 0:
+        message = f"no modes are paired at a MAC of {pairing.threshold:g}, so there are no shapes to compare"
+        raise PairingError(message)
+    shape = np.asarray(measured.shape[:, pairing.measured], dtype=complex)
+    other = np.array(model.shape[:, pairing.model], dtype=complex)
+    for number in np.unique(pairing.subspace):
+        inside = pairing.subspace == number
+        if np.count_nonzero(inside) > 1:
+            other[:, inside] = rotate_onto(other[:, inside], shape[:, inside])
+    scale = np.sum(other.conj() * shape, axis=0) / np.sum(np.abs(other) ** 2, axis=0)
+    length = np.linalg.norm(shape, axis=0)
+    scaled = other * scale
+    phase = scale / np.abs(scale)
+    unit, unit_other = shape / length, other * phase / np.linalg.norm(other, axis=0)
+    rms = length / np.sqrt(shape.shape[0])
+    return PointCorrelation(
+        node=measured.node,
+        direction=measured.direction,
+        comac=_comac(np.abs(unit), np.abs(unit_other)),
+        s_comac=_comac(unit, scaled / length),
+        e_comac=np.sum(np.abs(unit - unit_other), axis=1) / (2.0 * length.size),
+        scale=scale,
+        difference=(shape - scaled) / rms,
+        difference_std=measured.shape_std[:, pairing.measured] / rms,
+    )
+
+
+def _comac(a: NDArray[np.inexact], b: NDArray[np.inexact]) -> NDArray[np.float64]:
+    """Return the correlation of two sets of shapes over the modes at each DOF; 1 where both vanish."""
+    cross = np.abs(np.sum(a * b.conj(), axis=1)) ** 2
+    product = np.sum(np.abs(a) ** 2, axis=1) * np.sum(np.abs(b) ** 2, axis=1)
+    return np.divide(cross, product, out=np.ones_like(cross), where=product > 0.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrfCorrelation:
+    """How measured and modelled functions agree.
+
+    Attributes
+    ----------
+    frequency : (n_frequency,) float
+        Lines, Hz.
+    frac : (n_output, n_input) float
+        Frequency response assurance criterion of each function over all lines: 1 for equal ones up to a factor.
+    csac : (n_frequency,) float
+        Cross signature assurance criterion: the MAC of the operating deflection shapes at each line, all inputs
+        together. It falls where resonances do not coincide.
+    csf : (n_frequency,) float
+        Cross signature scale factor: 1 only where the level agrees as well.
+    """
+
+    frequency: NDArray[np.float64]
+    frac: NDArray[np.float64]
+    csac: NDArray[np.float64]
+    csf: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = np.size(self.frequency)
+        for name, shape in (("frequency", (n,)), ("frac", (None, None)), ("csac", (n,)), ("csf", (n,))):
+            object.__setattr__(self, name, readonly("FrfCorrelation", name, getattr(self, name), shape))
+
+
+def correlate_frf(measured: ArrayLike, model: ArrayLike, frequency: ArrayLike) -> FrfCorrelation:
+    """Correlate measured functions with those of the model at the same lines.
+
+    Parameters
+    ----------
+    measured, model : (n_output, n_input, n_frequency) array_like
+        Functions of the same quantity, such as `ema.FRF.value` and `model.frf`.
+    frequency : (n_frequency,) array_like
+        Lines, Hz.
+
+    Raises
+    ------
+    UpdatingError
+        The arrays do not have the same functions and lines.
+    """
+    first, second = _functions(measured, model)
+    lines = np.asarray(frequency, dtype=float)
+    if lines.shape != first.shape[2:]:
+        message = f"{first.shape[2]} lines were given with {lines.size} frequencies"
+        raise UpdatingError(message)
+    cross = np.abs(np.sum(first.conj() * second, axis=(0, 1)))
+    square_1, square_2 = (np.sum(np.abs(h) ** 2, axis=(0, 1)) for h in (first, second))
+    both = (square_1 > 0.0) & (square_2 > 0.0)
+    zero = np.zeros(lines.size)
+    return FrfCorrelation(
+        frequency=lines,
+        frac=frac(first, second),
+        csac=np.divide(cross**2, square_1 * square_2, out=zero.copy(), where=both),
+        csf=np.divide(2.0 * cross, square_1 + square_2, out=zero.copy(), where=both),
+    )
+
+
+def fdac(measured: ArrayLike, model: ArrayLike) -> NDArray[np.float64]:
+    """Frequency domain assurance criterion: deflection shapes of every two lines compared, with their sign.
+
+    A ridge beside the diagonal shows by how much the model is too stiff or too soft at each frequency: the line of the
+    model that looks like a measured one. The value is the real cosine of the two, so -1 means opposite phase; the
+    first form of the criterion, its square, could not tell.
+
+    Parameters
+    ----------
+    measured, model : (n_output, n_input, n_frequency) array_like
+        Functions of the same DOFs; their lines may differ. Every 10th line is often enough.
+
+    Returns
+    -------
+    (n_measured_line, n_model_line) float
+
+    Raises
+    ------
+    UpdatingError
+        The arrays do not have the same DOFs.
+    """
+    first, second = (np.asarray(h, dtype=complex) for h in (measured, model))
+    if first.ndim != 3 or second.ndim != 3 or first.shape[:2] != second.shape[:2]:
+        message = (
+            f"FRFs to compare need the same outputs and inputs: got shapes {first.shape} and {second.shape}"
+        )
+        raise UpdatingError(message)
+    columns = [h.reshape(-1, h.shape[2]) for h in (first, second)]
+    unit = [c / np.maximum(np.linalg.norm(c, axis=0), np.finfo(float).tiny) for c in columns]
+    return np.asarray((unit[0].conj().T @ unit[1]).real)
+
+
+def _functions(
+    measured: ArrayLike, model: ArrayLike
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    first, second = np.asarray(measured, dtype=complex), np.asarray(model, dtype=complex)
+    if first.ndim != 3 or first.shape != second.shape:
+        message = (
+            "measured and modelled FRFs need the same shape (n_output, n_input, n_frequency): "
+            f"got {first.shape} and {second.shape}"
+        )
+        raise UpdatingError(message)
+    return first, second

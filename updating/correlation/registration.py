@@ -1,15 +1,17 @@
-"""Measured points placed on the model: where each is sampled, and how far that is from where it was measured."""
+"""Measured points in the model: their places in its frame, and measured shapes expanded to all its points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy.linalg as la
+from numpy.typing import ArrayLike, NDArray
 
+from ema.modal.mac import real_shape
 from ema.types.arrays import readonly
 from ema.types.geometry import Geometry
-from model import Observation, Stack, sample_points
+from model import Modes, Observation, Stack, sample_points
 from updating.errors import PairingError
 
 
@@ -90,3 +92,167 @@ def register(
 
 def _span(node: NDArray[np.int64]) -> str:
     return "none" if node.size == 0 else f"{node.min()} to {node.max()}"
+
+
+_INVISIBLE = 1e-4  # of the largest motion at the measured DOFs: below it a mode is not seen there
+
+_SINGULAR = 1e6  # condition number from which rounding and the model's own error rule the amplitudes
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Expansion:
+    """Measured shapes in the modes of the model.
+
+    Attributes
+    ----------
+    amplitude : (n_model, n_measured) complex
+        Modal amplitude of each mode of the model in each measured shape; 0 for modes that do not move the
+        measured DOFs.
+    amplitude_std : (n_model, n_measured) float
+        Their standard deviations from those of the measured shapes.
+    coordinate : (n_basis, n_measured) complex
+        The shapes in the coordinates of the reduced system.
+    matched : (n_measured,) float
+        MAC of each measured shape with its expansion at the measured points: what the modes cannot form is lost.
+    condition : float
+        Condition number of the model's shapes at the measured points, each brought to unit length: the most by
+        which measurement errors grow in the amplitudes.
+    """
+
+    amplitude: NDArray[np.complex128]
+    amplitude_std: NDArray[np.float64]
+    coordinate: NDArray[np.complex128]
+    matched: NDArray[np.float64]
+    condition: float
+
+    def __post_init__(self) -> None:
+        n_model, n_measured = np.shape(self.amplitude)
+        expected: dict[str, tuple[tuple[int | None, ...], type]] = {
+            "amplitude": ((n_model, n_measured), complex),
+            "amplitude_std": ((n_model, n_measured), float),
+            "coordinate": ((None, n_measured), complex),
+            "matched": ((n_measured,), float),
+        }
+        for name, (shape, dtype) in expected.items():
+            object.__setattr__(self, name, readonly("Expansion", name, getattr(self, name), shape, dtype))
+
+
+def expand(shape: ArrayLike, shape_std: ArrayLike, modes: Modes) -> Expansion:
+    """Expand measured shapes over the whole model by SEREP.
+
+    Few modes filter noise, many can form more: a dozen elastic modes that reach somewhat above the measured band
+    are a fair choice for 44 points.
+
+    Parameters
+    ----------
+    shape : (n_dof, n_measured) array_like
+        Measured shapes.
+    shape_std : (n_dof, n_measured) array_like
+        Standard deviations of their components.
+    modes : Modes
+        Modes of the model at the same DOFs.
+
+    Raises
+    ------
+    PairingError
+        The measured points cannot tell the model's modes apart: fewer DOFs than modes, or shapes that look alike.
+    """
+    measured = np.asarray(shape, dtype=complex)
+    inverse, condition = _pseudo_inverse(modes.shape)
+    if not np.isfinite(condition):
+        n_dof, n_mode = modes.shape.shape
+        message = (
+            f"{n_dof} measured DOFs cannot tell {n_mode} modes of the model apart; take fewer modes, "
+            "such as those up to the end of the measured band"
+        )
+        raise PairingError(message)
+    amplitude = inverse @ measured
+    rebuilt = modes.shape @ amplitude
+    square = np.sum(np.abs(measured) ** 2, axis=0)
+    return Expansion(
+        amplitude=amplitude,
+        amplitude_std=np.sqrt(inverse**2 @ np.asarray(shape_std, dtype=float) ** 2),
+        coordinate=modes.coordinate @ amplitude,
+        matched=np.sum(np.abs(rebuilt) ** 2, axis=0) / square,
+        condition=condition,
+    )
+
+
+def expanded_modes(
+    expansion: Expansion, modes: Modes, frequency: NDArray[np.float64], damping: NDArray[np.float64]
+) -> Modes:
+    """Return measured modes on the whole model, for what takes `Modes`, such as `model.mode_surface`.
+
+    Parameters
+    ----------
+    expansion : Expansion
+        The measured shapes, expanded with `modes`.
+    modes : Modes
+        The modes that it was expanded with.
+    frequency, damping : (n_measured,)
+        Measured natural frequencies, Hz, and damping ratios.
+
+    Returns
+    -------
+    Modes
+        Real shapes of the scale that was measured, without derivatives.
+    """
+    n_mode = frequency.size
+    coordinate = real_shape(expansion.coordinate)
+    amplitude = la.lstsq(modes.coordinate, coordinate)[0]
+    return Modes(
+        frequency=frequency,
+        damping=damping,
+        pole_frequency=frequency,
+        shape=modes.shape @ amplitude,
+        node=modes.node,
+        direction=modes.direction,
+        n_rigid=0,
+        parameter=(),
+        frequency_gradient=np.zeros((n_mode, 0)),
+        damping_gradient=np.zeros((n_mode, 0)),
+        shape_gradient=np.zeros((modes.node.size, n_mode, 0)),
+        coordinate=coordinate,
+        outside=modes.outside,
+    )
+
+
+def pseudo_orthogonality(measured: ArrayLike, model: ArrayLike) -> tuple[NDArray[np.float64], float]:
+    """Cross-orthogonality of measured shapes with the model's modes in the SEREP-reduced mass.
+
+    Parameters
+    ----------
+    measured : (n_dof, n_measured) array_like
+        Measured shapes, of any scale.
+    model : (n_dof, n_model) array_like
+        Mass-normalised modes of the model at the same DOFs.
+
+    Returns
+    -------
+    cross : (n_measured, n_model) float
+        1 for the same mode, 0 for different ones; each row's squares sum to 1. Modes that do not move the
+        measured points have 0.
+    condition : float
+        Condition number of the model's shapes: above about 20 the points hardly tell the modes apart, and it is
+        infinite where there are fewer DOFs than modes.
+    """
+    inverse, condition = _pseudo_inverse(np.asarray(model, dtype=float))
+    amplitude = np.abs(inverse @ np.asarray(measured))
+    return (amplitude / np.linalg.norm(amplitude, axis=0)).T, condition
+
+
+def visible(shape: ArrayLike) -> NDArray[np.bool_]:
+    """Tell which modes move the measured DOFs, (n_mode,): some do not, such as in-plane ones seen from above."""
+    length = np.linalg.norm(np.asarray(shape), axis=0)
+    return np.asarray(length > _INVISIBLE * length.max(initial=0.0))
+
+
+def _pseudo_inverse(shape: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return the pseudo-inverse of the visible shapes, 0 for others, and the condition of their directions."""
+    seen = visible(shape)
+    length = np.linalg.norm(shape[:, seen], axis=0)
+    inverse = np.zeros((shape.shape[1], shape.shape[0]))
+    inverse[seen] = la.pinv(shape[:, seen] / length) / length[:, None]
+    value = la.svdvals(shape[:, seen] / length)
+    independent = length.size <= shape.shape[0] and value[-1] > value[0] / _SINGULAR
+    return inverse, float(value[0] / value[-1]) if independent else float("inf")

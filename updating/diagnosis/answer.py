@@ -21,8 +21,7 @@ from updating.diagnosis.answer_parts import (
     SensorGain,
     Sizes,
 )
-from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import ModelFit
+from updating.fitting.fit import ModelFit, ParameterEstimate
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 

@@ -34,18 +34,14 @@ from model.effects import parts
 from model.effects.catalogue import shipped
 from model.elements.equations import Formula, Product
 from model.elements.mesh import Plan, plan_on
-from model.reduction.basis_parts import BasisParts, Further
-from model.reduction.reduced_equations import ReducedTerm
-from model.reduction.shared_range import InRange
-from model.stack.curve import CompressionCurve
-from model.stack.material import Material
+from model.reduction.reduced_equations import BasisParts, Further, InRange, ReducedTerm
+from model.stack.inputs import CompressionCurve
 from model.stack.outline import Outline, Triangulation
-from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, PatchSupport, Pressing
+from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, Material, PatchSupport, Pressing
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.rig import clamp_places
 from updating.errors import StoreError
-from updating.results.array_file import read_arrays, write_arrays
-from updating.results.graph import Special, flattened, restored
+from updating.results.array_file import Special, flattened, read_arrays, restored, write_arrays
 from updating.results.store import digest, versions
 
 N_CACHED = 3

@@ -19,8 +19,7 @@ from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import DIMENSIONS
 from updating.diagnosis.evidence import D_F_START
 from updating.errors import FitError
-from updating.fitting.fit import Fit, kept_estimate
-from updating.fitting.objective import frequency_error, opt_d, opt_G
+from updating.fitting.fit import Fit, frequency_error, kept_estimate, opt_d, opt_G
 
 _CLAMP = re.compile(r"clamp_(\d+)_([xy])")
 _N_MODE = 22  # that are solved for pairing, rigid-body modes included

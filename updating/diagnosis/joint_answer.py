@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ema.types.arrays import readonly
 from updating.diagnosis.answer_parts import Moved, Sizes
 from updating.errors import FitError
-from updating.fitting.objective import frequency_error
+from updating.fitting.fit import frequency_error
 from updating.results.ledger import Entry
 
 

@@ -23,8 +23,7 @@ from updating.diagnosis.matrices_model import MatricesModel
 from updating.diagnosis.mixed_up import search_put_right
 from updating.diagnosis.text import sentences
 from updating.errors import FitError
-from updating.fitting.fit import ModelFit
-from updating.fitting.objective import frequency_error
+from updating.fitting.fit import ModelFit, frequency_error
 from updating.inference.decide import decide
 from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation

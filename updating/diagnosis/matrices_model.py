@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel
 from model import Effect, MatricesError, MatrixStructure, Parameter, ReducedMatrices, reduce_matrices
-from model.matrices.places import Places, places_on
 from model.matrices.readers import Target
+from model.matrices.reduced import Places, places_on
 from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.coordinates import free_coordinate, scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, DiagnosisScatter, Tested

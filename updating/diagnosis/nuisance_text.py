@@ -10,7 +10,7 @@ import numpy as np
 from updating.diagnosis.answer import Strained
 from updating.diagnosis.candidates import DIMENSIONS
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.results.text import interval_text, percent, quantity
 
 _STEEL = {

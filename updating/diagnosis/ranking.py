@@ -12,7 +12,7 @@ from updating.diagnosis.answer_parts import SensorGain, Sizes
 from updating.diagnosis.calibration import STRAINED
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.explained import Explained
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.inference import discrepancy
 from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from model import Assembly, Clamp, Effect, Kron, Monomial, Parameter, Stack, Term
 from model.effects.parts import mean_over
-from model.elements.clamping import height_shares
 from model.elements.mesh import FIELDS, Field
+from model.elements.terms import height_shares
 
 _FARTHEST = 0.02  # m
 _AT = np.array([-0.016, -0.005, 0.005, 0.016])  # m, where means are taken for the polynomials

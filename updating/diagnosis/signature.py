@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ema.types.arrays import readonly
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from updating.correlation.orthogonality import cross_orthogonality
-from updating.correlation.shape_class import class_grid, shape_classes
-from updating.correlation.tracking import track
+from updating.correlation.criteria import class_grid, cross_orthogonality, shape_classes
+from updating.correlation.pairing import track
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from model import Effect, Parameter, ReducedEquations
 from model.elements.equations import OMEGA, ParameterFactor, Target
-from model.reduction.reduced_equations import ReducedTerm
-from model.reduction.shared_range import InRange, Matrix, summed
+from model.reduction.reduced_equations import InRange, Matrix, ReducedTerm, summed
 from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT

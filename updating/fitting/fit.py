@@ -1,4 +1,4 @@
-"""Contact stiffness G_f by opt_G, then contact damping d_f by opt_d, as the paper does it (Fig. 11)."""
+"""Contact stiffness G_f by opt_G, then contact damping d_f by opt_d, as the paper does it (eqs. 1 and 2, Fig. 11)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from ema.modal.mac import mac
@@ -15,23 +15,79 @@ from ema.types.modal_model import ModalModel
 from ema.types.shown import Shown
 from ema.types.threads import single_threaded
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from updating.correlation.expansion import visible
 from updating.correlation.pairing import Pairing, pair, require_points
-from updating.correlation.registration import register
+from updating.correlation.registration import register, visible
 from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.errors import FitError
-from updating.fitting.objective import frequency_error, opt_d, opt_G
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEstimate:
+    """A parameter with its 95 % interval.
+
+    Attributes
+    ----------
+    name, unit : str
+        Which.
+    value, lower, upper : float
+        The estimate and the ends of its 95 % interval.
+    at_bound : bool
+        Whether it lies on an end of its plausible range: then the data ask for a value outside.
+    determined : bool
+        Whether the data say more of it than its range does.
+    """
+
+    name: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    at_bound: bool
+    determined: bool = True
+
+    @property
+    def remark(self) -> str:
+        """What must be said of it beside the interval; often nothing."""
+        return "at its bound" if self.at_bound else "" if self.determined else "not determined"
+
+
+def opt_G(f_exp: ArrayLike, f_num: ArrayLike) -> float:
+    """Objective of the contact stiffness, Hz: root of the summed squared frequency differences.
+
+    Source: Pirnat, Čepon, Boltežar 2013, eq. (1), left.
+    """
+    return float(np.linalg.norm(np.asarray(f_exp, float) - np.asarray(f_num, float)))
+
+
+def opt_d(xi_exp: ArrayLike, xi_num: ArrayLike) -> float:
+    """Objective of the contact damping: root of the summed squared damping-ratio differences.
+
+    Source: Pirnat, Čepon, Boltežar 2013, eq. (1), right.
+    """
+    return float(np.linalg.norm(np.asarray(xi_exp, float) - np.asarray(xi_num, float)))
+
+
+def frequency_error(f_exp: ArrayLike, f_num: ArrayLike) -> float:
+    """Mean relative frequency error as a ratio (0.144, not 14.4).
+
+    Source: Pirnat, Čepon, Boltežar 2013, eq. (2), there in percent.
+    """
+    f_exp, f_num = np.asarray(f_exp, float), np.asarray(f_num, float)
+    return float(np.mean(np.abs(f_exp - f_num) / f_exp))
+
 
 Prediction = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Model values (n,) and their derivatives with respect to the parameter (n,)."""
 
-
 G_F_BOUNDS = (100.0, 10_000.0)
 """Default search of G_f, Pa per Pa: a decade about the published 992 to 1900 (Table 6) on either side."""
+
 D_F_BOUNDS = (0.0, 1e-8)
 """Default search of d_f, s/Pa: up to thirty times the largest published value (Table 6)."""
+
 DOUBTFUL = 0.3
 """Mean frequency error from which a fit is none: the published model leaves half of it, 14.4 % (Table 7)."""
+
 N_SNAPSHOT = 6
 """Values of G_f at which the reduction is exact; six over two decades keep frequencies within 1e-5 between them."""
 
@@ -40,6 +96,7 @@ FREQUENCY_FORM, DAMPING_FORM = 1e-3, 1e-2
 sizes, of a contact law that is smooth. An interval that leaves them out promises digits that nobody can measure."""
 
 _N_MODE = 22  # that are solved for pairing, rigid-body modes included
+
 _N_SNAPSHOT_MODE = 18  # of each snapshot; over the range of G_f they span more
 
 

@@ -15,10 +15,16 @@ from pydantic import Field
 from ema.io.files import Section, read_form, read_toml
 from ema.types.arrays import readonly
 from model import Stack, observe, read_stack, reduce
-from updating.correlation.shape_class import class_grid, solve_by_class
+from updating.correlation.criteria import class_grid, solve_by_class
 from updating.errors import FitError
-from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT, Estimate, Prediction, estimate_stiffness
-from updating.fitting.objective import frequency_error
+from updating.fitting.fit import (
+    G_F_BOUNDS,
+    N_SNAPSHOT,
+    Estimate,
+    Prediction,
+    estimate_stiffness,
+    frequency_error,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

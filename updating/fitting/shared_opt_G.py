@@ -16,12 +16,10 @@ from scipy.special import stdtrit
 
 from ema.types.threads import single_threaded
 from model import Parameter, shared_parameters
-from model.reduction.sobol import sobol
+from model.reduction.reduction import sobol
 from updating.errors import FitError
-from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import G_F_BOUNDS
-from updating.fitting.objective import frequency_error
-from updating.fitting.prepared import Prepared, solve_target
+from updating.fitting.fit import G_F_BOUNDS, ParameterEstimate, frequency_error
+from updating.fitting.target import Prepared, solve_target
 
 Vector = NDArray[np.float64]
 Kept = Sequence[NDArray[np.bool_]]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ema.types.geometry import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from model import ReducedSystem, Stack, observe, reduce
-from updating.correlation.shape_class import N_ROW, N_STATION, class_grid, solve_by_class
+from updating.correlation.criteria import N_ROW, N_STATION, class_grid, solve_by_class
 from updating.diagnosis.candidates import G_F_RANGE, N_SNAPSHOT
 from updating.errors import FitError
 from updating.pooled.groups import ALIKE

@@ -29,14 +29,14 @@ from updating.pooled.search import Found, asked, begin, searched
 from updating.pooled.specimen import Specimen, levels_of
 from updating.pooled.specimens_model import SpecimensModel
 from updating.pooled.states import Contacts, contrasts_of, far_off, modes_told
-from updating.results.pooled_answer import (
+from updating.results.pooled import (
     Part,
     PooledDiagnosis,
     PooledRanked,
     PooledVerdict,
     SpecimenAnswer,
+    sentences,
 )
-from updating.results.pooled_text import sentences
 
 Vector = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.inference.explain import Explanation
 from updating.pooled.specimens_model import SpecimensModel
-from updating.results.pooled_answer import Part
+from updating.results.pooled import Part
 from updating.results.text import Z95
 
 

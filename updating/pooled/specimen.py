@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from model import Stack
 from updating.diagnosis.assembly import Campaigned
-from updating.results.pooled_answer import LevelKind
+from updating.results.pooled import LevelKind
 
 UNTREATED = ("", "none", "no", "-")
 """Notes that say that there is nothing: no group."""

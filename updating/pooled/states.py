@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from updating.diagnosis.answer import Strained
 from updating.diagnosis.evidence import D_F_START
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.inference.algebra import scaled_inverse
 from updating.inference.explain import Explanation
 from updating.inference.levels import PULLED
@@ -18,7 +18,7 @@ from updating.inference.tree import TreeProblem
 from updating.pooled.scoped import CONTACT
 from updating.pooled.screening import Bordered
 from updating.pooled.specimens_model import SpecimensModel
-from updating.results.pooled_answer import ContactState, Contrast, ModeAnswer
+from updating.results.pooled import ContactState, Contrast, ModeAnswer
 from updating.results.text import Z95
 
 Vector = NDArray[np.float64]

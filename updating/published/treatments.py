@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from updating.fitting.prepared import Prepared, solve_target
+from updating.fitting.target import Prepared, solve_target
 from updating.published.campaign import Calibrated, Published, prepare_published
 
 Vector = NDArray[np.float64]

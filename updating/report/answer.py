@@ -1,16 +1,256 @@
-"""The answer in full: what the campaign says in plain sentences, and all configurations at a glance."""
+"""The opening of the report: the answer, its figures and its warnings."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
 
+from ema import change_sentence
+from model import catalogue
+from updating.diagnosis.answer import Diagnosis, Verdict, telling
+from updating.diagnosis.text import further_effects, next_command
 from updating.inference.levels import SEPARATE
-from updating.report.opening import change_sentences, fit_sentences
-from updating.report.part import Section, Table
+from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
+from updating.report.part import Opening, Picture, Section, Table
 from updating.report.results import Results
-from updating.results.text import Z95, estimate_text, quantity
+from updating.results.text import Z95, estimate_text, percent, quantity, together
+
+_TONE: dict[Verdict, str] = {
+    "nothing missing": "good",
+    "identified": "found",
+    "one of": "open",
+    "partly explained": "open",
+    "unlike anything": "open",
+}
+
+_TOLD = 3  # explanations that one sentence can name
+
+_MAPS = 3  # of configurations; beside the steps they fill two rows
+
+
+def opening_section(results: Results, own: Sequence[Section] = ()) -> Section:
+    """Make what a reader sees first.
+
+    Parameters
+    ----------
+    results : Results
+        What to show.
+    own : sequence of Section
+        Those of the configurations, which lend their pictures of where the model fails.
+    """
+    way, modes = steps(results), mode_changes(results)
+    pictures = [
+        *([step_picture(way)] if way else []),
+        *_places(results, own),
+        *([mode_picture(modes)] if modes else []),
+    ]
+    return Section(title="Answer", text=results.remarks, blocks=(opening(results), *pictures))
+
+
+def opening(results: Results) -> Opening:
+    """Say the verdict, the answer, and what to run next."""
+    found = results.diagnosis
+    if found is None:
+        return _of_a_fit(results)
+    tone = _TONE.get(found.verdict, "open")
+    command, reason = _after_diagnosis(results, found)
+    return Opening(
+        badge=found.verdict,
+        tone=tone,  # type: ignore[arg-type]
+        sentence=" ".join((headline(found), *frac_sentence(results))),
+        command=command,
+        reason=reason,
+    )
+
+
+def frac_sentence(results: Results) -> tuple[str, ...]:
+    """Say how well the model's functions meet the measured ones, before and after; nothing where that is not known."""
+    own = [t.identified for t in results.tested if t.identified is not None]
+    own = [m for m in own if np.isfinite([m.base_frac, m.frac]).all()]
+    if not own:
+        return ()
+    before, after = (float(np.mean([getattr(m, name) for m in own])) for name in ("base_frac", "frac"))
+    way = "rises" if after > before else "goes"
+    return (
+        f"The likeness of modelled and measured FRFs (mean FRAC) {way} from {before:.2f} to {after:.2f}.",
+    )
+
+
+def headline(found: Diagnosis) -> str:
+    """Write the answer of a diagnosis as one sentence, with the names that a person uses."""
+    base = found.ranked(())
+    if found.verdict == "nothing missing":
+        return (
+            "The model lacks nothing that these data can show: its frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean."
+        )
+    if found.verdict == "unlike anything":
+        return (
+            "The model lacks something that is unlike anything in the catalogue: its frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean, and no effect makes it predict better."
+        )
+    named = [together([found.labels.get(e, e) for e in effects]) for effects in found.set]
+    if found.verdict == "one of" and (beside := further_effects(found)):
+        also = "; or ".join(together([found.labels.get(e, e) for e in own]) for own in beside[:_TOLD])
+        return f"What the model lacks is {named[0]}. Whether it lacks {also} as well, the data cannot tell."
+    if found.verdict == "one of":
+        told = "; or ".join(named[:_TOLD])
+        more = f"; or one of {len(named) - _TOLD} more" if len(named) > _TOLD else ""
+        return f"One of these is missing, and the data cannot tell which: {told}{more}."
+    own = found.ranked(found.set[0])
+    kind = telling(base, own)
+    fall = (
+        f"with it the mean {'frequency error' if kind == 'frequency' else 'error of damping ratios'} falls from "
+        f"{percent(base.error(kind))} to {percent(own.error(kind))}"
+        if own.error(kind) < base.error(kind)
+        else f"it explains {100.0 * found.explained:.0f} % of the misfit"
+    )
+    if np.isfinite([base.left_out(kind), own.left_out(kind)]).all():
+        fall += f", of modes left out from {percent(base.left_out(kind))} to {percent(own.left_out(kind))}"
+    if found.verdict == "partly explained":
+        return f"A part of what is missing is {named[0]}: {fall}; the rest is unlike it."
+    if set(own.effects) <= set(found.measurement):
+        return f"Not the model but the measurement is wrong, in {named[0]}: {fall}."
+    return f"What the model lacks is {named[0]}: {fall}."
+
+
+def _after_diagnosis(results: Results, found: Diagnosis) -> tuple[str, str]:
+    """Return the next command, and what it does; nothing where nothing is left to do, or its words are not known."""
+    if results.campaign is None:
+        return "", ""
+    campaign, folder = str(results.campaign), str(results.folder)
+    if found.verdict == "one of" and found.next_tests:
+        words = ["lamella", "next-test", campaign, "-o", folder]
+        return shlex.join(words), "ranks further tests by how well they would tell them apart"
+    effects = found.set[0] if found.set else ()
+    fitted = any(set(entry.effects) == set(effects) for entry in results.ledger)
+    known = set(effects) <= catalogue().keys() | set(found.measurement)
+    command = next_command(found, campaign, folder) if known and not fitted else None
+    if command is None:
+        return shlex.join(
+            ["lamella", "open", folder]
+        ), "opens this in the browser, with sliders for every parameter"
+    return command, "adds it to the model, for all torques together"
+
+
+def _of_a_fit(results: Results) -> Opening:
+    """Say how good the fit is, or what was identified."""
+    campaign = "CAMPAIGN" if results.campaign is None else str(results.campaign)
+
+    def command(name: str) -> str:
+        return shlex.join(["lamella", name, campaign, "-o", str(results.folder)])
+
+    (sentence, *_) = fit_sentences(results)
+    if results.updated is not None or results.table:
+        return Opening(badge="fitted", tone="good", sentence=sentence)
+    if any(tested.fit is not None for tested in results.tested):
+        return Opening(
+            badge="fitted",
+            tone="good",
+            sentence=sentence,
+            command=command("diagnose"),
+            reason="says which physical effect the model lacks, if any",
+        )
+    changes = [tested.change for tested in results.tested if tested.change is not None]
+    if changes:
+        changed = any(found.changed for found in changes)
+        return Opening(
+            badge="changed" if changed else "no change seen",
+            tone="found" if changed else "good",
+            sentence=" ".join(_in_short(results)),
+        )
+    return Opening(
+        badge="modes identified",
+        tone="good",
+        sentence=sentence,
+        command=command("fit"),
+        reason="fits the model to these modes",
+    )
+
+
+def _in_short(results: Results) -> list[str]:
+    """Say of every state what changed and where, in two sentences, or whether it changed where no model says more."""
+    found: list[str] = []
+    for tested in results.tested:
+        if tested.what_changed is not None and tested.what_changed.left:
+            found += tested.what_changed.sentences[:2]
+        elif tested.change is not None:
+            found.append(f"{change_sentence(tested.change)}.")
+    return found
+
+
+def change_sentences(results: Results) -> tuple[str, ...]:
+    """Say of every configuration that has a reference whether it changed, and what and where."""
+    found: list[str] = []
+    for tested in results.tested:
+        if tested.change is not None:
+            found.append(f"{change_sentence(tested.change)}.")
+        if tested.what_changed is not None:
+            found += tested.what_changed.sentences
+    return tuple(found)
+
+
+def fit_sentences(results: Results) -> tuple[str, ...]:
+    """Say in words what was identified and how far the fitted model is off."""
+    if results.table:
+        return _table_sentences(results)
+    n = len(results.tested)
+    configurations = f"{n} configuration{'s' if n > 1 else ''}"
+    modes = sum(t.measured.frequency.size for t in results.tested)
+    if results.updated is not None:
+        return _update_sentences(results, configurations)
+    fits = [t.fit for t in results.tested if t.fit is not None]
+    if not fits:
+        return (f"{configurations} identified, {modes} modes in all; no model was fitted yet.",)
+    worst = max(fits, key=lambda fit: fit.error)
+    left_over = sum(fit.pairing.unpaired_measured.size for fit in fits)
+    return (
+        f"{configurations} identified and fitted: the model's natural frequencies differ from the measured ones by "
+        f"{percent(float(np.mean([fit.error for fit in fits])))} in the mean, most in {worst.name} "
+        f"({percent(worst.error)}).",
+        "Every measured mode has its partner in the model."
+        if left_over == 0
+        else f"{left_over} measured mode{'s have' if left_over > 1 else ' has'} no partner in the model.",
+        *(f"First of all: {finding}." for fit in fits for finding in fit.findings),
+        "Which physical effect the model lacks, if any, was not asked; lamella diagnose answers it.",
+    )
+
+
+def _update_sentences(results: Results, configurations: str) -> tuple[str, ...]:
+    """Say what an updating changed."""
+    if results.updated is None:
+        return ()
+    fit = results.updated.fit
+    held_out = fit.error(held_out=True)
+    last = f", and is {percent(held_out)} of the modes held out" if np.isfinite(held_out) else ""
+    return (
+        f"{configurations} fitted together: the mean frequency error goes from {percent(fit.error(before=True))} to "
+        f"{percent(fit.error())}{last}.",
+    )
+
+
+def _table_sentences(results: Results) -> tuple[str, ...]:
+    fits = results.table
+    error, published, misfit = (
+        float(np.mean([getattr(f, name) for f in fits]))
+        for name in ("error", "published_error", "model_misfit")
+    )
+    return (
+        f"{len(fits)} configurations fitted. The model's natural frequencies differ from the measured ones by "
+        f"{percent(error)} in the mean (published: {percent(published)}). Fitted to the published model's frequencies "
+        f"instead, it meets them to {percent(misfit)}.",
+    )
+
+
+def _places(results: Results, own: Sequence[Section]) -> list[Picture]:
+    """Return the pictures of where the model fails, side by side; those that more modes show stand first."""
+    maps = {p.name: p for part in own for p in part.pictures if p.name.startswith("error_map_")}
+    fits = [t.fit for t in results.tested if t.fit is not None]
+    order = sorted(fits, key=lambda fit: (-fit.pairing.measured.size, -fit.error))
+    return [maps[name] for fit in order if (name := f"error_map_{fit.name}") in maps][:_MAPS]
+
 
 _SHOWN = 8  # explanations of a diagnosis
 

@@ -1,25 +1,248 @@
-"""What was identified and how well: every measured function with the modes over it."""
+"""Measured functions beside those of modes and model, and the stabilisation chart."""
 
 from __future__ import annotations
 
+import base64
+import json
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.identification.doubtful_modes import DroppedColumn, Stability, dropped_columns, stability
+from ema.identification.stabilization import StabilizationDiagram, stabilization
+from ema.plot import palette
+from ema.plot.figures import UNIT, pole_groups, stabilization_figure
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from updating.correlation.frf_plot import chosen_functions, overlay_figure, synthesized, within_band
+from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
-from updating.report.frf_chart import BASE, FITTED_MODEL, FOUND, frf_chart
 from updating.report.identified_model import fracs, modelled
-from updating.report.part import Picture, Section, as_csv, png
+from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, png, single
 from updating.report.results import Tested
-from updating.report.stabilization_part import stabilization_blocks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+_MOST_NUMBERS = 150_000
+"""Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown."""
+
+BASE, FOUND, FITTED_MODEL = "base model", "with what was identified", "fitted model"
+"""Names of models' curves: of two, and of one alone."""
+
+CHANGED, REFERENCE = "changed", "reference"
+"""Names of the curves of two states."""
+
+_STYLE: dict[str, dict[str, Any]] = {
+    "measured": {"line": {"color": palette.MEASURED, "width": 2.5}},
+    "from the modes": {"line": {"color": palette.MODES, "width": 1.5}},
+    FITTED_MODEL: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}},
+    BASE: {"line": {"color": palette.BASE, "width": 1.5, "dash": "dot"}, "of": "base"},
+    CHANGED: {"line": {"color": palette.MEASURED, "width": 2.5}},
+    REFERENCE: {"line": {"color": palette.BASE, "width": 1.5}},
+    FOUND: {"line": {"color": palette.FOUND, "width": 1.5, "dash": "dot"}, "of": "found"},
+}
+"""How curves are drawn; "of" says by which model of the page's switch a curve is shown."""
+
+
+def frf_chart(
+    measured: ModalModel, lines: FRF, curves: Mapping[str, NDArray[np.complex128]], order: Sequence[int]
+) -> str:
+    """Return all functions at the first input as the JSON that `charts.js` shows one of.
+
+    Parameters
+    ----------
+    measured : ModalModel
+        Whose frequencies are marked.
+    lines : FRF
+        The functions within the band.
+    curves : mapping of str to (n_output, n_frequency) complex
+        By name: measured, from the modes and, where there are any, those of models.
+    order : sequence of int
+        Outputs in the order of the list to choose from.
+    """
+    stride = -(-len(order) * lines.frequency.size // _MOST_NUMBERS)
+    at = slice(None, None, stride)
+    frequency = lines.frequency[at]
+    functions = [
+        {
+            "curves": [{"size": _size(c[o, at]), "phase": _phase(c[o, at])} for c in curves.values()],
+            **(
+                {}
+                if lines.coherence is None
+                else {"coherence": _steps(lines.coherence[o, 0, at], 0.005, "u1")}
+            ),
+        }
+        for o in order
+    ]
+    return json.dumps(
+        {
+            "lines": {
+                "first": float(frequency[0]), "step": float(np.diff(frequency[:2])[0]), "n": int(frequency.size),
+            },
+            "functions": functions,
+            "curves": [{"name": name, **_STYLE[name]} for name in curves],
+            "left": {"name": "difference", "line": {"color": palette.LEFT, "width": 1}},
+            "layout": _layout(measured, lines),
+        },
+        separators=(",", ":"),
+    )  # fmt: skip
+
+
+def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
+    """Return the axes: magnitude, phase and, where it was stored, coherence."""
+    domains = (
+        [(0.36, 1.0), (0.0, 0.3)] if lines.coherence is None else [(0.46, 1.0), (0.2, 0.42), (0.0, 0.15)]
+    )
+    ends = [float(lines.frequency[0]), float(lines.frequency[-1])]
+    mark = {
+        "type": "line",
+        "yref": "paper",
+        "y0": 0,
+        "y1": 1,
+        "line": {"color": palette.ACCENT, "width": 1, "dash": "dash"},
+    }
+    layout = {
+        "height": 460,
+        "hovermode": "x unified",
+        "xaxis": axis("frequency [Hz]", range=ends, anchor=f"y{len(domains)}"),
+        "yaxis": axis(UNIT[lines.quantity], type="log", exponentformat="power", domain=domains[0]),
+        "yaxis2": axis("phase [°]", range=[-190, 190], tickvals=[-180, 0, 180], domain=domains[1]),
+        "legend": legend_above(),
+        "margin": {"r": 12, "t": 66},
+        "shapes": [{**mark, "x0": float(f), "x1": float(f)} for f in measured.frequency],
+    }
+    if lines.coherence is not None:
+        layout["yaxis3"] = axis("coh. [1]", range=[0, 1.05], tickvals=[0, 1], domain=domains[-1])
+    return layout
+
+
+def _size(value: NDArray[np.complex128]) -> dict[str, Any]:
+    """Pack magnitudes: their decimal logarithms in thousandths, a quarter of a percent."""
+    size = np.abs(value)
+    return _steps(np.log10(np.maximum(size, 1e-6 * size.max(initial=1e-30))), 1e-3, "i2")
+
+
+def _phase(value: NDArray[np.complex128]) -> dict[str, Any]:
+    return _steps(np.degrees(np.angle(value)), 0.1, "i2")
+
+
+def _steps(value: NDArray[np.float64], step: float, dtype: str) -> dict[str, Any]:
+    """Pack numbers as multiples of a step, in little-endian integers."""
+    whole = np.round(value / step).astype(f"<{dtype}")
+    return {"dtype": dtype, "step": step, "bdata": base64.b64encode(whole.tobytes()).decode()}
+
+
+_SYMBOLS = (
+    {"symbol": "circle", "size": 2.5, "color": palette.QUIET},
+    {
+        "symbol": "x-thin",
+        "size": 5,
+        "color": palette.MEASURED,
+        "line": {"width": 1.2, "color": palette.MEASURED},
+    },
+    {"symbol": "triangle-up", "size": 6, "color": palette.LEFT},
+    {"symbol": "circle", "size": 5.5, "color": palette.MODES},
+)
+
+
+def stabilization_blocks(tested: Tested, frf: FRF) -> tuple[Picture | Table, ...]:
+    """Show the stabilisation chart of the identified band, and list the columns that became no mode."""
+    lines = frf.band(*tested.measured.band)
+    diagram = stabilization(lines)
+    stable, dropped = stability(diagram, lines), dropped_columns(diagram, lines, tested.measured)
+    picture = stabilization_picture(tested, diagram, stable, dropped)
+    return (picture, dropped_table(dropped)) if dropped else (picture,)
+
+
+def stabilization_picture(
+    tested: Tested, diagram: StabilizationDiagram, stable: Stability, dropped: Sequence[DroppedColumn]
+) -> Picture:
+    """Draw the poles of all orders with what is stable of each."""
+    poles = zip(
+        diagram.order, np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole),
+        diagram.cluster, *(own.astype(int) for own in (stable.frequency, stable.damping, stable.shape)), strict=True,
+    )  # fmt: skip
+    return Picture(
+        name=f"stabilization_{tested.name}",
+        content=png(stabilization_figure(diagram, stability=stable)),
+        form="png",
+        data=as_csv(
+            (
+                "order", "frequency [Hz]", "damping ratio [1]", "cluster (-1: none)", "stable frequency",
+                "stable damping", "stable shape",
+            ),
+            poles,
+        ),
+        alt="Stabilisation chart",
+        caption="Poles of all model orders on the mode indicator function. Stable: within 1 % of the frequency, 5 % of "
+        "the damping ratio and a MAC of 0.98 with the order below. A physical pole comes back at every order and "
+        "makes a column; dashed lines are the modes that were identified"
+        + (", dotted ones columns that are none, see below." if dropped else "; every column is one."),
+        chart=stabilization_chart(diagram, stable, dropped, tested.measured),
+    )  # fmt: skip
+
+
+def stabilization_chart(
+    diagram: StabilizationDiagram,
+    stable: Stability,
+    dropped: Sequence[DroppedColumn],
+    modal_model: ModalModel,
+) -> str:
+    """Return the stabilisation chart to be zoomed."""
+    hertz, damping = np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole)
+    traces: list[dict[str, object]] = [
+        {
+            "type": "scatter", "mode": "lines", "x": single(diagram.frequency), "y": single(diagram.indicator[0]),
+            "yaxis": "y2", "name": "mode indicator", "line": {"color": palette.QUIET, "width": 1}, "opacity": 0.6,
+            "hoverinfo": "skip",
+        }
+    ]  # fmt: skip
+    for (name, which, _), symbol in zip(pole_groups(diagram, stable), _SYMBOLS, strict=True):
+        traces.append(
+            {
+                "type": "scatter", "mode": "markers", "name": name, "x": single(hertz[which]),
+                "y": diagram.order[which], "customdata": single(100.0 * damping[which]), "marker": symbol,
+                "hovertemplate": "order %{y}: %{x:.2f} Hz, %{customdata:.3f} %<extra>" + name + "</extra>",
+            }
+        )  # fmt: skip
+    marks = [(float(f), "dash", palette.ACCENT) for f in modal_model.frequency]
+    marks += [(own.frequency, "dot", palette.QUIET) for own in dropped]
+    layout = {
+        "height": 420,
+        "xaxis": axis("frequency [Hz]", range=[float(diagram.frequency[0]), float(diagram.frequency[-1])]),
+        "yaxis": axis("model order", rangemode="tozero"),
+        "yaxis2": {"overlaying": "y", "side": "right", "type": "log", "visible": False},
+        "legend": {**legend_above(), "itemsizing": "constant"},
+        "margin": {"r": 12, "t": 66},
+        "shapes": [
+            {
+                "type": "line", "x0": f, "x1": f, "yref": "paper", "y0": 0, "y1": 1, "layer": "below",
+                "line": {"color": color, "width": 1, "dash": dash},
+            }
+            for f, dash, color in marks
+        ],
+        "annotations": [
+            {
+                "x": own.frequency, "y": 1, "yref": "paper", "text": "✕", "showarrow": False, "yanchor": "bottom",
+                "hovertext": own.reason, "font": {"color": palette.ACCENT},
+            }
+            for own in dropped
+        ],
+    }  # fmt: skip
+    return chart(traces, layout)
+
+
+def dropped_table(dropped: Sequence[DroppedColumn]) -> Table:
+    """List the columns that are no mode."""
+    return Table(
+        title="Columns that are no mode",
+        header=("column [Hz]", "why it was not taken"),
+        rows=tuple((f"{own.frequency:.1f}", own.reason) for own in dropped),
+    )
+
 
 _WITH = {BASE: "with the base model", FOUND: "with what was identified"}
 

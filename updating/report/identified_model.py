@@ -16,14 +16,13 @@ from ema.modal.mac import frac
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs
 from model import catalogue, find_effects
-from updating.correlation.frf_plot import within_band
+from updating.correlation.plots import within_band
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.explained_model import explained_model, explained_stack
 from updating.errors import LAMELLA_ERRORS, PairingError
-from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import Fit, fit
-from updating.fitting.fitted_frf import fitted_frf
+from updating.fitting.fit import Fit, ParameterEstimate, fit
+from updating.fitting.plots import fitted_frf
 from updating.report.results import IdentifiedModel, Results, Tested
 from updating.results.store import kept, read_document
 from updating.workers.workers import distribute

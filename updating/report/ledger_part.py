@@ -1,4 +1,4 @@
-"""What each physical effect does to the error, on data fitted and on data held out."""
+"""What effects do to the error, their parameters, and what each would leave in the data."""
 
 from __future__ import annotations
 
@@ -7,25 +7,35 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.plot import palette
 from model import printed_effects
+from updating.diagnosis.answer import Diagnosis, ModeError
+from updating.diagnosis.answer_parts import Moved
+from updating.diagnosis.matrices_answer import MatricesFit
+from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
+from updating.fitting.fit import Estimate, ParameterEstimate
 from updating.report.part import Picture, Section, Table, as_csv, svg
-from updating.report.results import Results
+from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
-from updating.results.text import interval_text
+from updating.results.text import Z95, ends, interval_text, uncertain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
 _ERRORS = {
     "frequency": ("error", "mode_error", "configuration_error"),
     "damping": ("damping_error", "mode_damping_error", "configuration_damping_error"),
 }
+
 _NAMES = ("fitted", "mode held out", "configuration held out")
+
 _APART = 3.0
 """Error of configurations held out, over that of modes held out, from which the page says what it is of."""
+
 _SHADES = (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)
 
 
@@ -160,3 +170,240 @@ def _sentence(entries: Sequence[Entry]) -> str:
             else ""
         )
     )
+
+
+_AXES = {"G_f": ("$G_f$ [Pa/Pa]", 1.0), "d_f": ("$d_f$ [10$^{-12}$ s/Pa]", 1e12)}
+
+
+def parameter_section(results: Results) -> Section:
+    """Show contact stiffness and damping of all configurations, and the effects' parameters."""
+    fitted = [t for t in results.tested if t.opt is not None]
+    pictures = (parameter_picture(fitted),) if len(fitted) > 1 else ()
+    return Section(title="Parameters", text=_law(fitted), blocks=(*pictures, interval_table(results)))
+
+
+def interval_table(results: Results) -> Table:
+    """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
+    rows = [
+        _row(
+            f"{t.name}, opt_{e.name[0]}",
+            e,
+            (e.value - Z95 * e.std, e.value + Z95 * e.std),
+            "at its bound" if e.at_bound else "",
+        )
+        for t in results.tested
+        for e in _estimates(t)
+    ]
+    rows += [
+        _moved_row(t.name, own, at_bound=own.name in fit.at_bound)
+        for t in results.tested
+        if isinstance(fit := t.fit, MatricesFit)
+        for own in fit.moved
+    ]
+    rows += [
+        _row(
+            f"all, {model_name(entry)}",
+            p,
+            (p.lower, p.upper),
+            p.remark,
+        )
+        for entry in results.ledger
+        for p in entry.shared
+    ]
+    table = Table(
+        title="Parameters with 95 % intervals",
+        header=("fitted to", "parameter", "unit", "value", "lower", "upper", "remark"),
+        rows=tuple(rows),
+        note="opt_G and opt_d, eq. (1), fit G_f and d_f of the base model to one configuration; an answer has its own "
+        "numbers, for all configurations together. Intervals contain the scatter that the model leaves unexplained; "
+        "they mean nothing at a bound.",
+    )
+    return table.without_empty_columns()
+
+
+def _row(
+    fitted_to: str, estimate: Estimate | ParameterEstimate, interval: tuple[float, float], remark: str
+) -> tuple[str, ...]:
+    unit = "" if estimate.unit == "1" else estimate.unit
+    if estimate.at_bound:
+        return fitted_to, estimate.name, unit, f"{estimate.value:.4g}", "", "", remark
+    return fitted_to, estimate.name, unit, *ends(estimate.value, *interval), remark
+
+
+def _moved_row(fitted_to: str, own: Moved, *, at_bound: bool) -> tuple[str, ...]:
+    low, high = own.value - Z95 * own.std, own.value + Z95 * own.std
+    unit = "" if own.unit == "1" else own.unit
+    return fitted_to, own.label, unit, *ends(own.value, low, high), "at its bound" if at_bound else ""
+
+
+def parameter_picture(fitted: Sequence[Tested]) -> Picture:
+    """Draw G_f and d_f over torque or pressure with their 95 % intervals."""
+    at, label = abscissa(fitted)
+    return Picture(
+        name="parameters",
+        content=svg(parameter_figure(fitted)),
+        form="svg",
+        data=as_csv(
+            ("configuration", label, "G_f [Pa/Pa]", "its std", "d_f [s/Pa]", "its std"),
+            (
+                (t.name, x, *(v for e in _estimates(t) for v in (e.value, e.std)))
+                for t, x in zip(fitted, at, strict=True)
+            ),
+        ),
+        alt="Contact parameters by configuration",
+        caption="G_f by opt_G and d_f by opt_d, eq. (1), of each configuration alone, with 95 % intervals.",
+    )
+
+
+def parameter_figure(fitted: Sequence[Tested]) -> Figure:
+    """Draw G_f and d_f of fitted configurations over torque, pressure or their number, with 95 % intervals."""
+    from matplotlib.figure import Figure
+
+    at, label = abscissa(fitted)
+    figure = Figure(figsize=(7.5, 2.9), layout="constrained")
+    for k, axes in enumerate(figure.subplots(1, 2)):
+        own = [_estimates(t)[k] for t in fitted]
+        name, factor = _AXES[own[0].name]
+        axes.errorbar(
+            at, [factor * e.value for e in own], [Z95 * factor * e.std for e in own], fmt="o", color=palette.BASE,
+            markersize=5, capsize=4,
+        )  # fmt: skip
+        axes.set(xlabel=label, ylabel=name)
+        top = max(factor * (e.value + Z95 * e.std) for e in own)
+        axes.set_ylim(0.0, 1.15 * top if top > 0.0 else 1.0)
+        axes.margins(x=0.15)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def abscissa(fitted: Sequence[Tested]) -> tuple[NDArray[np.float64], str]:
+    """Return what to draw over: torque or pressure where all state it and it varies, else the number."""
+    for name, label, factor in (("torque", "torque [N m]", 1.0), ("pressure", "pressure [kPa]", 1e-3)):
+        stated = [getattr(t, name) for t in fitted]
+        if None not in stated and len(set(stated)) > 1:
+            return factor * np.array(stated, dtype=float), label
+    return np.arange(1.0, len(fitted) + 1.0), "configuration"
+
+
+def _estimates(tested: Tested) -> tuple[Estimate, ...]:
+    return () if tested.opt is None else (tested.opt.G_f, tested.opt.d_f)
+
+
+def _law(fitted: Sequence[Tested]) -> tuple[str, ...]:
+    """Say how contact stiffness G_f p grows with pressure, where there are two pressures at least."""
+    known = [(t.opt.G_f, t.pressure) for t in fitted if t.opt is not None and t.pressure is not None]
+    pressure = np.array([p for _, p in known])
+    if np.unique(pressure).size < 2:
+        return ()
+    x = np.log(pressure) - np.mean(np.log(pressure))
+    stiffness = np.log([e.value for e, _ in known]) + np.log(pressure)
+    slope = float(x @ stiffness / (x @ x))
+    std = float(np.sqrt(np.sum((x * [e.std / e.value for e, _ in known]) ** 2)) / (x @ x))
+    return (
+        f"Contact stiffness G_f p grows with pressure p as p to the power {slope:.3f} ± {Z95 * std:.2g} (95 %); the "
+        "base model takes it as proportional, a power of 1.",
+    )
+
+
+_TOGETHER = 24
+"""Modes of one figure whose names can still be read."""
+
+
+def signature_section(diagnosis: Diagnosis) -> Section:
+    """Show what the base model lacks at every mode, and what the best effects, each alone, change there."""
+    return Section(
+        title="Effect signatures",
+        text=(
+            "The bars are what the base model's frequencies lack, the lines what an effect changes when it is fitted "
+            "alone. An effect explains the measurement where its line meets the bars; lines that run together are "
+            "effects that these frequencies do not resolve.",
+        ),
+        blocks=(*signature_pictures(diagnosis), signature_table(diagnosis)),
+    )
+
+
+def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
+    """Draw the configurations of a diagnosis side by side, as many in one picture as can be read."""
+    groups = _groups(diagnosis.errors)
+    pictures = []
+    for number, group in enumerate(groups, start=1):
+        errors = [diagnosis.errors[k] for k in group]
+        signatures = {e: [change[k] for k in group] for e, change in _ordered(diagnosis).items()}
+        drawn = {textwrap.fill(_printed(diagnosis, e), 34): change for e, change in signatures.items()}
+        figure = signature_pattern_figure(
+            [e.configuration for e in errors],
+            [f"{e.frequency:.0f}" for e in errors],
+            [-e.base for e in errors],
+            [e.std / e.frequency for e in errors],
+            drawn,
+        )
+        pictures.append(
+            Picture(
+                name="signatures" if len(groups) == 1 else f"signatures_{number}",
+                content=svg(figure),
+                form="svg",
+                data=as_csv(
+                    ("configuration", "mode", "frequency [Hz]", "its std [Hz]", "lacking", *signatures),
+                    (
+                        (e.configuration, e.mode, e.frequency, e.std, -e.base, *(s[k] for s in signatures.values()))
+                        for k, e in enumerate(errors)
+                    ),
+                ),
+                alt="Frequency changes that the base model lacks and that effects make",
+                caption="Bars: measured less modelled frequency over the measured one, with the 95 % interval of the "
+                f"measurement. Lines: change by at most {MOST} effects, the candidates first.",
+            )
+        )  # fmt: skip
+    return tuple(pictures)
+
+
+def signature_table(diagnosis: Diagnosis) -> Table:
+    """List for every mode used what is lacking, what each effect changes, and what the first candidate leaves."""
+    signatures = dict(list(_ordered(diagnosis).items())[:MOST])
+    first = " + ".join(_printed(diagnosis, name) for effects in diagnosis.set[:1] for name in effects)
+    left = f"left by {first} [%]" if first else ""
+    brought = [f"{_printed(diagnosis, name)} [%]" for name in signatures]
+    rows = tuple(
+        (
+            e.configuration,
+            str(e.mode),
+            uncertain(e.frequency, Z95 * e.std),
+            f"{-100.0 * e.base:+.3f}",
+            f"{-100.0 * e.explained:+.3f}" if left else "",
+            *(f"{100.0 * change[k]:+.3f}" for change in signatures.values()),
+        )
+        for k, e in enumerate(diagnosis.errors)
+    )
+    table = Table(
+        title="What each effect changes, mode by mode",
+        header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *brought),
+        rows=rows,
+        note="± is half of the 95 % interval. Each effect is fitted alone, with contact and nuisances anew. Further "
+        "effects are in the CSV of the figure.",
+        folded=True,
+    )  # fmt: skip
+    return table.without_empty_columns()
+
+
+def _printed(diagnosis: Diagnosis, name: str) -> str:
+    """Return an effect or hypothesis as a person reads it, the key beside the label."""
+    return f"{diagnosis.labels[name]} ({name})" if name in diagnosis.labels else name
+
+
+def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:
+    """Return the signatures of the candidates' effects first, then the others."""
+    own = [name for effects in diagnosis.set for name in effects if name in diagnosis.signatures]
+    return {name: diagnosis.signatures[name] for name in dict.fromkeys([*own, *diagnosis.signatures])}
+
+
+def _groups(errors: Sequence[ModeError]) -> list[list[int]]:
+    """Return the numbers of the modes of each picture: whole configurations, no more than can be read."""
+    own: dict[str, list[int]] = {}
+    for k, error in enumerate(errors):
+        own.setdefault(error.configuration, []).append(k)
+    groups: list[list[int]] = []
+    for modes in own.values():
+        if not groups or len(groups[-1]) + len(modes) > _TOGETHER:
+            groups.append([])
+        groups[-1] += modes
+    return groups

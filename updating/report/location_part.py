@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 from ema.plot import palette
 from model import catalogue, reduce
 from model.stack.effect import Family
-from updating.correlation.correlation_plot import LEAST_SCALE, error_map_picture
-from updating.correlation.energy import KINDS, regions
-from updating.correlation.localization import ErrorMap, map_error, stiffness_index
+from updating.correlation.localization import KINDS, ErrorMap, map_error, regions, stiffness_index
+from updating.correlation.plots import LEAST_SCALE, error_map_picture
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit
-from updating.report.chart_part import chart, single
-from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
+from updating.report.part import Picture, Section, Table, as_csv, chart, fewer_colours, single
 from updating.report.results import Tested
 
 _MOST_MODES = 6  # the lowest half a dozen locate best

@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ema.plot import palette
-from updating.report.chart_part import axis, chart, legend_above
-from updating.report.part import Picture, Section, Table, as_csv, svg
-from updating.results.pooled_answer import PooledDiagnosis, SpecimenAnswer
-from updating.results.pooled_text import NOT_TOLD, SPECIMEN_HEADER, contact_cells, specimen_row
+from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, svg
+from updating.results.pooled import (
+    NOT_TOLD,
+    SPECIMEN_HEADER,
+    PooledDiagnosis,
+    SpecimenAnswer,
+    contact_cells,
+    specimen_row,
+)
 from updating.results.text import interval_text
 
 if TYPE_CHECKING:

@@ -17,12 +17,11 @@ from updating.diagnosis.matrices_answer import MatricesFit
 from updating.errors import StoreError
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.modal_table import ModalTable, TableFit
-from updating.results.changes import CHANGE, WHAT_CHANGED
+from updating.results.campaign import CHANGE, WHAT_CHANGED
+from updating.results.identified import Quality, campaign_file
 from updating.results.ledger import Entry, Ledger
-from updating.results.pooled_answer import PooledDiagnosis
-from updating.results.quality import Quality
+from updating.results.pooled import PooledDiagnosis
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
-from updating.results.stored_campaign import campaign_file
 from updating.results.what_changed import WhatChanged
 
 T = TypeVar("T")

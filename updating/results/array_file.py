@@ -1,24 +1,183 @@
-"""A file of arrays: a line that says what made it, and a checksum of all that follows. Reading it runs no code."""
+"""Frozen data types in a file of plain values and arrays, and back: reading it runs no code."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ema.io.files import whole
 from updating.errors import StoreError
-from updating.results.graph import Graph
+
+_SPARSE = {kind.__name__: kind for kind in (sp.csr_matrix, sp.csc_matrix, sp.csr_array, sp.csc_array)}
+
+_NUMBERS = "biufc"  # kinds of arrays that hold nothing but numbers
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Special:
+    """How values of a type are written that are not written field by field.
+
+    Attributes
+    ----------
+    kind : type
+        The type.
+    down : callable
+        From such a value to what can be written.
+    up : callable
+        The way back.
+    """
+
+    kind: type
+    down: Callable[[Any], Any]
+    up: Callable[[Any], Any]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Graph:
+    """Values that refer to each other, each written once.
+
+    Attributes
+    ----------
+    nodes : list
+        What can become JSON; each refers to those before it, the last one is the whole.
+    arrays : list of array
+        The arrays that nodes refer to.
+    """
+
+    nodes: list[Any]
+    arrays: list[NDArray[Any]]
+
+
+def flattened(root: object, types: Iterable[type], special: Iterable[Special]) -> Graph:
+    """Return a value, and all that it is made of, as a graph.
+
+    Parameters
+    ----------
+    root : object
+        Frozen data types, tuples, lists, mappings with words for keys, numbers, text, arrays and sparse matrices.
+    types : iterable of type
+        The data types that may occur.
+    special : iterable of Special
+        Those that are written in another way.
+
+    Raises
+    ------
+    TypeError
+        Something else occurs.
+    """
+    return _Flattening(types, special).graph(root)
+
+
+def restored(graph: Graph, types: Iterable[type], special: Iterable[Special]) -> Any:
+    """Return the value of a graph; what was one object is one again.
+
+    Nothing but the given types is made, whatever the graph says. One that was not written by `flattened` may raise
+    anything.
+
+    Parameters
+    ----------
+    graph, types, special
+        As in `flattened`.
+    """
+    known = {kind.__name__: kind for kind in types}
+    ups = {each.kind.__name__: each.up for each in special}
+    found: list[Any] = []
+
+    def value(item: Any) -> Any:
+        return found[item["at"]] if isinstance(item, dict) else item
+
+    for tag, name, content in graph.nodes:
+        if tag == "array":
+            found.append(graph.arrays[content].T if name == "transposed" else graph.arrays[content])
+        elif tag == "sparse":
+            shape, *parts = content
+            matrix = _SPARSE[name](tuple(shape))
+            matrix.data, matrix.indices, matrix.indptr = map(
+                value, parts
+            )  # as they were: no checks, no copies
+            found.append(matrix)
+        elif tag == "special":
+            found.append(ups[name](value(content)))
+        elif tag == "type":
+            found.append(known[name](**{key: value(item) for key, item in content.items()}))
+        elif tag == "mapping":
+            found.append({key: value(item) for key, item in content.items()})
+        else:
+            items = [value(item) for item in content]
+            found.append(tuple(items) if name == "tuple" else items)
+    return found[-1]
+
+
+class _Flattening:
+    def __init__(self, types: Iterable[type], special: Iterable[Special]) -> None:
+        self._types = frozenset(types)
+        self._special = {each.kind: each for each in special}
+        self._nodes: list[Any] = []
+        self._arrays: list[NDArray[Any]] = []
+        self._places: dict[int, int] = {}
+        self._same: dict[tuple[Any, ...], int] = {}
+        self._alive: list[object] = []  # or another object might get the place in memory of one that is done
+
+    def graph(self, root: object) -> Graph:
+        """Return the graph of a value."""
+        self._item(root)
+        return Graph(nodes=self._nodes, arrays=self._arrays)
+
+    def _item(self, value: object) -> Any:
+        """Return a plain value as it is, and of anything else where its node is."""
+        if isinstance(value, np.generic):
+            return value.item()
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        if id(value) not in self._places:
+            node = self._node(value)
+            self._places[id(value)] = len(self._nodes)
+            self._nodes.append(node)
+            self._alive.append(value)
+        return {"at": self._places[id(value)]}
+
+    def _node(self, value: Any) -> tuple[str, str, Any]:
+        kind = type(value)
+        if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
+            transposed = (
+                value.flags.f_contiguous and not value.flags.c_contiguous
+            )  # products round by the order
+            array = np.ascontiguousarray(value.T if transposed else value)
+            content = (array.dtype.str, array.shape, hashlib.sha256(array.data).digest())
+            if content not in self._same:  # patterns of matrices repeat
+                self._same[content] = len(self._arrays)
+                self._arrays.append(array)
+            return "array", "transposed" if transposed else "", self._same[content]
+        if kind.__name__ in _SPARSE and kind is _SPARSE[kind.__name__]:
+            parts = (value.data, value.indices, value.indptr)
+            return "sparse", kind.__name__, [list(map(int, value.shape)), *map(self._item, parts)]
+        if kind in self._special:
+            return "special", kind.__name__, self._item(self._special[kind].down(value))
+        if kind in self._types:
+            given = (field.name for field in fields(value) if field.init)
+            return "type", kind.__name__, {name: self._item(getattr(value, name)) for name in given}
+        if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
+            return "mapping", "", {key: self._item(item) for key, item in value.items()}
+        if kind in (tuple, list):
+            return "items", kind.__name__, [self._item(item) for item in value]
+        message = f"a {kind.__name__} cannot be written as arrays"
+        raise TypeError(message)
+
 
 _KIND = "arrays of Lamella"
+
 _ALIGNED = 64  # bytes
+
 _LONGEST = 2**16  # bytes of the first line
-_NUMBERS = "biufc"
 
 Buffer = NDArray[np.uint8]
 

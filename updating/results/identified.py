@@ -1,29 +1,273 @@
-"""The identified configurations of a campaign: computed once, written, and read back by whatever asks again."""
+"""Configurations of a campaign: identified once, written, and read back, with poles chosen by hand."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
 from rich.console import Console
 
-from ema import Campaign, Configuration, ModalModel, identify, read_modes
+from ema import (
+    Campaign,
+    Configuration,
+    ExplainedPower,
+    Identification,
+    ModalModel,
+    ReadModes,
+    Verdict,
+    identify,
+    read_modes,
+)
 from ema.identification.exchange import read_poles
+from ema.io.files import plain_bytes
+from ema.modal.runs import run_changes
 from ema.types.errors import EmaError
 from model.stack.errors import ModelError
 from updating.errors import FitError, PairingError, StoreError
-from updating.results.chosen_poles import BY_HAND, choice_note, chosen_poles
-from updating.results.quality import Quality, quality, quality_of_read
-from updating.results.store import folder_name, read_current, write_frf, write_result
-from updating.results.stored_campaign import points_file, write_campaign
+from updating.results.store import (
+    file_digest,
+    folder_name,
+    read_current,
+    read_document,
+    write_bytes,
+    write_frf,
+    write_result,
+)
 from updating.workers.workers import in_parallel
 
+CAMPAIGN = "campaign.json"
+"""File of the campaign, in the folder of the results."""
+
+
+def write_campaign(campaign: Campaign, folder: Path) -> None:
+    """Write campaign.json; the path of the campaign file in it is relative to the folder of the results.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written.
+    """
+    inputs = (campaign.path, *points_file(campaign))
+    named = replace(campaign, path=_from(folder, campaign.path))
+    write_result(folder / CAMPAIGN, named, inputs=inputs, options={})
+
+
+def points_file(campaign: Campaign) -> tuple[Path, ...]:
+    """Return the file of the points, none where the campaign names none."""
+    return () if campaign.points is None else (campaign.points,)
+
+
+def _from(folder: Path, file: Path) -> Path:
+    """Return a file as seen from a folder; as it is where they are on different drives."""
+    try:
+        return Path(Path(os.path.relpath(file, folder)).as_posix())
+    except ValueError:
+        return file.absolute()
+
+
+def campaign_file(folder: Path) -> Path:
+    """Return the campaign file that results come from.
+
+    It is where the results name it, as seen from them, or from where the command was started that made older ones.
+    Results that were copied without that place find the same file, by its digest, in or beside any folder above.
+
+    Raises
+    ------
+    StoreError
+        It is nowhere; the message says where it was.
+    """
+    document = read_document(folder / CAMPAIGN)
+    named = Path(document["result"]["path"])
+    above = (
+        () if ".." in named.parts else (Path(), *folder.absolute().parents)
+    )  # of results of older versions
+    for place in (folder.absolute(), *above):
+        file = Path(os.path.normpath(place / named))
+        if file.is_file():
+            return _short(file)
+    digests = set(document["provenance"]["inputs"].values())
+    for file in _likely(folder, named):
+        if file.is_file() and file_digest(file) in digests:
+            return _short(file)
+    message = (
+        f"{folder}: these results come from {named}, which is not there; open the campaign file itself: lamella "
+        f"open CAMPAIGN -o {folder}"
+    )
+    raise StoreError(message)
+
+
+def _likely(folder: Path, named: Path) -> Iterator[Path]:
+    """Yield the places above the results that end as the campaign file was named, those with most in common first."""
+    parts = [part for part in named.parts if part not in ("..", named.anchor)]
+    for first in range(len(parts)):
+        for above in folder.absolute().parents:
+            yield above.joinpath(*parts[first:])
+
+
+def _short(file: Path) -> Path:
+    """Return a file as seen from the working folder, where it is below it."""
+    absolute, here = Path(os.path.normpath(file.absolute())), Path.cwd()
+    return absolute.relative_to(here) if absolute.is_relative_to(here) else absolute
+
+
+CHOSEN = "chosen_poles.txt"
+"""File of the poles that a user chose, in the folder of a configuration."""
+
+BY_HAND = "chosen by hand"
+
+_ABOVE = (
+    2  # folders above the results, which may be results, too: what a fit in the workbench writes is in them
+)
+
+
+def keep_choice(poles: Path, folder: Path) -> None:
+    """Make the poles of a file those that every later command identifies a configuration with.
+
+    Parameters
+    ----------
+    poles : Path
+        The file, see `ema.identification.poles_file`.
+    folder : Path
+        Folder of the configuration.
+
+    Raises
+    ------
+    IdentificationError
+        The file cannot be read or holds no poles.
+    StoreError
+        The folder cannot be written.
+    """
+    read_poles(poles)  # what is wrong with it is said of this file
+    write_bytes(folder / CHOSEN, plain_bytes(poles))
+
+
+def forget_choices(output: Path) -> None:
+    """Let the poles of all configurations in a results folder, and in results in it, be chosen automatically again."""
+    for file in (*output.glob(f"*/{CHOSEN}"), *output.glob(f"*/*/{CHOSEN}")):
+        file.unlink()
+
+
+def chosen_poles(campaign: Campaign, output: Path, given: Path | None = None) -> dict[str, Path]:
+    """Return the file of the chosen poles of every configuration that has one.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    output : Path
+        Folder of the results. Results that lie in other results of the same campaign take the choice from there.
+    given : Path, optional
+        Folder whose poles.txt files are chosen from now on.
+
+    Raises
+    ------
+    IdentificationError
+        A poles.txt cannot be read.
+    StoreError
+        `given` holds no poles.txt of this campaign, or the results cannot be written.
+    """
+    output = output.absolute()
+    if given is not None:
+        files = {
+            c.name: given.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations
+        }
+        found = {name: file for name, file in files.items() if file.exists()}
+        if not found:
+            message = (
+                f"{given}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
+            )
+            raise StoreError(message)
+        for name, file in found.items():
+            keep_choice(file, output / folder_name(name))
+    places = [output, *(p for p in output.parents[:_ABOVE] if _is_of(campaign, p))]
+    chosen = {}
+    for configuration in campaign.configurations:
+        files_ = (place / folder_name(configuration.name) / CHOSEN for place in places)
+        chosen[configuration.name] = next((file for file in files_ if file.exists()), None)
+    return {name: file for name, file in chosen.items() if file is not None}
+
+
+def _is_of(campaign: Campaign, folder: Path) -> bool:
+    """Whether a folder holds results of a campaign."""
+    try:
+        return (folder / CAMPAIGN).exists() and campaign_file(folder).samefile(campaign.path)
+    except (StoreError, OSError):
+        return False
+
+
+def choice_note(poles: Path) -> str:
+    """Say that the poles of a configuration were chosen by hand, and how that is undone."""
+    number = read_poles(poles).size
+    return (
+        f"its {number} poles were {BY_HAND} ({poles.parent.name}/{poles.name}) and are used by every command; "
+        "the same command with --identify-anew chooses them automatically again"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """Verdicts of the checks and notes of the reading.
+
+    Attributes
+    ----------
+    verdicts : tuple of Verdict
+        Every check, passed ones too.
+    notes : tuple of str
+        What was odd in the files and how it was resolved, and which roving runs disagree with the others.
+    explained : ExplainedPower
+        Share of the measured power that the modes explain, per channel and band.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    notes: tuple[str, ...]
+    explained: ExplainedPower
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What a user should read: failures of the checks, then warnings, then the notes."""
+        found = (
+            f"{v.level}: {v.check}: {v.message}"
+            for level in ("fail", "warn")
+            for v in self.verdicts
+            if v.level == level
+        )
+        return (*found, *self.notes)
+
+
+def quality(found: Identification, remarks: tuple[str, ...] = ()) -> Quality:
+    """Collect what reading, checks and the comparison of roving runs found, after further remarks."""
+    frf = found.measurement.frf
+    changes = run_changes(found.modal_model, frf.run, sensors_rove=not frf.reciprocal)
+    return Quality(
+        verdicts=found.verdicts,
+        notes=(*remarks, *found.measurement.notes, *((changes.finding,) if changes.finding else ())),
+        explained=found.explained,
+    )
+
+
+def quality_of_read(found: ReadModes) -> Quality:
+    """Collect what reading modes and the checks of them found; of functions, which there are none, nothing."""
+    n_mode = found.modal_model.frequency.size
+    explained = ExplainedPower(
+        channel=(),
+        edge=np.full(n_mode + 1, np.nan),
+        share=np.empty((0, n_mode)),
+        whole=np.empty(0),
+        quantity=found.modal_model.quantity,
+    )
+    return Quality(verdicts=found.verdicts, notes=found.notes, explained=explained)
+
+
 R = TypeVar("R")
+
 READ = "read, not identified"
 """What the provenance says of modes that another program identified."""
+
 MEASUREMENT = "measurement.npz"
 """File of the functions that were identified, in the folder of a configuration."""
 
@@ -105,7 +349,7 @@ def assignments(
         Folder of the results; each configuration has a folder in it.
     poles : Path, optional
         Folder of earlier results, whose poles.txt files take the place of the automatic choice from now on, see
-        `updating.results.chosen_poles`.
+        `updating.results.identified`.
     keep : bool
         Whether results that are there are used whatever they came from.
 

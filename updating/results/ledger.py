@@ -12,7 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from model import Effect, printed_effects
-from updating.fitting.estimate import ParameterEstimate
+from updating.fitting.fit import ParameterEstimate
 from updating.results.store import write_bytes, write_result
 from updating.results.text import interval_text
 

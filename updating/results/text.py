@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.fitting.estimate import ParameterEstimate
-from updating.fitting.fit import Estimate
+from updating.fitting.fit import Estimate, ParameterEstimate
 
 Z95 = 1.96
 """Standard deviations to either side that hold 95 % of a normal distribution."""

@@ -1,4 +1,4 @@
-// Each room is an entry of the browser's history: back and forward go through the rooms, and F5 stays in one.
+// Each panel is an entry of the browser's history: back and forward go through the panels, and F5 stays in one.
 (() => {
   const begin = () => {
     const state = window.trame?.state;
@@ -7,10 +7,10 @@
       return;
     }
     const named = () => decodeURIComponent(location.hash.slice(1));
-    addEventListener("popstate", () => named() && state.set("room", named()));
-    state.watch(["room"], (room) => {
-      if (!room || room === named()) return;
-      const place = `${location.pathname}#${encodeURIComponent(room)}`;
+    addEventListener("popstate", () => named() && state.set("panel", named()));
+    state.watch(["panel"], (panel) => {
+      if (!panel || panel === named()) return;
+      const place = `${location.pathname}#${encodeURIComponent(panel)}`;
       history[location.hash ? "pushState" : "replaceState"](history.state, "", place);
     });
   };

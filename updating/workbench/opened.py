@@ -1,16 +1,27 @@
-"""What a workbench has open: a campaign and the folder of its results."""
+"""What panels share: the results that are open, their page, and commands that run beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ema.campaign.campaign import Campaign
 from updating.errors import StoreError
+from updating.fitting.plots import ShapePair
+from updating.report.modes_part import gallery_of
+from updating.report.page import render
+from updating.report.part import Section
 from updating.report.results import Results, Tested, read_results
+from updating.results.identified import campaign_file
 from updating.results.store import read_result
-from updating.results.stored_campaign import campaign_file
 
 _FILE = "campaign.toml"
 
@@ -65,3 +76,139 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
     if not (folder / "campaign.json").exists():
         make(file, folder)
     return Opened(campaign=file, folder=folder)
+
+
+CLICKED = "[$event.points[0].pointNumber, $event.points[0].curveNumber]"
+"""What a click on a chart sends: the number of the point, of a matrix its row and column, and of the trace."""
+
+_FONT = {"family": "Roboto, system-ui, sans-serif", "size": 12}
+
+
+def figure(spec: str) -> dict[str, Any]:
+    """Return a chart (`updating.report.part`) as a figure of the page."""
+    made: dict[str, Any] = json.loads(spec)
+    made["layout"] |= {"autosize": True, "font": _FONT}
+    return made
+
+
+def plot(
+    key: str,
+    height: int,
+    click: Callable[..., Any] | None = None,
+    sends: str = CLICKED,
+    hover: Callable[..., Any] | None = None,
+    *,
+    solid: bool = False,
+) -> Any:
+    """Put a figure, the state `key`, into the page; a click calls `click` with what the expression `sends` gives.
+
+    `hover` is called likewise with what is under the cursor. What is `solid` is seen from as far as its height asks, so
+    on a narrow page it is less high, or its ends are cut.
+    """
+    from trame.widgets import html, plotly
+
+    high = f"min({height}px, 60vw)" if solid else f"{height}px"
+    with html.Div(style=f"height: {high}; width: 100%; min-width: 0", id=key) as box:
+        calls = {"click": click, "hover": hover}
+        others = {name: (call, sends) for name, call in calls.items() if call is not None}
+        plotly.Figure(
+            state_variable_name=key, display_logo=("false",), responsive=("true",), display_mode_bar=("'hover'",),
+            style="height: 100%; width: 100%", **others,
+        )  # fmt: skip
+    return box
+
+
+def empty() -> dict[str, Any]:
+    """Return a figure without anything in it."""
+    return {"data": [], "layout": {}}
+
+
+_SHOWN = 400  # lines of what it says that are kept
+
+_LAST_WORDS = 2.0  # s
+
+_PATIENCE = 15.0  # s that a command has to end
+
+_CODE = "from updating.commands.command_line import main; main()"
+
+
+class Command:
+    """One command of `lamella` at a time, as a process of its own: a page stays quick beside it, and it can be stopped.
+
+    Parameters
+    ----------
+    said : callable
+        Takes the lines said so far each time that there is a new one.
+    """
+
+    def __init__(self, said: Callable[[list[str]], None]) -> None:
+        self._said = said
+        self._process: asyncio.subprocess.Process | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether a command runs now."""
+        return self._process is not None
+
+    async def run(self, words: Sequence[str], done: Callable[[int], Awaitable[None]]) -> None:
+        """Run `lamella` with some words and hand its exit code on."""
+        if self.running:
+            return
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", _CODE, *words,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+            env={**os.environ, "COLUMNS": "100"},
+            start_new_session=True,  # a group of its own, so that its workers are ended with it
+        )  # fmt: skip
+        reading = asyncio.create_task(self._read(self._process.stdout))
+        try:
+            code = await self._process.wait()
+            with suppress(TimeoutError):  # a worker may hold its output a moment longer
+                await asyncio.wait_for(reading, _LAST_WORDS)
+        finally:
+            self._process = None
+        await done(code)
+
+    async def _read(self, output: asyncio.StreamReader | None) -> None:
+        lines: list[str] = []
+        if output is not None:
+            async for line in output:
+                lines = [*lines, line.decode(errors="replace").rstrip()][-_SHOWN:]
+                self._said(lines)
+
+    def stop(self) -> None:
+        """End the command as Ctrl-C does; what is written is whole, and it goes on from there when it is run again.
+
+        It ends its workers itself. Where it does not within some seconds, it and they are killed.
+        """
+        if self._process is None:
+            return
+        process = self._process
+        with suppress(ProcessLookupError):
+            process.terminate()
+        with suppress(RuntimeError):  # no loop runs where the workbench itself ends
+            asyncio.get_running_loop().call_later(_PATIENCE, self._kill, process)
+
+    def _kill(self, process: asyncio.subprocess.Process) -> None:
+        if process.returncode is None:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL) if hasattr(os, "killpg") else process.kill()
+
+
+def moving_page(pair: ShapePair, box: list[float] | None) -> str:
+    """Return a page on which a pair of shapes moves."""
+    return render("Shapes", (Section(title="Shapes", blocks=(gallery_of("pair", (pair,), box),)),), bare=True)
+
+
+def moving_shapes(key: str, height: int) -> Callable[[dict[str, Any]], None]:
+    """Put the page that is the state `key` into a frame; return what sends it another pair (`shape_numbers`)."""
+    from trame.widgets import client, html
+
+    html.Iframe(
+        srcdoc=(key,), style=f"width: 100%; height: {height}px; border: 0", id=key, title="Shapes that move"
+    )
+    return client.JSEval(
+        exec=f"window.document.getElementById('{key}').contentWindow.postMessage($event, '*')"
+    ).exec

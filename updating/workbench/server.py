@@ -1,26 +1,104 @@
-"""The workbench's server: one page with a room for each job, on this machine alone."""
+"""The workbench as a process: its page in the browser, and who may read it."""
 
 from __future__ import annotations
 
 import os
+import secrets
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from typing import Any
 
 from updating.errors import StoreError
 from updating.workbench import (
-    comparison_room,
-    diagnosis_room,
-    identification_room,
-    measurement_room,
-    report_room,
-    what_if_room,
+    comparison_panel,
+    diagnosis_panel,
+    identification_panel,
+    measurement_panel,
+    report_panel,
+    what_if_panel,
 )
-from updating.workbench.access import HOST, address, guard, new_token
 from updating.workbench.opened import Opened
 
-ROOMS = (measurement_room, identification_room, comparison_room, what_if_room, diagnosis_room, report_room)
+HOST = "127.0.0.1"
+
+_BYTES = 24  # of chance in a token
+
+
+def new_token() -> str:
+    """Return a token that nobody can guess."""
+    return secrets.token_urlsafe(_BYTES)
+
+
+def address(token: str, port: int) -> str:
+    """Return the address of the page, with the token."""
+    place = f"{HOST}:{port}"
+    return f"http://{place}/index.html?sessionURL=ws://{place}/ws&secret={token}"
+
+
+def guard(token: str, port: Callable[[], int], seen: Callable[[int], None]) -> Any:
+    """Return a middleware that answers 403 to whatever does not come with the token.
+
+    The address that is opened carries the token; what it answers with sets a cookie, which the page's own requests,
+    its websocket among them, then carry. A page of another origin cannot make the browser send it (SameSite), and a
+    name that was bent to this machine is refused by its Host. The page takes the token out of the address; loaded
+    again without it, as by F5 or the browser's history, the cookie stands for it.
+
+    Parameters
+    ----------
+    token : str
+        The token.
+    port : callable
+        Returns the port that the server listens at; it is known only after the start.
+    seen : callable
+        Takes the number of tabs that show the page, each time that it changes.
+    """
+    from aiohttp import web
+
+    tabs = 0
+
+    async def counted(
+        request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Hold a tab's connection, which is answered when it ends."""
+        nonlocal tabs
+        tabs += 1
+        seen(tabs)
+        try:
+            return await handler(request)
+        finally:
+            tabs -= 1
+            seen(tabs)
+
+    @web.middleware
+    async def check(
+        request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        name = f"lamella_{port()}"
+        given = request.query.get("secret"), request.cookies.get(name)
+        known = any(secrets.compare_digest(own.encode(), token.encode()) for own in given if own is not None)
+        if not known or request.host not in (f"{HOST}:{port()}", f"localhost:{port()}"):
+            return web.Response(status=403, text="403: this address has no or a wrong token\n")
+        if request.path == "/ws":
+            return await counted(request, handler)
+        if request.path in ("/", "/index.html") and "sessionURL" not in request.query:
+            return web.HTTPFound(address(token, port()))
+        response = await handler(request)
+        if not response.prepared:
+            response.set_cookie(name, token, httponly=True, samesite="Strict")
+        return response
+
+    return check
+
+
+PANELS = (
+    measurement_panel,
+    identification_panel,
+    comparison_panel,
+    what_if_panel,
+    diagnosis_panel,
+    report_panel,
+)
 
 _STYLE = """
 .v-field-label { opacity: 1 !important; color: #42526b; }
@@ -76,7 +154,7 @@ def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool
 
 
 def page(opened: Opened) -> Any:
-    """Build the page with all rooms."""
+    """Build the page with all panels."""
     from trame.app import get_server
     from trame.ui.vuetify3 import SinglePageLayout
     from trame.widgets import client, vuetify3
@@ -92,15 +170,15 @@ def page(opened: Opened) -> Any:
     server = get_server("lamella", client_type="vue3")
     server.state.update(
         {
-            "room": ROOMS[0].TITLE,
+            "panel": PANELS[0].TITLE,
             "configuration": names[0],
             "configurations": names,
             "trame__title": results.name,
             "tabs": 1,
         }
     )
-    for own in ROOMS:
-        own.room(server, opened)
+    for own in PANELS:
+        own.panel(server, opened)
     with SinglePageLayout(server, full_height=True) as layout:
         client.Script((files("updating.report") / "rest.js").read_text(encoding="utf-8"))
         for name in ("history.js", "names.js"):
@@ -120,11 +198,11 @@ def page(opened: Opened) -> Any:
                 "This page is open in {{ tabs }} tabs, which show the same: what you do in one, the others follow.",
                 v_if="tabs > 1", type="info", density="compact", variant="tonal", classes="mb-2", id="tabs",
             )  # fmt: skip
-            with vuetify3.VTabs(v_model=("room",), show_arrows=True):
-                for own in ROOMS:
+            with vuetify3.VTabs(v_model=("panel",), show_arrows=True):
+                for own in PANELS:
                     vuetify3.VTab(own.TITLE, value=own.TITLE, prepend_icon=own.ICON)
-            with vuetify3.VWindow(v_model=("room",), classes="pt-3"):
-                for own in ROOMS:
+            with vuetify3.VWindow(v_model=("panel",), classes="pt-3"):
+                for own in PANELS:
                     with vuetify3.VWindowItem(
                         value=own.TITLE, transition=("false",), reverse_transition=("false",)
                     ):

@@ -1,10 +1,11 @@
-"""What the model would do: its modes for any values of its parameters."""
+"""The model at values that sliders state: its modes beside the measured ones."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +21,17 @@ from updating.correlation.registration import register
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.errors import PairingError
-from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS
-from updating.fitting.objective import frequency_error
-from updating.fitting.prepared import Prepared, partners, prepare, solve_every
-from updating.fitting.target import stack_in_state, target_of_modes
-from updating.report.chart_part import axis, chart, legend_above, single
+from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, frequency_error
+from updating.fitting.target import Prepared, partners, prepare, solve_every, stack_in_state, target_of_modes
+from updating.report.identified_model import what_was_found
+from updating.report.part import axis, chart, legend_above, single
 from updating.report.results import Results, Tested
 from updating.results.text import quantity
 
 STEPS = 1000  # of a slider
+
 CONTACT = ("G_f", "d_f")
+
 _PRESSURES = (0.25, 4.0)  # of the stated one, over which it can be tried
 
 
@@ -293,3 +295,83 @@ def response_chart(
             "uirevision": "kept",
         },
     )  # fmt: skip
+
+
+FIRST = "identified by the diagnosis"
+
+NEXT = "tried by the diagnosis"
+
+
+def effect_choices(results: Results) -> list[dict[str, str]]:
+    """List every effect with its label and its family: what was identified first, then the likeliest, then by family.
+
+    The page searches titles and subtitles, so that a family's name finds all of its effects.
+    """
+    known = catalogue()
+    found = what_was_found(results)
+    own = () if found is None else found.effects
+    tried = _likeliest(results)
+    order = sorted(
+        known.values(),
+        key=lambda e: (
+            e.name not in own,
+            tried.index(e.name) if e.name in tried else len(tried),
+            e.family,
+            e.label,
+        ),
+    )
+    return [
+        {
+            "title": e.label,
+            "value": e.name,
+            "subtitle": ", ".join(
+                [e.family, *([FIRST] if e.name in own else [NEXT] if e.name in tried else [])]
+            ),
+        }
+        for e in order
+    ]
+
+
+def _likeliest(results: Results) -> list[str]:
+    """Return the effects of the explanations that a diagnosis fitted, the most probable first."""
+    ranking = () if results.diagnosis is None else results.diagnosis.ranking
+    return list(dict.fromkeys(name for own in ranking for name in own.effects))
+
+
+def slider_rows(knobs: Sequence[Knob], effects: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the sliders' state in the order of the knobs; the first of each group has its heading.
+
+    A group is what the base model has, or one effect with its family.
+    """
+    known = catalogue()
+    group = dict.fromkeys((*CONTACT, "pressure"), "contact, of the base model")
+    for effect in (known[name] for name in effects if name in known):
+        for parameter in effect.parameters:
+            group.setdefault(parameter.name, f"{effect.label} ({effect.family})")
+    rows: list[dict[str, Any]] = []
+    last = ""
+    for own in knobs:
+        head = group.get(own.name, "")
+        rows.append(
+            {
+                "name": own.name,
+                "step": own.step(own.start),
+                "text": own.text(own.start),
+                "head": head if head != last else "",
+            }
+        )
+        last = head
+    return rows
+
+
+def values_of(results: Results, configuration: str, effects: Sequence[str]) -> dict[str, float]:
+    """Return the values of everything that can be moved in a configuration, with effects as a diagnosis fitted them.
+
+    Without a diagnosis, they are those of the ledger.
+    """
+    own = explanation(results, effects)
+    if own is None or results.diagnosis is None or results.diagnosis.stack is None:
+        found = what_was_found(results)
+        return {} if found is None else dict(found.value)
+    known = find_effects(effects, catalogue())
+    return explained_values(explained_stack(results.diagnosis.stack, own, known, state=configuration))

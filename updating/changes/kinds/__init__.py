@@ -1,18 +1,19 @@
-"""Kinds of change with a location that nobody knows, one a file: each ends in KIND = Kind(...)."""
+"""Kinds of change with a location that nobody knows."""
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from functools import cache
-
 from updating.changes.candidate import Kind
+from updating.changes.kinds import contact, edges, laminas, masses
 
-
-@cache
-def kinds() -> tuple[Kind, ...]:
-    """Return all kinds of change, in the order of their names."""
-    modules = (
-        importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)
+KINDS = tuple(
+    sorted(
+        (
+            value
+            for module in (contact, edges, laminas, masses)
+            for value in vars(module).values()
+            if isinstance(value, Kind)
+        ),
+        key=lambda kind: kind.name,
     )
-    return tuple(module.KIND for module in modules if hasattr(module, "KIND"))
+)
+"""All kinds, in the order of their names."""

@@ -1,0 +1,204 @@
+"""What a stack is described by, checked: arrays, and the measured curve of its compression.
+
+The curve is the relation of a stack's compression along z to the pressure on it, p(strain). Uneven sheets close under
+load, so it is steep only once they have: most of the deformation comes at low pressure. Contact does not pull: at
+negative strain the pressure is 0.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import DTypeLike, NDArray
+
+from model.stack.errors import StackError
+from model.stack.files import plain_text
+
+
+def readonly(
+    owner: str, name: str, value: object, shape: tuple[int | None, ...], dtype: DTypeLike = float
+) -> NDArray[Any]:
+    """Return `value` as a read-only array of `dtype` after checking its shape.
+
+    Parameters
+    ----------
+    owner, name : str
+        The data type and field that the array is for, named in the message of a failed check.
+    value : array_like
+        What was given; an array that can still be written is copied, so that it stays the caller's.
+    shape : tuple of int or None
+        Expected length of each axis; `None` accepts any length.
+    dtype : dtype, default float
+        Type to convert to.
+
+    Raises
+    ------
+    ValueError
+        The shape differs from the expected one; the message names both.
+    """
+    array = np.array(value, dtype=dtype, copy=None if _frozen(value) else True)
+    fits = array.ndim == len(shape) and all(
+        e is None or e == n for e, n in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        expected = "(" + ", ".join("any" if e is None else str(e) for e in shape) + ")"
+        message = f"{owner}.{name}: expected shape {expected}, got {array.shape}"
+        raise ValueError(message)
+    array.flags.writeable = False
+    return array
+
+
+def _frozen(value: object) -> bool:
+    """Tell whether nobody writes an array: neither it nor what it is a view of can be written."""
+    if not isinstance(value, np.ndarray) or value.flags.writeable:
+        return False
+    return value.base is None or _frozen(value.base)
+
+
+_COLUMNS = ("strain", "pressure_kPa")
+
+_MOST_SHOWN = 100  # characters of a row in a message
+
+_LEAST_RISE = 1e-12  # from point to point, of the largest value: less is rounding, and divided by
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CompressionCurve:
+    """Pressure over compressive strain, interpolated by monotone cubics (Fritsch and Carlson 1980).
+
+    Beyond its last point the curve goes on straight, so that an iteration may pass through there.
+
+    Attributes
+    ----------
+    strain : (n,) float
+        Compressive strain, from 0 up.
+    pressure : (n,) float
+        Pressure, Pa, from 0 up.
+
+    Raises
+    ------
+    StackError
+        Fewer than three points, the first is not (0, 0), or strain or pressure is not finite or does not rise from
+        one point to the next.
+    """
+
+    strain: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = np.size(self.strain)
+        for name in ("strain", "pressure"):
+            object.__setattr__(self, name, readonly("CompressionCurve", name, getattr(self, name), (n,)))
+        if n < 3:
+            message = f"compression curve: {n} points; at least 3 are needed"
+            raise StackError(message)
+        if self.strain[0] != 0.0 or self.pressure[0] != 0.0:
+            message = (
+                f"compression curve: the first point is ({self.strain[0]:g}, {self.pressure[0]:g} Pa); it must "
+                "be (0, 0), where the sheets begin to touch. Shift the strain or add that point."
+            )
+            raise StackError(message)
+        for name in ("strain", "pressure"):
+            endless = np.flatnonzero(~np.isfinite(getattr(self, name)))
+            if endless.size:
+                message = (
+                    f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
+                )
+                raise StackError(message)
+            values = getattr(self, name)
+            falls = np.flatnonzero(~(np.diff(values) > _LEAST_RISE * np.abs(values).max()))
+            if falls.size:
+                row = int(falls[0]) + 1
+                message = (
+                    f"compression curve: {name} must rise from point to point, by {_LEAST_RISE:g} of the largest or "
+                    f"more, but point {row + 1} has {values[row]:g} after {values[row - 1]:g}"
+                )
+                raise StackError(message)
+
+    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
+        slope = scipy.interpolate.PchipInterpolator(self.strain, self.pressure).derivative()(self.strain)
+        # the end formula may give 0 where a curve bends; contact that has closed is never without stiffness
+        secant = np.diff(self.pressure) / np.diff(self.strain)
+        slope[0], slope[-1] = max(slope[0], 0.5 * secant[0]), max(slope[-1], 0.5 * secant[-1])
+        return scipy.interpolate.CubicHermiteSpline(self.strain, self.pressure, slope)
+
+    def evaluate(self, strain: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the pressure and the tangent modulus, Pa, at compressive strains of any shape.
+
+        Both are 0 at negative strain. At 0 the tangent is the one of contact that closes.
+        """
+        spline = self._spline()
+        slope = spline.derivative()
+        end = self.strain[-1]
+        inside = np.clip(strain, 0.0, end)
+        pressure = spline(inside) + slope(end) * (np.maximum(strain, end) - end)
+        closed = np.asarray(strain) >= 0.0
+        return np.where(closed, pressure, 0.0), np.where(closed, slope(inside), 0.0)
+
+    def strain_at(self, pressure: float) -> float:
+        """Return the compressive strain at a pressure, Pa.
+
+        Raises
+        ------
+        StackError
+            The pressure lies outside the curve.
+        """
+        if not 0.0 <= pressure <= self.pressure[-1]:
+            message = (
+                f"the compression curve ends at {self.pressure[-1] / 1e3:g} kPa and says nothing about "
+                f"{pressure / 1e3:g} kPa"
+            )
+            raise StackError(message)
+        return float(self._spline().solve(pressure, extrapolate=False)[0])
+
+
+def read_curve(path: str | Path) -> CompressionCurve:
+    """Read a compression curve from a CSV file with the columns `strain` and `pressure_kPa`.
+
+    Lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    StackError
+        The file cannot be read, lacks a column, or holds no rising curve; the message names file and line.
+    """
+    path = Path(path)
+    try:
+        lines = plain_text(path).splitlines()
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read ({getattr(error, 'strerror', error)})"
+        raise StackError(message) from error
+    rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))
+    try:
+        values = _values(path, rows)
+    except csv.Error as error:
+        message = f"{path}: row {rows.line_num}: {error}"
+        raise StackError(message) from error
+    table = np.array(values).reshape(-1, 2)
+    try:
+        return CompressionCurve(strain=table[:, 0], pressure=table[:, 1] * 1e3)
+    except StackError as error:
+        message = f"{path}: {error}"
+        raise StackError(message) from error
+
+
+def _values(path: Path, rows: csv.DictReader[str]) -> list[list[float]]:
+    missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+    if missing:
+        message = f"{path}: column {missing[0]} is missing; the columns are {', '.join(_COLUMNS)}"
+        raise StackError(message)
+    values = list[list[float]]()
+    for i, row in enumerate(rows):
+        try:
+            values.append([float(row[name]) for name in _COLUMNS])
+        except (TypeError, ValueError) as error:
+            message = (
+                f"{path}: row {i + 1}: {', '.join(_COLUMNS)} must be numbers, got {str(row)[:_MOST_SHOWN]}"
+            )
+            raise StackError(message) from error
+    return values

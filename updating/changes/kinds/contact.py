@@ -1,0 +1,177 @@
+"""Changes of the contact between laminas: in a patch, under one clamp, or all over."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from updating.changes.candidate import (
+    Candidates,
+    Kind,
+    Part,
+    amplitude,
+    at_heights,
+    crossed,
+    gone,
+    needs_clamps,
+    needs_contact,
+    plain,
+)
+from updating.changes.fields import Fields, Vector
+from updating.changes.kinds.edges import all_over, interfaces
+from updating.changes.kinds.laminas import patches
+
+LOST_CONTACT = Kind(
+    name="lost_contact",
+    label="contact between sheets lost in a patch",
+    quantity="share of its stiffness that is gone",
+    unit="1",
+    why_not=needs_contact,
+    candidates=partial(patches, of=Fields.contact, sign=-1.0, upper=2.0),
+    value=gone,
+    whole=1.0,
+)
+
+GLUED_PATCH = Kind(
+    name="glued_patch",
+    label="sheets that hold together more in a patch, as by glue",
+    quantity="share by which their contact is stiffer",
+    unit="1",
+    why_not=needs_contact,
+    candidates=partial(patches, of=Fields.contact, sign=1.0, upper=20.0),
+    value=amplitude,
+)
+
+_SPREAD = np.array([0.5, 1.0, 2.0])
+"""How far the pressure of a clamp spreads along the stack beyond its footprint, over the stack's height: by 45 degrees
+from both faces it is a half."""
+
+_RIDES = np.array([np.inf, *np.geomspace(0.5, 3.0, 16)])
+"""Where the clamp's mass then resonates on its footprint, over the band's end: one that presses less rides on a softer
+spring."""
+
+_TOGETHER = np.array([0.1, 0.2, 0.4, 0.7, 1.0])
+"""Share of the contact's stiffness that goes with the whole of the clamp's mass riding so."""
+
+
+def _pressed(fields: Fields, number: int, wide: float) -> NDArray[np.float64]:
+    """Return the area that a clamp presses at each point, m2: 1 under it, falling within a length beyond."""
+    clamp = fields.stack.clamps[number]
+    sides = np.array(clamp.footprint) / 2.0
+    away = np.maximum(np.abs(fields.grid.point - np.array([clamp.x, clamp.y])) - sides, 0.0)
+    return np.asarray(np.exp(-np.sum(away**2, axis=1) / wide**2) * fields.grid.area)
+
+
+def under_clamps(fields: Fields) -> list[Part]:
+    """Return the contact under each clamp, pressed by 45 degrees from its faces."""
+    rows = fields.contact(fields.layers[0])
+    wide = float(_SPREAD[0]) * fields.stack.height
+    return [
+        Part(rows=rows, target="K", weight=sp.csr_array(_pressed(fields, i, wide)[None, :]))
+        for i in range(len(fields.stack.clamps))
+    ]
+
+
+def at_clamps(
+    fields: Fields,
+    at: NDArray[np.float64],  # noqa: ARG001
+    *,
+    sign: float,
+    upper: float,
+    rides: bool = False,
+) -> Candidates:
+    """Return each clamp with less (sign -1) or more (1) of the contact's stiffness under it.
+
+    With `rides` its mass may also ride on a spring that is not stiff.
+    """
+    stack, point, area = fields.stack, fields.grid.point, fields.grid.area
+    springs, together = (_RIDES, _TOGETHER) if rides else (_RIDES[:1], _TOGETHER[-1:])
+    number, spread, spring, share_of = crossed(
+        np.arange(len(stack.clamps)), _SPREAD * stack.height, springs, together
+    )
+    alone = np.isinf(spring) & (share_of < 1.0)  # the same as with the whole share
+    number, spread, spring, share_of = (each[~alone] for each in (number, spread, spring, share_of))
+    weight, under, place = [], [], []
+    for i, wide in zip(number.tolist(), spread.tolist(), strict=True):
+        clamp = stack.clamps[i]
+        sides = np.array(clamp.footprint) / 2.0
+        weight.append(_pressed(fields, i, wide))
+        inside = np.all(np.abs(point - np.array([clamp.x, clamp.y])) <= sides + 1e-3, axis=1)
+        near = np.zeros(len(point))
+        near[np.argmin(np.sum((point - np.array([clamp.x, clamp.y])) ** 2, axis=1))] = 1.0
+        share = np.where(inside, area, 0.0) if inside.any() else near
+        under.append(clamp.mass * share / share.sum())
+        place.append([clamp.x, clamp.y])
+    whole = fields.layers[0]
+    held = share_of[:, None] * np.array(weight)
+    parts = [Part(rows=fields.contact(whole), target="K", weight=sign * sp.csr_array(held))]
+    if rides:
+        mass = sp.csr_array(np.array(under))
+        resonance = (2.0 * np.pi * fields.band[1] * spring) ** 2
+        parts.append(Part(rows=fields.motion(whole), target="M", weight=mass, resonance=resonance))
+        parts.append(Part(rows=fields.motion(whole), target="M", weight=-mass))
+    return plain(
+        at_heights(np.array(place), 0.0), tuple(parts), size=spread, part=number, extra=share_of, upper=upper
+    )
+
+
+def _share(own: Candidates, found: Vector) -> Vector:
+    """Return the share of the contact's stiffness that goes with an amplitude, which may go with the clamp's mass."""
+    return np.asarray(own.extra.reshape(-1, *(1,) * (found.ndim - 1)) * found)
+
+
+def _gone(own: Candidates, found: Vector) -> Vector:
+    """Return the share that is gone under the clamp."""
+    return gone(own, _share(own, found))
+
+
+LOOSE_CLAMP = Kind(
+    name="loose_clamp",
+    label="a clamp that presses less",
+    quantity="share of the contact's stiffness under it that is gone",
+    unit="1",
+    why_not=needs_clamps,
+    candidates=partial(at_clamps, sign=-1.0, upper=1.5, rides=True),
+    on_plan=False,
+    value=_gone,
+    exact=_share,
+    whole=1.0,
+)
+
+TIGHT_CLAMP = Kind(
+    name="tight_clamp",
+    label="a clamp that presses more",
+    quantity="share by which the contact under it is stiffer",
+    unit="1",
+    why_not=needs_clamps,
+    candidates=partial(at_clamps, sign=1.0, upper=5.0),
+    on_plan=False,
+    value=amplitude,
+)
+
+SOFTER_CONTACT = Kind(
+    name="softer_contact",
+    label="less contact stiffness all over, as by less pressure",
+    quantity="share of it that is gone",
+    unit="1",
+    why_not=needs_contact,
+    candidates=partial(all_over, of=interfaces, sign=-1.0, upper=1.0),
+    on_plan=False,
+    value=amplitude,
+    local=False,
+)
+
+FIRMER_CONTACT = Kind(
+    name="firmer_contact",
+    label="more contact stiffness all over, as by more pressure",
+    quantity="share by which it is stiffer",
+    unit="1",
+    why_not=needs_contact,
+    candidates=partial(all_over, of=interfaces, sign=1.0, upper=10.0),
+    on_plan=False,
+    value=amplitude,
+    local=False,
+)

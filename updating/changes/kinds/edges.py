@@ -1,0 +1,260 @@
+"""Changes of what holds the edges, in a part or all along, and changes all over the structure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from model.elements.mesh import Derivative, Field
+from model.elements.terms import held_motions
+from model.stack.parts import EdgeSupport
+from updating.changes.candidate import (
+    Candidates,
+    Kind,
+    Part,
+    amplitude,
+    at_heights,
+    gone,
+    needs_supports,
+    plain,
+)
+from updating.changes.fields import Fields, Vector
+
+N_ALONG = 121
+"""Points along an edge."""
+
+_SHARES = np.array([0.08, 0.15, 0.3, 0.6])  # of an edge that gives way
+
+_N_MIDDLE = 30  # along an edge, of parts that give way
+
+_RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HeldEdge:
+    """A held edge as the fitted reference has it.
+
+    Attributes
+    ----------
+    number : int
+        Of the support, from 0.
+    name : str
+        "left", "right", "front" or "back".
+    place : (n, 2) float
+        Points along it, m, and `weight` (n,), the length that each stands for.
+    moving, turning : (n, R, m) float
+        Rows whose squares are the energy per length by moving and by turning.
+    """
+
+    number: int
+    name: str
+    place: Vector
+    weight: Vector
+    moving: Vector
+    turning: Vector
+
+
+def held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
+    """Return the held edges of a structure."""
+    stack, plan = fields.stack, fields.system.assembly.plan
+    found = []
+    for i, support in enumerate(stack.supports):
+        if not isinstance(support, EdgeSupport) or support.edge == "all":
+            continue
+        axis, side = {"left": (0, 0), "right": (0, 1), "front": (1, 0), "back": (1, 1)}[support.edge]
+        (low, high), fixed = plan.bounds[1 - axis], plan.bounds[axis][side]
+        along = np.linspace(low, high, N_ALONG)
+        weight = np.full(N_ALONG, (high - low) / (N_ALONG - 1))
+        weight[[0, -1]] /= 2.0
+        place = np.column_stack([np.full(N_ALONG, fixed), along])
+        place = place if axis == 0 else place[:, ::-1]
+        moving, turning = list[Vector](), list[Vector]()
+        for motion in held_motions(stack, plan, support):
+            field, slope = motion.kron.row, "xy"[axis] if motion.turns else ""
+            rows = _rows(fields, place, field, slope)  # type: ignore[arg-type]
+            held = float(motion.kron.z.diagonal().mean())
+            held *= _given(fields, "edge_rotation" if motion.turns else "edge_translation", motion.stiffness)
+            (turning if motion.turns else moving).append(np.sqrt(held) * rows)
+        nothing = np.zeros((N_ALONG, 1, fields.n_mode))
+        found.append(
+            HeldEdge(
+                number=i,
+                name=support.edge,
+                place=place,
+                weight=weight,
+                moving=np.concatenate(moving, axis=1) if moving else nothing,
+                turning=np.concatenate(turning, axis=1) if turning else nothing,
+            )
+        )
+    return tuple(found)
+
+
+def _rows(fields: Fields, place: Vector, field: Field, derivative: Derivative) -> Vector:
+    over_z = fields.system.phi[field]
+    root = np.linalg.qr(over_z, mode="r")
+    return np.einsum("rf,pfm->prm", root, fields.at_points(place, field, derivative), optimize=True)
+
+
+def _given(fields: Fields, name: str, stiffness: float) -> float:
+    """Return by which factor the fitted compliance leaves a stiffness (see `model.effects.support_compliance`)."""
+    if name not in fields.theta:
+        return 1.0
+    return float(1.0 / (1.0 + stiffness * (1.0 / fields.theta[name] - 1.0 / _RIGID[name])))
+
+
+def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
+    """Return parts of held edges that hold less (sign -1) or more (1): against turning, moving, or both."""
+    place, size, number, angle = [], [], [], []
+    blocks: list[tuple[Vector, sp.csr_array, int, int]] = []
+    n = 0
+    for edge in held_edges(fields):
+        axis = int(np.ptp(edge.place[:, 0]) < np.ptp(edge.place[:, 1]))
+        along = edge.place[:, axis]
+        whole = float(np.ptp(along))
+        middle = along[0] + (np.arange(_N_MIDDLE) + 0.5) * whole / _N_MIDDLE
+        for share in _SHARES:
+            inside = np.abs(along[None, :] - middle[:, None]) <= share * whole / 2.0
+            weight = sign * inside * edge.weight
+            for held in ([edge.turning], [edge.moving], [edge.turning, edge.moving]):
+                here = np.full((middle.size, 2), edge.place[0])
+                here[:, axis] = middle
+                place.append(here)
+                size.append(np.full(middle.size, share * whole))
+                number.append(np.full(middle.size, edge.number))
+                angle.append(np.full(middle.size, np.pi / 2.0 if axis else 0.0))
+                blocks += [(own, sp.csr_array(weight), n, len(along)) for own in held]
+                n += middle.size
+    parts = []
+    for rows, weight, first, n_point in blocks:
+        coo = weight.tocoo()
+        shifted = sp.csr_array((coo.data, (coo.coords[0] + first, coo.coords[1])), shape=(n, n_point))
+        parts.append(Part(rows=rows, target="K", weight=shifted))
+    return plain(
+        at_heights(np.vstack(place), 0.0) if place else np.zeros((0, 3)),
+        tuple(_merged(parts)),
+        size=np.concatenate(size) if size else np.zeros(0),
+        angle=np.concatenate(angle) if angle else np.zeros(0),
+        part=np.concatenate(number) if number else np.zeros(0, dtype=np.intp),
+        upper=upper,
+    )
+
+
+def _merged(parts: list[Part]) -> list[Part]:
+    """Add the weights of parts that share their rows."""
+    found: dict[int, Part] = {}
+    for part in parts:
+        key = id(part.rows)
+        if key in found:
+            weight = found[key].weight + part.weight
+            found[key] = Part(rows=part.rows, target=part.target, weight=weight)
+        else:
+            found[key] = part
+    return list(found.values())
+
+
+def whole_edges(fields: Fields) -> list[tuple[HeldEdge, str, Part]]:
+    """Return each held edge as a whole, against moving and against turning: by how much a logarithm changes it."""
+    make = partial(Part, target="K")
+    return [
+        (edge, what, make(rows=rows, weight=sp.csr_array(edge.weight[None, :])))
+        for edge in held_edges(fields)
+        for what, rows in (("moving", edge.moving), ("turning", edge.turning))
+    ]
+
+
+def whole_contact(fields: Fields) -> Part:
+    """Return the stiffness of all interfaces against slip."""
+    slip, _ = fields.slip_and_opening(fields.layers[0])
+    return Part(rows=slip, target="K", weight=sp.csr_array(fields.grid.area[None, :]))
+
+
+def interfaces(fields: Fields) -> tuple[Part, ...]:
+    """Return all interfaces as one part."""
+    return (whole_contact(fields),)
+
+
+def whole_laminas(fields: Fields) -> Part:
+    """Return the stiffness of all laminas."""
+    rows = fields.strain(fields.layers[0])
+    return Part(rows=rows, target="K", weight=sp.csr_array(fields.grid.area[None, :]))
+
+
+def all_over(
+    fields: Fields,
+    at: NDArray[np.float64],  # noqa: ARG001
+    *,
+    of: Callable[[Fields], tuple[Part, ...]],
+    sign: float,
+    upper: float,
+) -> Candidates:
+    """Return each of some parts as a candidate, with more (sign 1) or less (-1) of it."""
+    parts = of(fields)
+    n = len(parts)
+    own = [np.zeros((n, 1)) for _ in parts]
+    for i, line in enumerate(own):
+        line[i] = sign
+    shifted = tuple(
+        Part(rows=part.rows, target=part.target, weight=sp.csr_array(line @ part.weight.toarray()))
+        for part, line in zip(parts, own, strict=True)
+    )
+    place = np.zeros((n, 3))
+    place[:, :2] = fields.grid.point.mean(axis=0)
+    return plain(place, shifted, upper=upper)
+
+
+def edges(fields: Fields) -> tuple[Part, ...]:
+    """Return each held edge as a whole, against moving and against turning."""
+    return tuple(part for _, _, part in whole_edges(fields))
+
+
+FIRMER_EDGE = Kind(
+    name="firmer_edge",
+    label="a held edge that is firmer over a part of it",
+    quantity="share by which it is held firmer",
+    unit="1",
+    why_not=needs_supports,
+    candidates=partial(on_edges, sign=1.0, upper=10.0),
+    on_plan=False,
+    value=amplitude,
+)
+
+SOFTER_EDGE = Kind(
+    name="softer_edge",
+    label="a held edge that gives way over a part of it",
+    quantity="share of what holds it that is gone",
+    unit="1",
+    why_not=needs_supports,
+    candidates=partial(on_edges, sign=-1.0, upper=3.0),
+    on_plan=False,
+    value=gone,
+    whole=1.0,
+)
+
+FIRMER_MOUNTING = Kind(
+    name="firmer_mounting",
+    label="an edge that is held more all along",
+    quantity="share by which it is held firmer",
+    unit="1",
+    why_not=needs_supports,
+    candidates=partial(all_over, of=edges, sign=1.0, upper=10.0),
+    on_plan=False,
+    value=amplitude,
+    local=False,
+)
+
+SOFTER_MOUNTING = Kind(
+    name="softer_mounting",
+    label="an edge that is held less all along",
+    quantity="share of what holds it that is gone",
+    unit="1",
+    why_not=needs_supports,
+    candidates=partial(all_over, of=edges, sign=-1.0, upper=1.0),
+    on_plan=False,
+    value=amplitude,
+    local=False,
+)

@@ -1,0 +1,236 @@
+"""What identified configurations say together: modes over force levels, states beside references, findings."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema import Campaign, Change, change, change_csv, compare, content_digests, contradicted, shared_functions
+from ema.campaign.campaign_file import repeats_of
+from ema.identification.amplitude import (
+    AmplitudeDependence,
+    Level,
+    amplitude_dependence,
+    at_resonance,
+    identify_force_levels,
+)
+from ema.quality.linearity import NOT_LINEAR
+from ema.types.errors import IdentificationError
+from ema.types.modal_model import ModalModel
+from updating.results.identified import BY_HAND, MEASUREMENT, Assignment, Identified, made_from
+from updating.results.store import read_current, read_frf, read_result, write_bytes, write_result
+
+AMPLITUDE = "amplitude.json"
+"""File of modes over amplitude, in the folder of a configuration."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OverAmplitude:
+    """What a configuration shows at its force levels.
+
+    Attributes
+    ----------
+    dependence : AmplitudeDependence
+        Its modes over amplitude.
+    level : tuple of ModalModel
+        The modes of each level, in the order of `dependence.level`, with frequencies and damping ratios in resonance.
+    lost : tuple of str
+        Why levels are left out.
+    """
+
+    dependence: AmplitudeDependence
+    level: tuple[ModalModel, ...]
+    lost: tuple[str, ...]
+
+    @property
+    def rms_motion(self) -> tuple[NDArray[np.float64], ...]:
+        """Root mean square of the displacement amplitudes of all responses of each mode of each level, m."""
+        return self._of_each_level(self.dependence.rms_motion)
+
+    @property
+    def motion(self) -> tuple[NDArray[np.float64], ...]:
+        """Displacement amplitude at `dependence.point` of each mode of each level, m."""
+        return self._of_each_level(self.dependence.motion)
+
+    def _of_each_level(self, table: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Return a table of the dependence in the order of the modes of each level."""
+        found = []
+        for modes, number, values in zip(self.level, self.dependence.mode, table, strict=True):
+            own = np.full(modes.frequency.size, np.nan)
+            own[number[number >= 0]] = values[number >= 0]
+            found.append(own)
+        return tuple(found)
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What a user should read."""
+        return (*self.lost, *self.dependence.findings)
+
+
+def over_amplitude(assigned: Assignment, found: Identified) -> OverAmplitude | None:
+    """Follow a configuration's modes over its force levels; write amplitude.json, or read back what a run left.
+
+    Parameters
+    ----------
+    assigned : Assignment
+        The configuration.
+    found : Identified
+        It at the force of its own files.
+
+    Returns
+    -------
+    OverAmplitude or None
+        None where it has no further level, or does not state its own force.
+
+    Raises
+    ------
+    EmaError
+        The files of a level cannot be read.
+    StoreError
+        The result cannot be written.
+    """
+    configuration = assigned.configuration
+    if not configuration.force_levels or configuration.force is None:
+        return None
+    inputs, options = made_from(assigned)
+    inputs = (*inputs, found.folder / MEASUREMENT)
+    path = found.folder / AMPLITUDE
+    earlier = read_current(path, OverAmplitude, inputs=inputs, options=options)
+    if earlier is not None:
+        return earlier
+    own = Level(
+        force=configuration.force, frf=read_frf(found.folder / MEASUREMENT), modal_model=found.modal_model
+    )
+    others, lost = identify_force_levels(assigned.campaign, configuration.name)
+    levels = sorted((own, *others), key=lambda level: level.force)
+    result = OverAmplitude(
+        dependence=amplitude_dependence(configuration.name, levels),
+        level=tuple(at_resonance(level) for level in levels),
+        lost=lost,
+    )
+    write_result(path, result, inputs=inputs, options=options)
+    return result
+
+
+def stored_amplitude(found: Identified) -> OverAmplitude | None:
+    """Return what `over_amplitude` wrote of a configuration; None of one without force levels.
+
+    Raises
+    ------
+    StoreError
+        It is missing or damaged.
+    """
+    configuration = found.configuration
+    if not configuration.force_levels or configuration.force is None:
+        return None
+    return read_result(found.folder / AMPLITUDE, OverAmplitude)
+
+
+_MOST = 4  # findings of a configuration that are told
+
+
+def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:
+    """Say which files stand in several configurations, and what is stated that the modes contradict.
+
+    Parameters
+    ----------
+    results : sequence of Identified
+        The configurations, whose measurements are in their folders.
+
+    Raises
+    ------
+    StoreError
+        A measurement cannot be read.
+    """
+    if len(results) < 2:
+        return ()
+    models = [found.modal_model for found in results]
+    digests = {
+        found.modal_model.name: content_digests(read_frf(found.folder / MEASUREMENT))
+        for found in results
+        if not found.modal_model.read_from
+    }
+    stated = contradicted([found.configuration for found in results], models, compare(models))
+    return (*shared_functions(digests), *stated)
+
+
+def measurement_findings(results: Sequence[Identified], followed: Collection[str] = ()) -> Iterator[str]:
+    """Say what was found of the measurements that an answer rests on, for it is no better than they are.
+
+    Parameters
+    ----------
+    results : sequence of Identified
+        The configurations that the answer rests on.
+    followed : collection of str
+        Names of those whose force levels the answer rests on, too: that they differ is then no fault.
+    """
+    for finding in campaign_findings(results):
+        yield f"In the campaign: {finding}"
+    for found in results:
+        findings = found.quality.findings
+        if found.configuration.name in followed:
+            findings = tuple(finding for finding in findings if not finding.endswith(NOT_LINEAR))
+        by_hand = [
+            finding for finding in findings if BY_HAND in finding
+        ]  # is said, however many others there are
+        findings = (*by_hand, *(finding for finding in findings if finding not in by_hand))
+        for finding in findings[:_MOST]:
+            yield f"In the measurement of {found.configuration.name}: {finding}"
+        if len(findings) > _MOST:
+            yield f"{len(findings) - _MOST} more findings are in {found.folder / 'quality.json'}."
+
+
+CHANGE = "change.json"
+"""File of what differs between a configuration and its reference, in the folder of the configuration."""
+
+WHAT_CHANGED = "what_changed.json"
+"""File of what changed there, and where, by a model."""
+
+
+def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[Change, ...], tuple[str, ...]]:
+    """Compare every configuration that has a reference with it; write change.json and change.csv beside its modes.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        It says which configuration has which reference, and what repeats what.
+    results : sequence of Identified
+        Configurations that were identified.
+
+    Returns
+    -------
+    tuple of (tuple of Change, tuple of str)
+        What was found, in the order of the campaign, and why others cannot be compared.
+
+    Raises
+    ------
+    StoreError
+        A result cannot be written.
+    """
+    done = {found.configuration.name: found for found in results}
+    changes, lost = [], []
+    for own in campaign.configurations:
+        if not own.compare_to:
+            continue
+        states = [n for n in repeats_of(campaign.configurations, (own.name,)) if n in done]
+        references = [n for n in repeats_of(campaign.configurations, own.compare_to) if n in done]
+        if own.name not in done or not references:
+            which = own.name if own.name not in done else ", ".join(own.compare_to)
+            lost.append(f"{own.name} is not compared with {', '.join(own.compare_to)}: {which} has no modes")
+            continue
+        used = [done[name] for name in (*states, *references)]
+        models = [found.modal_model for found in used]
+        try:
+            found = change(models[: len(states)], models[len(states) :], campaign.reassembly)
+        except IdentificationError as error:
+            lost.append(f"{own.name} is not compared with {', '.join(own.compare_to)}: {error}")
+            continue
+        folder = done[own.name].folder
+        inputs = tuple(each.folder / "modal_model.json" for each in used)
+        write_result(folder / CHANGE, found, inputs=inputs, options={})
+        write_bytes(folder / "change.csv", change_csv(found).encode())
+        changes.append(found)
+    return tuple(changes), tuple(lost)

@@ -1,0 +1,465 @@
+"""The diagnosis of a campaign of specimens: the answer as it is stored, and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from updating.fitting.fit import ParameterEstimate
+from updating.inference.levels import NAMED
+from updating.results.text import interval_text, percent
+
+LevelKind = Literal["rig", "group", "specimen"]
+
+PooledVerdict = Literal[
+    "nothing missing", "identified", "one of", "partly explained", "unlike anything", "as asked"
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One term of an explanation.
+
+    Attributes
+    ----------
+    effect, label : str
+        Its name and what a person calls it.
+    level : "rig", "group" or "specimen"
+        Whose it is.
+    of : str
+        Which group or specimen; empty where it is all.
+    specimens : tuple of str
+        Those that have it.
+    parameter : tuple of ParameterEstimate
+        With 95 % intervals; of shifts of what a file states or of contact parameters the ratio.
+    log_odds : float
+        What it brings: logarithm of the odds of the explanation with it against the best without; NaN where that was
+        not fitted.
+    """
+
+    effect: str
+    label: str
+    level: LevelKind
+    of: str
+    specimens: tuple[str, ...]
+    parameter: tuple[ParameterEstimate, ...]
+    log_odds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PooledRanked:
+    """One explanation.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        None of the base model.
+    log_odds : float
+        Logarithm of its posterior odds against the base model.
+    probability : float
+        Among all that were fitted.
+    frequency_error, left_out_error : float
+        Mean relative errors of frequencies over all specimens, and the same where each is predicted from the others.
+    left_out_torque_error : float
+        The same where the frequencies and damping ratios of a specimen at one torque are predicted from all else; NaN
+        with one torque.
+    """
+
+    parts: tuple[Part, ...]
+    log_odds: float
+    probability: float
+    frequency_error: float
+    left_out_error: float
+    left_out_torque_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactState:
+    """Contact parameters of a specimen from one torque alone.
+
+    Attributes
+    ----------
+    name : str
+        The configuration.
+    pressure : float
+        Nominal contact pressure, Pa.
+    G_f, d_f : ParameterEstimate, optional
+        With 95 % intervals, all else as it was found; none where the torque alone tells nothing of it, such as of d_f
+        where no damping was measured.
+    """
+
+    name: str
+    pressure: float
+    G_f: ParameterEstimate | None
+    d_f: ParameterEstimate | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeAnswer:
+    """A measured mode of a specimen beside the model's.
+
+    Attributes
+    ----------
+    configuration : str
+        At which torque.
+    frequency, damping : float
+        Measured, Hz and 1; the latter NaN where it was not.
+    base_frequency, model_frequency : float
+        Of the base model, and with what was found, Hz.
+    base_damping, model_damping : float
+        The same of damping ratios; NaN of one lamina, which has no damping of its own.
+    """
+
+    configuration: str
+    frequency: float
+    damping: float
+    base_frequency: float
+    model_frequency: float
+    base_damping: float
+    model_damping: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecimenAnswer:
+    """What is said of one specimen.
+
+    Attributes
+    ----------
+    name : str
+        Which.
+    notes : mapping of str to str
+        What was noted of it.
+    n_mode : int
+        Measured modes that the model has, over all its configurations.
+    G_f, d_f : ParameterEstimate, optional
+        Its contact parameters with 95 % intervals; none where no torque of its own tells anything of it.
+    base_error, error, left_out_error : float
+        Mean relative errors of its frequencies: base model, best explanation, and predicted from the others.
+    odd : tuple of str
+        Effects that it alone has.
+    states : tuple of ContactState
+        Its contact at each torque.
+    modes : tuple of ModeAnswer
+        Its measured modes, configuration by configuration.
+    """
+
+    name: str
+    notes: Mapping[str, str]
+    n_mode: int
+    G_f: ParameterEstimate | None
+    d_f: ParameterEstimate | None
+    base_error: float
+    error: float
+    left_out_error: float
+    odd: tuple[str, ...]
+    states: tuple[ContactState, ...]
+    modes: tuple[ModeAnswer, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contrast:
+    """What specimens of a group have of a contact parameter over what the others have, all else as it is found.
+
+    Attributes
+    ----------
+    group : str
+        Such as "treatment = glued".
+    parameter, label : str
+        "G_f" or "d_f", and what it is called.
+    ratio, lower, upper : float
+        With 95 % interval, which holds the scatter from specimen to specimen.
+    """
+
+    group: str
+    parameter: str
+    label: str
+    ratio: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PooledDiagnosis:
+    """Answer of a pooled diagnosis.
+
+    Attributes
+    ----------
+    name : str
+        The campaign.
+    verdict : str
+        "nothing missing"; "identified"; "one of" where data cannot tell; "partly explained" where what remains is more
+        than a right model leaves; "unlike anything" where specimens are not predicted better for all that; "as asked"
+        of a fit of terms that somebody asks for.
+    ranking : tuple of PooledRanked
+        What was fitted in full: the one that leads, those that the data do not tell from it, and the others, the most
+        probable first.
+    left : int
+        Explanations, the first of the ranking, that the data do not tell apart.
+    specimens : tuple of SpecimenAnswer
+        All of them.
+    contrasts : tuple of Contrast
+        What groups do to contact parameters.
+    scales : mapping of str to float
+        What the model is right to, of a `frequency` and of a `damping` ratio; the scatter of ln G_f and ln d_f from
+        specimen to specimen, `stiffness` and `loss`; and the shares of the discrepancy that the `rig`, each `specimen`
+        and each `state` has.
+    not_visible : tuple of str
+        Effects too weak to show at any plausible strength, were they the rig's.
+    impossible : mapping of str to str
+        Why effects of the catalogue cannot be.
+    relieved, strained : tuple of str
+        In words, what is known of the stacks and would have to be far off in the mean without what is found, and what
+        has to be with it.
+    sentences : tuple of str
+        The answer in words, the first one first.
+    """
+
+    name: str
+    verdict: PooledVerdict
+    ranking: tuple[PooledRanked, ...]
+    left: int
+    specimens: tuple[SpecimenAnswer, ...]
+    contrasts: tuple[Contrast, ...]
+    scales: Mapping[str, float]
+    not_visible: tuple[str, ...]
+    impossible: Mapping[str, str]
+    relieved: tuple[str, ...]
+    strained: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+    @property
+    def best(self) -> PooledRanked:
+        """The explanation that is told: the base model where nothing is missing, or nothing helps."""
+        if self.verdict in ("nothing missing", "unlike anything"):
+            return next(own for own in self.ranking if not own.parts)
+        return self.ranking[0]
+
+
+NOT_TOLD = "-"
+"""Of what data tell nothing of, such as d_f where no damping was measured."""
+
+_LISTED = 3  # explanations that are told in a sentence
+
+_LOWERED = 0.8  # of an error, from which it is much lower
+
+_FOLDED = 5  # names that are listed before a count stands for the rest
+
+
+def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
+    """Write the verdict, whose each effect is, which specimens are odd, and what groups change."""
+    text = [_verdict(found)]
+    text += _likelier(found)
+    text += [f"Without it, in the mean of all specimens, {own}" for own in found.relieved[:_LISTED]]
+    if found.left > 1:
+        text.append(_cannot_tell(found))
+    text.append(_odd(found))
+    text += _groups(found.contrasts)
+    text.append(_scatter(found))
+    text += [f"Beware: in the mean of all specimens, {own}" for own in found.strained[:_LISTED]]
+    if found.not_visible:
+        text.append(
+            "Too weak to show in these data at any plausible strength, were they the rig's: "
+            f"{_folded(found.not_visible)}."
+        )
+    return tuple(text)
+
+
+def part_text(own: Part) -> str:
+    """Return a term in words: what, and whose it is."""
+    alike = f", the same in all {len(own.specimens)} specimens" if own.level == "rig" else ""
+    return f"{_named(own)}, {_whose(own)}{alike}"
+
+
+def _named(own: Part) -> str:
+    return f"{own.label} ({own.effect})"
+
+
+def _whose(own: Part) -> str:
+    return {
+        "rig": "of the rig",
+        "group": f"of the group {own.of}",
+        "specimen": f"of specimen {own.of} alone",
+    }[own.level]
+
+
+def explanation_text(own: PooledRanked) -> str:
+    """Return all terms of an explanation in words."""
+    return "; and ".join(map(part_text, own.parts)) or "the base model"
+
+
+def _verdict(found: PooledDiagnosis) -> str:
+    """Write the sentence that a customer needs."""
+    base = next(own for own in found.ranking if not own.parts)
+    n = len(found.specimens)
+    if found.verdict == "nothing missing":
+        return (
+            f"Nothing is missing that these {n} specimens can show. The model's frequencies are off by "
+            f"{percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a specimen that "
+            "is predicted from the others."
+        )
+    best = found.ranking[0]
+    if found.verdict == "unlike anything":
+        return (
+            "Something is missing that no effect of the catalogue explains, whosever it be. The model's frequencies "
+            f"are off by {percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a "
+            f"specimen that is predicted from the others, {_lowered(found, base)}."
+        )
+    parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts) or "the base model"
+    start = {
+        "identified": "Identified",
+        "partly explained": "Part of what is missing",
+        "as asked": "As asked for",
+    }.get(found.verdict, "Most probable")
+    return (
+        f"{start}: {parts}. Mean frequency errors, before and with it: fitted {_change('frequency_error', base, best)}"
+        f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
+        f"; a torque predicted from all else {_change('left_out_torque_error', base, best)}."
+    )
+
+
+def _likelier(found: PooledDiagnosis) -> list[str]:
+    """Say what is more probable than the answer and why it is not the answer: the table has it so."""
+    likeliest = max(found.ranking, key=lambda own: own.log_odds)
+    left = found.ranking[: found.left]
+    own = max(left, key=lambda one: one.log_odds)
+    if found.verdict == "as asked" or likeliest in left or likeliest.log_odds - own.log_odds < NAMED:
+        return []
+    known = {(one.effect, one.of) for one in own.parts}
+    further = [one for one in likeliest.parts if (one.effect, one.of) not in known]
+    beside = " beside it" if own.parts and len(further) < len(likeliest.parts) else ""
+    names = "; and ".join(map(part_text, further if beside else likeliest.parts))
+    return [
+        f"By probability alone {names}{beside} would be the answer, but with that the mean frequency error of a "
+        f"specimen predicted from the others goes from {percent(own.left_out_error)} to "
+        f"{percent(likeliest.left_out_error)}: what is not seen to foretell others much better may be an error of the "
+        "model alone, so it is not said to be there."
+    ]
+
+
+def _lowered(found: PooledDiagnosis, base: PooledRanked) -> str:
+    """Say how far what was tried lowers the error of specimens left out, though it is not believed."""
+    least = min(found.ranking, key=lambda own: own.left_out_error)
+    if least.left_out_error > _LOWERED * base.left_out_error:
+        return "which none of what was tried lowers much"
+    return (
+        f"which {explanation_text(least)} lowers to {percent(least.left_out_error)}; but that is not probable enough "
+        "beside something that nobody thought of"
+    )
+
+
+def _change(name: str, base: PooledRanked, best: PooledRanked) -> str:
+    return f"{percent(getattr(base, name))} and {percent(getattr(best, name))}"
+
+
+def _values(own: Part) -> str:
+    values = ", ".join(map(interval_text, own.parameter[:_LISTED]))
+    return f": {values}" if values else ""
+
+
+def _cannot_tell(found: PooledDiagnosis) -> str:
+    """Say what the data do not tell apart, and whether that is the effect or its level; what all have is told once."""
+    best, others = found.ranking[0], found.ranking[1 : found.left]
+    what = (
+        "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
+    )
+    common = [own for own in best.parts if all(_is_in(own, other) for other in others)]
+    listed = "; or ".join(_beside(common, own) for own in others[:_LISTED])
+    more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
+    where = f"beside {' and '.join(map(_named, common))} " if common else ""
+    return f"These data cannot tell {what}: {where}it may as well be {listed}{more}."
+
+
+def _beside(common: Sequence[Part], own: PooledRanked) -> str:
+    """Return in words what an explanation has beside what all have."""
+    rest = [part for part in own.parts if not any(_is_same(part, each) for each in common)]
+    return " together with ".join(f"{_named(part)}, {_whose(part)}" for part in rest) or "nothing more"
+
+
+def _is_in(own: Part, other: PooledRanked) -> bool:
+    return any(_is_same(own, part) for part in other.parts)
+
+
+def _is_same(own: Part, other: Part) -> bool:
+    return (own.effect, own.level, own.of) == (other.effect, other.level, other.of)
+
+
+def _effects(own: PooledRanked) -> set[str]:
+    return {part.effect for part in own.parts}
+
+
+def _odd(found: PooledDiagnosis) -> str:
+    odd = [own for own in found.specimens if own.odd]
+    if not odd:
+        return f"No specimen is odd: none of the {len(found.specimens)} needs an effect that the others lack."
+    listed = "; ".join(f"{own.name} ({', '.join(own.odd)})" for own in odd)
+    return f"Odd among the {len(found.specimens)} specimens: {listed}."
+
+
+def _groups(contrasts: Sequence[Contrast]) -> list[str]:
+    """Say what groups change, and what they do not."""
+    text, silent = [], []
+    for own in sorted(contrasts, key=lambda own: own.upper / own.lower):
+        if own.lower > 1.0 or own.upper < 1.0:
+            text.append(
+                f"Specimens with {own.group} have {own.ratio:.2f} times the {own.label} {own.parameter} of the others "
+                f"(95 %: {own.lower:.2f} to {own.upper:.2f})."
+            )
+        else:
+            silent.append(
+                f"{own.parameter} of {own.group}: {own.ratio:.2f} times ({own.lower:.2f} to {own.upper:.2f})"
+            )
+    if silent:
+        more = f"; and {len(silent) - _FOLDED} more" if len(silent) > _FOLDED else ""
+        text.append(f"No change beyond the scatter of specimens: {'; '.join(silent[:_FOLDED])}{more}.")
+    return text
+
+
+def _scatter(found: PooledDiagnosis) -> str:
+    s = found.scales
+    return (
+        f"From specimen to specimen G_f scatters by {percent(float(np.expm1(s['stiffness'])))} and d_f by "
+        f"{percent(float(np.expm1(s['loss'])))}; beyond that and the noise the model is right to "
+        f"{percent(s['frequency'])} of a frequency and {percent(s['damping'])} of a damping ratio."
+    )
+
+
+def _folded(names: Sequence[str]) -> str:
+    rest = len(names) - _FOLDED
+    return ", ".join(names[:_FOLDED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def contact_cells(own: SpecimenAnswer | ContactState) -> tuple[str, str]:
+    """Return G_f and d_f as cells with their intervals; a dash where data tell nothing of it."""
+    return (
+        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})" if own.G_f else NOT_TOLD,
+        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})" if own.d_f else NOT_TOLD,
+    )
+
+
+def specimen_row(own: SpecimenAnswer) -> tuple[str, ...]:
+    """Return a specimen as cells: name, modes, G_f, d_f, errors before, after and left out, what is odd."""
+    return (
+        own.name,
+        str(own.n_mode),
+        *contact_cells(own),
+        f"{100.0 * own.base_error:.2g}",
+        f"{100.0 * own.error:.2g}",
+        f"{100.0 * own.left_out_error:.2g}",
+        ", ".join(own.odd),
+    )
+
+
+SPECIMEN_HEADER = (
+    "specimen",
+    "modes",
+    "G_f (95 %)",
+    "d_f (95 %) [s/Pa]",
+    "f error before [%]",
+    "after [%]",
+    "left out [%]",
+    "odd",
+)
+"""Heads of the columns of `specimen_row`."""

@@ -1,0 +1,185 @@
+"""The panel of the comparison: the MAC of every two modes, and both shapes of any cell in motion.
+
+Of a configuration that has a reference, what differs from it stands above.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import numpy as np
+
+from ema import change_sentence
+from ema.plot import palette
+from ema.types.modal_model import frequency_text
+from updating.correlation.correlation import correlate
+from updating.correlation.localization import ErrorMap
+from updating.fitting.fit import Fit, ModelFit
+from updating.fitting.plots import any_pair
+from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
+from updating.report.modes_part import mac_chart, shape_numbers
+from updating.report.part import axis, chart, legend_above
+from updating.report.results import Tested
+from updating.report.state_part import change_table, mean_chart, shift_chart
+from updating.results.text import Z95
+from updating.workbench.opened import Opened, empty, figure, moving_page, moving_shapes, plot
+
+TITLE, ICON = "Comparison", "mdi-compare"
+
+_BEYOND = 3  # model modes above the last that is paired
+
+
+def frequencies_chart(tested: Tested, fit: ModelFit) -> str:
+    """Draw frequency errors with the measurement's 95 % intervals over damping ratios, of all pairs."""
+    c, used = correlate(tested.measured, fit.modes, fit.pairing), fit.pairing.measured
+    names = [f"{m + 1}: {frequency_text(f, 0)} Hz" for m, f in zip(used, c.measured_frequency, strict=True)]
+
+    def bars(value: Any, color: str, name: str, place: str) -> dict[str, Any]:
+        return {
+            "type": "bar", "x": names, "y": (100.0 * value).tolist(), "name": name, "marker": {"color": color},
+            "yaxis": place, "offsetgroup": name,
+        }  # fmt: skip
+
+    frequency = bars(c.frequency_error, palette.LEFT, "frequency error", "y")
+    frequency["error_y"] = {"type": "data", "array": (100.0 * Z95 * c.frequency_error_std).tolist()}
+    damping = bars(c.measured_damping, palette.MEASURED, "damping measured", "y2")
+    damping["error_y"] = {"type": "data", "array": (100.0 * Z95 * tested.measured.damping_std[used]).tolist()}
+    return chart(
+        [frequency, damping, bars(c.model_damping, palette.BASE, "damping of the model", "y2")],
+        {
+            "yaxis": axis("frequency error [%]", domain=[0.56, 1.0], zeroline=True),
+            "yaxis2": axis("damping ratio [%]", domain=[0.0, 0.44]),
+            "xaxis": axis("mode", anchor="y2"),
+            "legend": legend_above(),
+            "margin": {"r": 8, "t": 30},
+        },
+    )
+
+
+def panel(server: Any, opened: Opened) -> None:
+    """Keep the panel's state right."""
+    state = server.state
+    state.update(
+        {
+            "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
+            "place": empty(), "place_text": "", "locating": False,
+            "change_text": "", "shifts": empty(), "change_mac": empty(), "change_head": [], "change_rows": [],
+            "change_functions": empty(), "has_functions_beside": False, "what_changed": [],
+        }
+    )  # fmt: skip
+
+    @state.change("configuration")
+    def choose_configuration(configuration: str, **_: Any) -> None:
+        tested = opened.tested(configuration)
+        fit = tested.fit
+        show_change(tested)
+        state.place_text = ""
+        state.has_fit = fit is not None and fit.pairing.measured.size > 0
+        if fit is None or not state.has_fit:
+            return
+        last = int(fit.pairing.model.max()) + _BEYOND
+        value = fit.pairing.mac[:, :last]
+        columns = fit.modes.frequency[:last]
+        state.mac = figure(mac_chart(value, tested.measured.frequency, columns, "model", "measured"))
+        state.frequencies = figure(frequencies_chart(tested, fit))
+        first = int(fit.pairing.measured[0]), int(fit.pairing.model[0])
+        state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.box)
+        say_pair(tested, fit, *first)
+
+    def show_change(tested: Tested) -> None:
+        found, beside = tested.change, None
+        state.change_text = "" if found is None else f"{change_sentence(found)}."
+        state.what_changed = [] if tested.what_changed is None else list(tested.what_changed.sentences)
+        if found is not None:
+            table = change_table(found)
+            state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
+            beside = None if tested.reference is None else mean_chart(tested, tested.reference)
+        state.has_functions_beside = beside is not None
+        if beside is not None:
+            state.change_functions = figure(beside)
+        if found is not None:
+            rows, columns = found.matrix_row, found.matrix_column
+            state.shifts = figure(shift_chart(found))
+            state.change_mac = figure(
+                mac_chart(found.mac_matrix, rows, columns, found.name, found.reference[0])
+            )
+
+    @server.controller.set("show_pair")
+    def show_pair(r: int, s: int) -> None:
+        tested = opened.tested(state.configuration)
+        fit = tested.fit
+        if fit is None or not (0 <= r < fit.pairing.mac.shape[0] and 0 <= s < fit.pairing.mac.shape[1]):
+            return
+        server.controller.send_pair({"pair": shape_numbers(any_pair(tested.measured, fit, r, s))})
+        say_pair(tested, fit, r, s)
+
+    def say_pair(tested: Tested, fit: ModelFit, r: int, s: int) -> None:
+        state.pair_text = (
+            f"Measured mode {r + 1} at {frequency_text(tested.measured.frequency[r], 1)} Hz and model mode {s + 1} at "
+            f"{frequency_text(fit.modes.frequency[s], 1)} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
+        )
+
+    @server.controller.set("locate")
+    async def locate() -> None:
+        tested = opened.tested(state.configuration)
+        fit = tested.stack_fit
+        if fit is None:
+            state.place_text = "This is asked of the model of a stack only."
+            return
+        with state:
+            state.locating = True
+        kind, sentence, found = await asyncio.to_thread(_located, tested, fit)
+        with state:
+            state.locating, state.place_text = False, sentence
+            state.place = figure(map_chart(tested, fit, found, kind))
+
+
+def _located(tested: Tested, fit: Fit) -> tuple[str, str, ErrorMap]:
+    """Return in which kind of stiffness a fit fails, what is said of it, and where."""
+    found = error_map(tested, fit)
+    return most_likely_kind(found), location_text(found), found
+
+
+def show(server: Any) -> None:
+    """Put the panel into the page."""
+    from trame.widgets import html, vuetify3
+
+    def clicked(cell: list[int], _: int) -> None:
+        if isinstance(cell, list) and len(cell) == 2:
+            server.controller.show_pair(*cell)
+
+    with html.Div(v_show="change_text"):
+        html.P("{{ change_text }}", classes="text-subtitle-1", id="change-text")
+        html.P("{{ line }}", v_for="line in what_changed", classes="text-body-2", key="line")
+        with vuetify3.VTable(density="compact", id="change-table"):
+            with html.Thead(), html.Tr():
+                html.Th("{{ name }}", v_for="name in change_head", key="name")
+            with html.Tbody(), html.Tr(v_for="(row, i) in change_rows", key="i"):
+                html.Td("{{ cell }}", v_for="(cell, k) in row", key="k")
+        with html.Div(v_show="has_functions_beside"):
+            plot("change_functions", 320)
+        with vuetify3.VRow():
+            with vuetify3.VCol(cols=12, md=6):
+                plot("shifts", 360)
+            with vuetify3.VCol(cols=12, md=6):
+                plot("change_mac", 420)
+    html.P("No model is fitted yet: run a fit in the panel Diagnosis.", v_if="!has_fit")
+    with vuetify3.VRow(v_show="has_fit"):
+        with vuetify3.VCol(cols=12, md=6):
+            html.P(
+                "The model has G_f and d_f of this configuration alone, by opt_G and opt_d, eq. (1). Click a cell to "
+                "see both shapes move.",
+                classes="text-body-2",
+            )
+            plot("mac", 420, clicked)
+            plot("frequencies", 380)
+        with vuetify3.VCol(cols=12, md=6):
+            html.P("{{ pair_text }}", classes="text-subtitle-1", id="pair")
+            server.controller.send_pair = moving_shapes("shapes", 500)
+            vuetify3.VBtn(
+                "Where the model fails", click=server.controller.locate, loading=("locating",), id="locate",
+            )  # fmt: skip
+            html.P("{{ place_text }}", classes="text-body-2 mt-2", id="place-text")
+            with html.Div(v_show="place_text"):
+                plot("place", 380, solid=True)

@@ -1,0 +1,60 @@
+"""The panel of the report: choose sections, write the page, and the PDF, slides and moving pictures with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from updating.report.page import titles
+from updating.workbench.diagnosis_panel import log
+from updating.workbench.opened import Opened
+
+TITLE, ICON = "Report", "mdi-file-document-outline"
+
+_KINDS = {"pdf": "PDF", "pptx": "slides (PPTX)", "gif": "moving shapes (GIF)"}
+
+
+def panel(server: Any, opened: Opened) -> None:
+    """Keep the panel's state right."""
+    state = server.state
+    state.update(
+        {
+            "with_kinds": [], "sections": [], "asked_sections": [], "report_file": str(opened.folder / "report.html"),
+        }
+    )  # fmt: skip
+
+    @state.change("panel", "running")
+    def enter(panel: str, **_: Any) -> None:
+        if panel == TITLE:
+            every = list(titles(opened.results()))
+            kept = [own for own in state.asked_sections if own in every]
+            state.sections, state.asked_sections = every, kept or every
+
+    @server.controller.set("report")
+    def report() -> None:
+        asked, every = state.asked_sections, state.sections
+        only = (
+            []
+            if len(asked) == len(every)
+            else [word for own in every if own in asked for word in ("--only", own)]
+        )
+        kinds = [f"--{kind}" for kind in _KINDS if kind in state.with_kinds]
+        server.controller.run_command(["report", str(opened.folder), *kinds, *only])
+
+
+def show(server: Any) -> None:
+    """Put the panel into the page."""
+    from trame.widgets import html, vuetify3
+
+    vuetify3.VSelect(
+        v_model=("asked_sections",), items=("sections",), label="Sections", multiple=True, chips=True,
+        density="compact", hide_details=True, id="sections",
+    )  # fmt: skip
+    with html.Div(classes="d-flex flex-wrap ga-4"):
+        for kind, name in _KINDS.items():
+            vuetify3.VCheckbox(label=name, value=kind, v_model=("with_kinds",), hide_details=True, id=kind)
+    vuetify3.VBtn(
+        "Write the report", click=server.controller.report,
+        disabled=("!!running || asked_sections.length === 0",), color="primary", id="write-report",
+    )  # fmt: skip
+    log(server.controller, "-report")
+    html.P("It is written to {{ report_file }}; open that file in any browser.", classes="text-body-2 mt-3")
