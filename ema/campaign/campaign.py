@@ -34,8 +34,6 @@ from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
 from ema.types.geometry import Dof, Geometry
 
-_MOST_POINTS = 100_000  # more take minutes to draw and are a slip
-
 
 @dataclass(frozen=True, kw_only=True)
 class Files:
@@ -486,7 +484,14 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
     )
 
 
-def geometry_of(path: Path, folder: Path, given: PointsSection) -> tuple[Geometry, tuple[str, ...]]:
+def geometry_of(
+    path: Path,
+    folder: Path,
+    given: PointsSection,
+    *,
+    # More take minutes to draw and are a slip.
+    most_points: int = 100_000,
+) -> tuple[Geometry, tuple[str, ...]]:
     """Return the points that a section of a campaign file lists, none without a file, and what reading them noted.
 
     Raises
@@ -519,9 +524,9 @@ def geometry_of(path: Path, folder: Path, given: PointsSection) -> tuple[Geometr
         raise CampaignError(message)
     else:
         geometry, notes = read_points(file, unit), ()
-    if geometry.node.size > _MOST_POINTS:
+    if geometry.node.size > most_points:
         message = (
-            f"{file}: holds {geometry.node.size} points, at most {_MOST_POINTS} can be; leave out what was not "
+            f"{file}: holds {geometry.node.size} points, at most {most_points} can be; leave out what was not "
             "measured"
         )
         raise CampaignError(message)

@@ -131,7 +131,6 @@ SUFFIXES: dict[str, Format] = {
     ".wav": "wav",
 }  # fmt: skip
 """Formats by suffix; whatever has another one is text."""
-_SHOWN = 60  # characters of a name that is none
 
 NOT_READ = {
     ".frf": "a format of one program: export its FRFs as a universal file (58)",
@@ -150,7 +149,9 @@ def format_of(file: Path, stated: Format | None = None) -> Format:
     return stated or SUFFIXES.get(file.suffix.lower(), "csv")
 
 
-def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -> tuple[Path, ...]:
+def named_files(
+    path: Path, folder: Path, key: str, patterns: tuple[str, ...], *, shown: int = 60
+) -> tuple[Path, ...]:
     """Return the files of all patterns, those of one pattern in the natural order of their names.
 
     Parameters
@@ -161,6 +162,8 @@ def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -
         Key that names the files, for messages.
     patterns : tuple of str
         Names, which may hold wildcards.
+    shown : int
+        Characters of a name that is none.
 
     Raises
     ------
@@ -172,7 +175,7 @@ def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) -
         try:
             files += _named(path, folder, key, pattern)
         except OSError as error:  # such as a name that is too long
-            message = f"{path}: {key}: {pattern[:_SHOWN]!r} names no file: {error.strerror}"
+            message = f"{path}: {key}: {pattern[:shown]!r} names no file: {error.strerror}"
             raise CampaignError(message) from error
     return tuple(dict.fromkeys(files))
 
@@ -223,7 +226,6 @@ def natural(file: Path) -> list[tuple[int, str]]:
     return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]
 
 
-_LARGEST = 2**31 - 1  # point number, as in universal files
 _HIGHEST = 1e9  # Hz
 
 
@@ -246,9 +248,14 @@ def _dof(given: object) -> Dof:
     raise ValueError(message)
 
 
-def _possible(dof: Dof) -> Dof:
-    if not 0 <= dof.node <= _LARGEST:
-        message = f"{dof.node} is not a point number, which is 0 to {_LARGEST}"
+def _possible(
+    dof: Dof,
+    *,
+    # Point number, as in universal files.
+    largest: int = 2**31 - 1,
+) -> Dof:
+    if not 0 <= dof.node <= largest:
+        message = f"{dof.node} is not a point number, which is 0 to {largest}"
         raise ValueError(message)
     return dof
 

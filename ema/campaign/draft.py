@@ -28,7 +28,6 @@ _NO_DATA = (
     ".ipynb", ".log", ".ini",
 )  # fmt: skip
 """Suffixes of what stands beside measurements; nobody takes these for some."""
-_LONGEST = 10.0  # m; points that span more than this number of their unit are in mm
 _RESULT = "modal_model.json"  # in a folder of results, which are no measurements
 
 
@@ -342,7 +341,13 @@ def _lists_points(file: Path) -> bool:
     return {"node", "x", "y", "z"} <= names
 
 
-def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> PointsFound | None:
+def _points(
+    folder: Path,
+    configurations: dict[str, tuple[Contents, ...]],
+    *,
+    # M; points that span more than this number of their unit are in mm.
+    longest: float = 10.0,
+) -> PointsFound | None:
     """Return the list of points: a table of the folder, else the first universal file that holds some."""
     for file in sorted(folder.rglob("*"), key=natural):
         if (file.parent / _RESULT).exists():
@@ -353,7 +358,7 @@ def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> Po
             except MeasurementError:
                 continue
             span = float(np.ptp(geometry.coordinate, axis=0).max())
-            unit = "mm" if span > _LONGEST else "m"
+            unit = "mm" if span > longest else "m"
             return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
     measured = [c.file for contents in configurations.values() for c in contents]
     for file in (*sorted(folder.iterdir(), key=natural), *measured):

@@ -24,13 +24,15 @@ from ema.io.uff import read_uff_geometry
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
-_SAME = 1e-3  # of the span: points whose coordinates differ by less stand in one row of a grid
 _GAP = 3.0  # of the usual distance of neighbours: what is farther apart has a hole between
-_GRID = 0.9  # of all points have neighbours along two axes, or along one where they stand in a row: a grid
-_PER_ROW = 6  # lines in a row of the file
 
 
-def lines_text(points: PointsFound) -> list[str]:
+def lines_text(
+    points: PointsFound,
+    *,
+    # Lines in a row of the file.
+    per_row: int = 6,
+) -> list[str]:
     """Return the rows of a campaign file with the guessed trace lines; none where the points already have lines."""
     try:
         if format_of(points.file) == "uff":
@@ -44,7 +46,7 @@ def lines_text(points: PointsFound) -> list[str]:
     lines = trace_lines(geometry.node, geometry.coordinate)
     if not lines:
         return []
-    rows = [", ".join(map(str, lines[k : k + _PER_ROW])) for k in range(0, len(lines), _PER_ROW)]
+    rows = [", ".join(map(str, lines[k : k + per_row])) for k in range(0, len(lines), per_row)]
     return [
         "# guessed from where the points are: points that a drawing joins; change, add or take away as you like",
         "lines = [",
@@ -53,7 +55,9 @@ def lines_text(points: PointsFound) -> list[str]:
     ]
 
 
-def trace_lines(node: NDArray[np.int64], coordinate: NDArray[np.float64]) -> list[list[int]]:
+def trace_lines(
+    node: NDArray[np.int64], coordinate: NDArray[np.float64], *, same: float = 1e-3, grid: float = 0.9
+) -> list[list[int]]:
     """Return lines through points that are neighbours.
 
     Points that form a grid are joined along the axes. Others are joined as triangles (Delaunay) on each plane face of
@@ -65,6 +69,10 @@ def trace_lines(node: NDArray[np.int64], coordinate: NDArray[np.float64]) -> lis
         Numbers of the points.
     coordinate : (n_node, 3) float
         Where they are, in any unit.
+    same : float
+        Of the span: points whose coordinates differ by less stand in one row of a grid.
+    grid : float
+        Of all points have neighbours along two axes, or along one where they stand in a row: a grid.
 
     Returns
     -------
@@ -75,18 +83,16 @@ def trace_lines(node: NDArray[np.int64], coordinate: NDArray[np.float64]) -> lis
         return []
     span = float(np.ptp(coordinate, axis=0).max())
     cell = (
-        np.round(coordinate / (_SAME * span)).astype(np.int64)
-        if span > 0.0
-        else np.zeros((node.size, 3), int)
+        np.round(coordinate / (same * span)).astype(np.int64) if span > 0.0 else np.zeros((node.size, 3), int)
     )
     rows = list(_rows(cell))
     joined = np.zeros((node.size, 3), dtype=bool)
     for axis, row in rows:
         joined[row, axis] = True
     extended = int(np.count_nonzero(np.ptp(cell, axis=0) > 0))
-    if np.mean(joined.sum(axis=1) >= min(2, extended)) >= _GRID:
+    if np.mean(joined.sum(axis=1) >= min(2, extended)) >= grid:
         return [node[row].tolist() for _, row in rows]
-    edges = sorted(set(_face_edges(coordinate, _SAME * span)))
+    edges = sorted(set(_face_edges(coordinate, same * span)))
     return [[int(node[a]), int(node[b])] for a, b in edges]
 
 

@@ -30,9 +30,6 @@ _FORCE_FILE = re.compile(
     r"^(f|force|forces|hammer|ham|impact|kraft|sila|kladivo|exc|excitation|input)$", re.IGNORECASE
 )
 _BLOW = re.compile(r"(hit|blow|strike|schlag|udar\w*|rep|repeat|average|avg|trial)[ _-]*\d+", re.IGNORECASE)
-_LOOKED_AT = 3  # records, to tell the force and the window
-_FEWEST_HITS = 3  # in one record; two may be a double hit
-_SHORTEST_BLOCK = 0.02  # of a record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,9 +104,14 @@ def averaged(sets: list[Set]) -> list[list[Set]]:
     return list(runs.values())
 
 
-def averaging_of(sets: list[Set]) -> dict[str, Guessed]:
+def averaging_of(
+    sets: list[Set],
+    *,
+    # Records, to tell the force and the window.
+    looked_at: int = 3,
+) -> dict[str, Guessed]:
     """Return the keys of ``[measurement.time]`` as far as the first records tell, `UNKNOWN` where they do not."""
-    records = [r for own in sets[:_LOOKED_AT] if (r := _record(own)) is not None]
+    records = [r for own in sets[:looked_at] if (r := _record(own)) is not None]
     titles = _titles(sets[0])
     found: dict[str, Guessed] = {}
     force = _force(sets[0], records, titles)
@@ -207,14 +209,19 @@ def _of_one_length(record: list[MeasuredFunction]) -> bool:
     return len({f.value.size for f in record}) == 1
 
 
-def _window(forces: list[MeasuredFunction]) -> dict[str, Guessed]:
+def _window(
+    forces: list[MeasuredFunction],
+    *,
+    # In one record; two may be a double hit.
+    fewest_hits: int = 3,
+) -> dict[str, Guessed]:
     """Return the window, and of records of many hits the blocks."""
     shares = [float(pulse_share(f.value)) for f in forces]
     if not shares or max(shares) > PULSE:
         return {"window": Guessed(value=UNKNOWN, comment='to be filled in: "hann" or "boxcar"')}
     found = {"window": Guessed(value="boxcar", comment="guessed: the force is a short pulse, as of a hammer")}
     hits = [_hits(f.value) for f in forces]
-    if min(map(len, hits)) < _FEWEST_HITS:
+    if min(map(len, hits)) < fewest_hits:
         return found
     step = float(np.diff(forces[0].abscissa).mean())
     between = min(float(np.diff(own).min()) for own in hits) * step
@@ -227,8 +234,13 @@ def _window(forces: list[MeasuredFunction]) -> dict[str, Guessed]:
     return found
 
 
-def _hits(force: NDArray[np.float64]) -> NDArray[np.int64]:
-    return find_hits(force, max(1, int(_SHORTEST_BLOCK * force.size)))
+def _hits(
+    force: NDArray[np.float64],
+    *,
+    # Of a record.
+    shortest_block: float = 0.02,
+) -> NDArray[np.int64]:
+    return find_hits(force, max(1, int(shortest_block * force.size)))
 
 
 def _unit(title: str) -> str | None:

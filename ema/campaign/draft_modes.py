@@ -22,7 +22,6 @@ from ema.types.errors import MeasurementError
 
 _OTHERS = (".mat", ".h5", ".hdf5", ".tdms", ".lvm")  # which hold functions
 _TEXTS = (".csv", ".txt", ".dat", ".asc", ".tsv")
-_LONGEST = 10.0  # m; points that span more than this number of their unit are in mm
 _RESULT = "modal_model.json"  # in a folder of results
 
 
@@ -151,7 +150,12 @@ def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, .
     return (own[others.index(table)],) if len(own) == len(others) else ()
 
 
-def _points(candidates: list[Path]) -> PointsFound | None:
+def _points(
+    candidates: list[Path],
+    *,
+    # M; points that span more than this number of their unit are in mm.
+    longest: float = 10.0,
+) -> PointsFound | None:
     """Return the first file that lists points."""
     for file in candidates:
         try:
@@ -162,7 +166,7 @@ def _points(candidates: list[Path]) -> PointsFound | None:
         except MeasurementError:
             continue
         span = float(np.ptp(geometry.coordinate, axis=0).max())
-        unit = "mm" if span > _LONGEST else "m"
+        unit = "mm" if span > longest else "m"
         return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
     return None
 

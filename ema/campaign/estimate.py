@@ -269,14 +269,12 @@ LEAST_HIT = 0.1
 """Force of a hit over that of the strongest one in the record."""
 AT_REST = 0.05
 """Median over largest force up to which a record is one of a hammer."""
-ABOVE_NOISE = 20.0
-"""Least force of a hit over the median force of the record, which a hammer at rest has."""
 
 FEWEST_SAMPLES = 4
 """Fewer samples of a pulse tell neither its size nor its time: half a sample is 70 degrees at a usual last line."""
 
 
-def find_hits(force: NDArray[np.float64], n_block: int) -> NDArray[np.int64]:
+def find_hits(force: NDArray[np.float64], n_block: int, *, above_noise: float = 20.0) -> NDArray[np.int64]:
     """Return the first sample of each hit in a record; pulses within `n_block` samples of a hit belong to it.
 
     Parameters
@@ -284,9 +282,11 @@ def find_hits(force: NDArray[np.float64], n_block: int) -> NDArray[np.int64]:
     force : (n_sample,) float
     n_block : int
         Samples that a hit and its response take.
+    above_noise : float
+        Least force of a hit over the median force of the record, which a hammer at rest has.
     """
     size = np.abs(np.asarray(force, float) - np.median(force))
-    least = max(LEAST_HIT * size.max(), ABOVE_NOISE * float(np.median(size)))
+    least = max(LEAST_HIT * size.max(), above_noise * float(np.median(size)))
     found: list[int] = []
     for sample in np.flatnonzero(size > least):
         if not found or sample >= found[-1] + n_block:
@@ -353,10 +353,6 @@ def pulse_samples(force: NDArray[np.float64]) -> int:
     low = np.flatnonzero(size < LEAST_HIT * size[peak])
     before, after = low[low < peak], low[low > peak]
     return int((after[0] if after.size else size.size) - (before[-1] if before.size else -1) - 1)
-
-
-LEAST_INDEPENDENT = 1e-3
-"""Share of a force that the other ones do not hold below which its functions are not told from theirs."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -501,7 +497,12 @@ def _independent(g_ff: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.asarray(1.0 / np.maximum(np.einsum("faa->fa", inverse).real, 1.0))
 
 
-def _require_independent(g_ff: NDArray[np.complex128]) -> None:
+def _require_independent(
+    g_ff: NDArray[np.complex128],
+    *,
+    # Share of a force that the other ones do not hold below which its functions are not told from theirs.
+    least_independent: float = 1e-3,
+) -> None:
     """Refuse forces that are zero, or that do the same at most lines."""
     auto = np.einsum("faa->fa", g_ff).real[1:-1]
     for k in range(auto.shape[1]):
@@ -509,7 +510,7 @@ def _require_independent(g_ff: NDArray[np.complex128]) -> None:
             message = f"force {k + 1} of {auto.shape[1]} is zero or not a number; no FRF can be estimated"
             raise MeasurementError(message)
     value = np.linalg.eigvalsh(g_ff[1:-1] / np.sqrt(auto[:, :, None] * auto[:, None, :]))
-    if np.median(value[:, 0]) < LEAST_INDEPENDENT:
+    if np.median(value[:, 0]) < least_independent:
         message = (
             f"the {auto.shape[1]} forces are the same up to a factor at most lines, so their effects are not told "
             "apart; drive the shakers with independent signals, or state one of them as the force"

@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 
 from ema.io.measured_function import MeasuredFunction
 
-_NEARLY_ZERO = 0.05  # of a step; put in place of 0 Hz, to divide by it
 
-
-def snapped(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+def snapped(
+    frequency: NDArray[np.float64],
+    *,
+    # Of a step; put in place of 0 Hz, to divide by it.
+    nearly_zero: float = 0.05,
+) -> NDArray[np.float64]:
     """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
     if frequency.size < 3:
         return frequency
-    if 0.0 < frequency[0] < _NEARLY_ZERO * (frequency[1] - frequency[0]):
+    if 0.0 < frequency[0] < nearly_zero * (frequency[1] - frequency[0]):
         frequency = np.concatenate([[0.0], frequency[1:]])
     uniform = np.linspace(frequency[0], frequency[-1], frequency.size)
     tolerance = max(1e-3 * abs(uniform[1] - uniform[0]), 5e-6 * abs(frequency[-1]))

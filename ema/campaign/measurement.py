@@ -20,8 +20,6 @@ from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dof, Dofs, Geometry
 
-_SAME_WINDOW = 1e-3  # relative difference of decay rates by the rounding of a block's length
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measurement:
@@ -493,10 +491,15 @@ def _block(
     return frf, overload
 
 
-def _decay_rate(entries: Sequence[_Entry]) -> float:
+def _decay_rate(
+    entries: Sequence[_Entry],
+    *,
+    # Relative difference of decay rates by the rounding of a block's length.
+    same_window: float = 1e-3,
+) -> float:
     """Return what the exponential window adds to decay rates, 1/s, the same in all functions."""
     slow, fast = (limit(entries, key=lambda e: e.decay_rate) for limit in (min, max))
-    if fast.decay_rate > (1.0 + _SAME_WINDOW) * slow.decay_rate:
+    if fast.decay_rate > (1.0 + same_window) * slow.decay_rate:
         message = (
             f"the exponential window adds {fast.decay_rate:.4g} 1/s to the decay rates in {fast.source} and "
             f"{slow.decay_rate:.4g} in {slow.source}; use one window, or make each a configuration"

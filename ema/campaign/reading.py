@@ -246,7 +246,6 @@ def _single_hits(
 
 _Channels = tuple[MeasuredFunction, ...]
 _ARRAYS = ("mat", "hdf5", "numpy", "tdms")
-_SAME_START = 0.5  # of a step, by which channels of one record may begin apart
 
 
 def frfs_of(
@@ -372,12 +371,19 @@ def _beside(files: list[tuple[Path, tuple[tuple[_Channels, ...], ...]]]) -> tupl
     return records
 
 
-def _one_record(file: Path, channels: _Channels, more: _Channels) -> _Channels:
+def _one_record(
+    file: Path,
+    channels: _Channels,
+    more: _Channels,
+    *,
+    # Of a step, by which channels of one record may begin apart.
+    same_start: float = 0.5,
+) -> _Channels:
     """Return the channels of one record from two files, which begin at the same time."""
     for channel in more:
         time, reference = channel.abscissa, channels[0].abscissa
         step = float(np.diff(reference).mean()) if reference.size > 1 else 0.0
-        if abs(time[0] - reference[0]) > _SAME_START * step:
+        if abs(time[0] - reference[0]) > same_start * step:
             message = (
                 f"{file}: its times begin at {time[0]:g} s, those of {channels[0].source} at {reference[0]:g} s; files "
                 "beside each other hold channels of the same record"

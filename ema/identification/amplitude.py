@@ -294,10 +294,6 @@ def _level(campaign: Campaign, measurement: Measurement) -> Level:
     return Level(force=float(force or 0.0), frf=kept.frf, modal_model=modes)
 
 
-_REACH = 1.2  # half bandwidths to either side of the largest response, over which frequency grows evenly with amplitude
-_MIN_LINES = 8
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Resonances:
     """Modes at the amplitude that they have in resonance.
@@ -359,7 +355,15 @@ def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
 
 
 def _resonance(
-    frequency: Vector, rest: NDArray[np.complex128], model: ModalModel, r: int, power: Vector
+    frequency: Vector,
+    rest: NDArray[np.complex128],
+    model: ModalModel,
+    r: int,
+    power: Vector,
+    *,
+    # Half bandwidths to either side of the largest response, over which frequency grows evenly with amplitude.
+    reach: float = 1.2,
+    min_lines: int = 8,
 ) -> tuple[tuple[float, float, float, float], Vector]:
     """Return frequency, damping and their standard deviations of a mode, and its response over the force, m/N."""
     pole, residue = model.pole[r], model.residue[..., r]
@@ -371,9 +375,9 @@ def _resonance(
     h = np.tensordot(constant, rest + own, axes=2) / size
     noise = np.sqrt(np.sum((constant * model.noise) ** 2)) / size / power
     near = np.abs(frequency - frequency[np.argmax(np.where(_around(frequency, pole), np.abs(h), 0.0))])
-    chosen = near <= _REACH * -pole.real / (2.0 * np.pi)
+    chosen = near <= reach * -pole.real / (2.0 * np.pi)
     stated = (model.frequency[r], model.damping[r], model.frequency_std[r], model.damping_std[r])
-    if np.count_nonzero(chosen) < _MIN_LINES:
+    if np.count_nonzero(chosen) < min_lines:
         return stated, np.abs(constant) / (2.0 * model.damping[r] * np.abs(pole) ** 2)
     values, peak = _over_amplitude(2.0 * np.pi * frequency[chosen], h[chosen], noise[chosen])
     # what a window and the mass of sensors do to poles is taken out of these as it is of the model's
@@ -428,11 +432,7 @@ def _vertex(omega: Vector, size: Vector) -> float:
 
 
 _CYCLES = 12.0  # in one fit; over fewer the band lets too little through
-_OVERLAP = 0.5
 _EDGE = 1.5  # fits left out at either end, where the band is still filling
-_WIDTH = 0.15  # half width of the band over the mode's frequency, less where modes are near
-_GAP = 0.45  # of the distance to the next mode
-_FLOOR = 5.0  # times the noise at the end of the record, below which nothing is fitted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -462,7 +462,15 @@ class RingDown:
 
 
 def ring_down(
-    response: Vector, rate: float, *, shape: Vector, frequency: Vector, mode: int, quantity: Quantity
+    response: Vector,
+    rate: float,
+    *,
+    shape: Vector,
+    frequency: Vector,
+    mode: int,
+    quantity: Quantity,
+    overlap: float = 0.5,
+    floor: float = 5.0,
 ) -> RingDown:
     """Follow one mode through a free decay.
 
@@ -480,6 +488,10 @@ def ring_down(
         The one to follow, from 0.
     quantity : "receptance", "mobility" or "accelerance"
         Whether the responses are displacement, velocity or acceleration.
+    overlap : float
+        Share of a fit that the next one overlaps.
+    floor : float
+        Times the noise at the end of the record, below which nothing is fitted.
 
     Raises
     ------
@@ -493,7 +505,7 @@ def ring_down(
     filtered = np.linalg.pinv(used)[mode if used is shapes else 0] @ record
     signal = _analytic(filtered, rate, np.asarray(frequency, dtype=float), mode)
     size = int(np.ceil(_CYCLES / frequency[mode] * rate))
-    step, edge = max(int(size * (1.0 - _OVERLAP)), 1), int(_EDGE * size)
+    step, edge = max(int(size * (1.0 - overlap)), 1), int(_EDGE * size)
     noise = (
         float(np.sqrt(np.mean(np.abs(signal[-edge - size : -edge]) ** 2)))
         if signal.size > 2 * edge + size
@@ -503,7 +515,7 @@ def ring_down(
     fits = [_exponential(signal[i : i + size], rate) for i in starts]
     largest = max((fit[0] for fit in fits), default=0.0)
     ended = noise < 0.1 * largest
-    fits = [fit for fit in fits if fit[0] > _FLOOR * noise or not ended]
+    fits = [fit for fit in fits if fit[0] > floor * noise or not ended]
     if len(fits) < 2:
         message = (
             f"ring-down: {signal.size} samples at {rate:g} Hz are too short, or too noisy, for a mode at "
@@ -531,11 +543,21 @@ def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
         raise MeasurementError(message)
 
 
-def _analytic(signal: Vector, rate: float, frequency: Vector, mode: int) -> NDArray[np.complex128]:
+def _analytic(
+    signal: Vector,
+    rate: float,
+    frequency: Vector,
+    mode: int,
+    *,
+    # Half width of the band over the mode's frequency, less where modes are near.
+    width: float = 0.15,
+    # Of the distance to the next mode.
+    gap: float = 0.45,
+) -> NDArray[np.complex128]:
     """Return the analytic signal of a band around a mode, whose flanks are half a cosine."""
     own = frequency[mode]
     others = np.abs(np.delete(frequency, mode) - own)
-    half = min(_WIDTH * own, _GAP * float(others.min(initial=np.inf)))
+    half = min(width * own, gap * float(others.min(initial=np.inf)))
     padded = 2 * signal.size  # what is filtered at one end must not come back at the other
     line = np.fft.fftfreq(padded, 1.0 / rate)
     off = np.clip((np.abs(line - own) / half - 0.5) / 0.5, 0.0, 1.0)

@@ -56,13 +56,9 @@ OWN = 4.0
 OWN_LINES = 3
 AS_HIGH, SEVERAL = 0.8, 3
 """Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
-LEFT = 0.3
-"""Power that is left around a line over that of the modes there, from which on it is noise and not their misfit."""
-_AT_ONCE = 1 << 20  # values of functions that are transformed at once
-_NARROWEST = 0.25  # half bandwidth of a matched line, lines
 
 
-def is_common(data: Functions, fit: Fit) -> NDArray[np.bool_]:
+def is_common(data: Functions, fit: Fit, *, left: float = 0.3) -> NDArray[np.bool_]:
     """Whether what is left around each pole, ``(n_mode,)``, has several peaks that are as high as the pole itself.
 
     The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free. A pole
@@ -74,6 +70,8 @@ def is_common(data: Functions, fit: Fit) -> NDArray[np.bool_]:
         Evenly spaced lines.
     fit : Fit
         A fit of them.
+    left : float
+        Power that is left around a line over that of the modes there, from which on it is noise and not their misfit.
     """
     frequency = data.frequency
     spacing = float(frequency[1] - frequency[0])
@@ -92,7 +90,7 @@ def is_common(data: Functions, fit: Fit) -> NDArray[np.bool_]:
         free = np.all(np.abs(number[:, None] - place) > own, axis=1)
         if not free.any():
             continue
-        lost = free & (sums.left > LEFT * sums.modes)
+        lost = free & (sums.left > left * sums.modes)
         floor = float(np.median(sums.noise[free]))
         k = int(np.clip(np.round(centre), start, stop - 1)) - start
         peak = float(np.max(sums.whole[max(0, k - 2) : k + 3])) - floor
@@ -111,12 +109,21 @@ class _Sums:
     whole: NDArray[np.float64]  # the same with the pole itself
 
 
-def _around_pole(data: Functions, fit: Fit, r: int, lines: slice, width: float) -> _Sums:
+def _around_pole(
+    data: Functions,
+    fit: Fit,
+    r: int,
+    lines: slice,
+    width: float,
+    *,
+    # Values of functions that are transformed at once.
+    at_once: int = 1 << 20,
+) -> _Sums:
     """Add up the functions, some at a time: all at once would take several times their memory."""
     frequency = data.frequency[lines]
     around = replace(data, frequency=frequency)
     sums = _Sums(**{name: np.zeros(frequency.size) for name in ("left", "modes", "noise", "whole")})
-    few = max(1, _AT_ONCE // (2 * frequency.size))  # transforms have twice the lines
+    few = max(1, at_once // (2 * frequency.size))  # transforms have twice the lines
     for first in range(0, len(data.value), few):
         own = slice(first, first + few)
         scale = np.sqrt(fit.weight[own, lines]) / fit.noise[own, None]
@@ -137,13 +144,19 @@ def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
     return power
 
 
-def _line_statistic(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
+def _line_statistic(
+    scaled: NDArray[np.complex128],
+    half: float,
+    *,
+    # Half bandwidth of a matched line, lines.
+    narrowest: float = 0.25,
+) -> NDArray[np.float64]:
     """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``."""
     n = scaled.shape[1]
     size = scipy.fft.next_fast_len(2 * n)
     offset = np.arange(size, dtype=float)
     offset[offset > size // 2] -= size
-    line = 1.0 / (1.0 + 1j * offset / max(half, _NARROWEST))
+    line = 1.0 / (1.0 + 1j * offset / max(half, narrowest))
     spectrum = scipy.fft.fft(scaled, size, axis=1) * scipy.fft.fft(line).conj()
     total = np.sum(np.abs(scipy.fft.ifft(spectrum, axis=1)[:, :n]) ** 2, axis=0)
     square = scipy.fft.rfft(np.abs(line) ** 2)
@@ -163,11 +176,6 @@ def _number_of_peaks(statistic: NDArray[np.float64], least: float, apart: int) -
 
 
 OVERLAPPED = "modes overlap there so much that they cannot be told apart"
-OVERLAP = 0.3
-"""Modal overlap factor from which modes are sought beside background."""
-SAME_PLACE = 0.1
-"""Half bandwidths within which two poles are at one place: runs that differ a little bring such."""
-_UNDAMPED = 1e-6
 
 
 def modal_overlap(pole: NDArray[np.complex128]) -> float:
@@ -176,7 +184,7 @@ def modal_overlap(pole: NDArray[np.complex128]) -> float:
 
 
 def with_background(
-    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float]
+    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float], *, undamped: float = 1e-6
 ) -> tuple[Fit, NDArray[np.bool_]]:
     """Refine candidates together, and tell which are modes.
 
@@ -187,6 +195,8 @@ def with_background(
         Poles that may be modes, rad/s.
     band : (float, float)
         Where modes are wanted, Hz.
+    undamped : float
+        Least damping ratio of a pole that is needed.
 
     Returns
     -------
@@ -200,7 +210,7 @@ def with_background(
         fit = refine(data.frequency, data.value, pole, data.quantity)
         verdicts = judge(data.frequency, fit, data.quantity)
         size = np.abs(fit.pole)
-        damped = (-fit.pole.real > _UNDAMPED * size) & (-fit.pole.real < MAX_DAMPING * size)
+        damped = (-fit.pole.real > undamped * size) & (-fit.pole.real < MAX_DAMPING * size)
         needed = (verdicts.statistic > verdicts.threshold) & damped & inside(fit.pole, wide)
         if needed.all():
             break
@@ -209,7 +219,13 @@ def with_background(
     return fit, is_mode & ~_doubles(fit, is_mode)
 
 
-def _doubles(fit: Fit, is_mode: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _doubles(
+    fit: Fit,
+    is_mode: NDArray[np.bool_],
+    *,
+    # Half bandwidths within which two poles are at one place: runs that differ a little bring such.
+    same_place: float = 0.1,
+) -> NDArray[np.bool_]:
     """Tell which modes are no more than a second pole of a stronger one: of its shape, or at its very place."""
     double = np.zeros(fit.pole.size, dtype=bool)
     height = np.linalg.norm(fit.residue, axis=0) / -fit.pole.real
@@ -217,17 +233,13 @@ def _doubles(fit: Fit, is_mode: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for r in sorted(np.flatnonzero(is_mode), key=lambda r: -height[r]):
         half = np.minimum(-fit.pole.real[kept], -fit.pole.real[r])
         double[r] = is_split(fit, int(r), kept) or bool(
-            np.any(np.abs(fit.pole.imag[kept] - fit.pole.imag[r]) < SAME_PLACE * half)
+            np.any(np.abs(fit.pole.imag[kept] - fit.pole.imag[r]) < same_place * half)
         )
         if not double[r]:
             kept.append(int(r))
     return double
 
 
-STRAYS = 0.5
-"""Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves then."""
-LITTLE = 1e-3
-"""Share of the power that may be left where modes overlap, before they are sought anew beside poles that are none."""
 _COMMON = "what is left beside it has several peaks as high, as noise or a rattle brings"
 _LOST = "a mode that all runs together show there is lost where each run has poles of its own"
 _OF_MODES = ("variance", "frequency_std", "damping_std", "enlargement", "probability")
@@ -314,7 +326,18 @@ def _fit_at_once(
     return _told_of(frf, _without_common(frf, found), found, _COMMON)
 
 
-def _amid_overlap(frf: FRF, order: int, found: BandFit, band: tuple[float, float]) -> BandFit:
+def _amid_overlap(
+    frf: FRF,
+    order: int,
+    found: BandFit,
+    band: tuple[float, float],
+    *,
+    # Modal overlap factor from which modes are sought beside background.
+    overlap: float = 0.3,
+    # Share of the power that may be left where modes overlap, before they are sought anew beside poles that are
+    # none.
+    little: float = 1e-3,
+) -> BandFit:
     """Find the modes again amid others that overlap too much to be told apart, where a fit without these fails.
 
     The background is taken out of the functions while modes are judged and sought; in the end all is fitted together.
@@ -322,7 +345,7 @@ def _amid_overlap(frf: FRF, order: int, found: BandFit, band: tuple[float, float
     data = _functions(frf)
     candidates = stabilization(frf, order=order).chosen
     before = _left(_functions(replace(frf, value=found.value)), found.fit)
-    if modal_overlap(candidates) < OVERLAP or before < LITTLE:
+    if modal_overlap(candidates) < overlap or before < little:
         return found
     whole, is_mode = with_background(data, candidates, band)
     if is_mode.all() or not is_mode.any():
@@ -507,7 +530,14 @@ def _beside_others(
 
 
 def _refined(
-    data: Functions, fit: Fit, part: PartBand, own: NDArray[np.bool_]
+    data: Functions,
+    fit: Fit,
+    part: PartBand,
+    own: NDArray[np.bool_],
+    *,
+    # Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves
+    # then.
+    strays: float = 0.5,
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return the poles of one part, which are its `own` of all, and their covariance."""
     lines = replace(data, frequency=data.frequency[part.lines], value=data.value[:, part.lines])
@@ -516,7 +546,7 @@ def _refined(
     weight = fit.weight[:, part.lines]
     weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
     refined = refine(lines.frequency, rest, fit.pole[own], data.quantity, weight)
-    if np.any(np.abs(refined.pole - fit.pole[own]) > -STRAYS * fit.pole[own].real):
+    if np.any(np.abs(refined.pole - fit.pole[own]) > -strays * fit.pole[own].real):
         refined = linear_fit(lines.frequency, rest, fit.pole[own], data.quantity, weight)
     return refined.pole, refined.pole_covariance
 

@@ -33,8 +33,6 @@ from ema.types.threads import single_threaded
 
 BROAD = 5.0
 """Times the median of the other damping ratios from which on a mode that shows no peak may be no mode."""
-HUMP, SHARE = 1.0, 0.25
-"""Height of the peak of a broad mode, dB, and its width as a share of the mode's: narrower ones are noise on it."""
 FEWEST_FUNCTIONS, FEWEST_MODES = 3, 3
 """Functions that tell phases from chance, and modes that tell what damping is usual."""
 NOISE = 0.1
@@ -96,7 +94,15 @@ def _damping(modal_model: ModalModel) -> tuple[str, str]:
     return "damping", text if listed else ""
 
 
-def _broad(frf: FRF, modal_model: ModalModel) -> tuple[str, str]:
+def _broad(
+    frf: FRF,
+    modal_model: ModalModel,
+    *,
+    # Height of the peak of a broad mode, dB, and its width as a share of the mode's: narrower ones are noise on
+    # it.
+    hump: float = 1.0,
+    share: float = 0.25,
+) -> tuple[str, str]:
     """Name modes that are far wider than the others and show no peak of their own."""
     damping = modal_model.damping
     if damping.size < FEWEST_MODES:
@@ -104,11 +110,11 @@ def _broad(frf: FRF, modal_model: ModalModel) -> tuple[str, str]:
     usual = np.array([np.median(np.delete(damping, r)) for r in range(damping.size)])
     suspects = np.flatnonzero(damping > BROAD * usual)
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
-    seen = peaks(lines, np.arange(lines.output.node.size), HUMP) if suspects.size else []
+    seen = peaks(lines, np.arange(lines.output.node.size), hump) if suspects.size else []
     listed = []
     for r in suspects:
         place, half = modal_model.frequency[r], damping[r] * modal_model.frequency[r]
-        if not any(abs(p.frequency - place) < half and p.bandwidth > SHARE * 2.0 * half for p in seen):
+        if not any(abs(p.frequency - place) < half and p.bandwidth > share * 2.0 * half for p in seen):
             listed.append(f"{place:.5g} Hz ({100 * damping[r]:.0f} %, others {100 * usual[r]:.2g} %)")
     text = f"no peak is seen at {_joined(listed)}: so broad, it may stand for the background and be no mode"
     return "broad", text if listed else ""
@@ -157,15 +163,10 @@ def _joined(listed: list[str]) -> str:
     return ", ".join(listed[:_LISTED]) + (", ..." if len(listed) > _LISTED else "")
 
 
-LEAST_SHIFT = 0.1
-"""Half bandwidths by which a frequency differs from force to force for it to be told: shapes are then off by 1 %."""
-WANDERS = 4.0
-"""Half bandwidths by which a frequency may differ for one mode alone to tell that the structure changed: beyond, one
-pole for all forces would not have been found."""
-
-
 @single_threaded
-def check_references(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
+def check_references(
+    frf: FRF, modal_model: ModalModel, *, least_shift: float = 0.1, wanders: float = 4.0
+) -> tuple[Verdict, ...]:
     """Compare the frequencies that the functions of each force alone give.
 
     Tests with a force at one point after the other last long: temperature and supports change. One pole for all forces
@@ -177,6 +178,12 @@ def check_references(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
         Functions at the outputs and inputs of the model.
     modal_model : ModalModel
         What was identified. Modes of nearly one pole are not compared.
+    least_shift : float
+        Half bandwidths by which a frequency differs from force to force for it to be told: shapes are then off by 1
+        %.
+    wanders : float
+        Half bandwidths by which a frequency may differ for one mode alone to tell that the structure changed: beyond,
+        one pole for all forces would not have been found.
 
     Returns
     -------
@@ -209,10 +216,10 @@ def check_references(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
         found = np.abs(runs.pole[:, r]) / (2.0 * np.pi)
         seen = np.flatnonzero(np.isfinite(runs.frequency_std[:, r]))
         off = 2.0 * np.pi * np.ptp(found[seen]) / -kept[r].real if seen.size else 0.0
-        if off > LEAST_SHIFT and runs.probability[:, r].min() < RUNS_DIFFER:
+        if off > least_shift and runs.probability[:, r].min() < RUNS_DIFFER:
             each = (f"{found[i]:.6g} Hz with the force at {modal_model.input.name(int(i))}" for i in seen)
             told.append(f"mode {number[r] + 1}: {' and '.join(each)}")
-            sure = sure or off < WANDERS
+            sure = sure or off < wanders
     return (_verdict(told, sure or len(told) > 1),)
 
 
@@ -233,9 +240,6 @@ def _verdict(told: list[str], changed: bool) -> Verdict:
     return Verdict(check="references", level="warn", channel=(), band=None, message=text)
 
 
-STABLE_FREQUENCY, STABLE_DAMPING, STABLE_MAC = 0.01, 0.05, 0.98
-"""Largest relative changes from one order to the next, and the least MAC, of what is called stable (the usual ones:
-Heylen, Lammens and Sas, Modal Analysis Theory and Testing, part A)."""
 _LINES = 800  # that shapes of all orders are fitted over; more would not move their MAC
 _NEAR = 3.0  # half bandwidths of a mode within which a column is its own
 
@@ -342,10 +346,7 @@ def dropped_columns(
 
 
 def _shapes(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    pole: NDArray[np.complex128],
-    frf: FRF,
+    frequency: NDArray[np.float64], value: NDArray[np.complex128], pole: NDArray[np.complex128], frf: FRF
 ) -> NDArray[np.complex128]:
     """Return residues (n_output, n_pole) of functions (n_output, n_frequency) at given poles."""
     basis = np.concatenate(
@@ -361,16 +362,22 @@ def _shared(
     shape: NDArray[np.complex128],
     other: NDArray[np.complex128],
     other_shape: NDArray[np.complex128],
+    *,
+    # Largest relative changes from one order to the next, and the least MAC, of what is called stable (the usual
+    # ones: Heylen, Lammens and Sas, Modal Analysis Theory and Testing, part A).
+    stable_frequency: float = 0.01,
+    stable_damping: float = 0.05,
+    stable_mac: float = 0.98,
 ) -> NDArray[np.bool_]:
     """Tell what each pole shares with the nearest other one: frequency, damping too, shape too, (3, n_pole)."""
     nearest = np.argmin(np.abs(pole[:, None] - other), axis=1)
     near, near_shape = other[nearest], other_shape[:, nearest]
     damping, near_damping = (-p.real / np.abs(p) for p in (pole, near))
-    frequency = np.abs(np.abs(pole) - np.abs(near)) < STABLE_FREQUENCY * np.abs(pole)
-    damped = frequency & (np.abs(damping - near_damping) < STABLE_DAMPING * damping)
+    frequency = np.abs(np.abs(pole) - np.abs(near)) < stable_frequency * np.abs(pole)
+    damped = frequency & (np.abs(damping - near_damping) < stable_damping * damping)
     product = np.abs(np.sum(shape.conj() * near_shape, axis=0)) ** 2
     size = np.sum(np.abs(shape) ** 2, axis=0) * np.sum(np.abs(near_shape) ** 2, axis=0)
-    return np.stack([frequency, damped, damped & (product >= STABLE_MAC * size)])
+    return np.stack([frequency, damped, damped & (product >= stable_mac * size)])
 
 
 def _reason(data: Functions, poles: NDArray[np.complex128], candidate: complex) -> str:

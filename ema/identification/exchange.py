@@ -173,13 +173,7 @@ _NAME = "sdypy-EMA"
 
 
 def from_sdypy(
-    model: Any,
-    *,
-    output: Dofs,
-    force: Dof,
-    geometry: Geometry,
-    name: str = _NAME,
-    std: ModesStd = USUAL,
+    model: Any, *, output: Dofs, force: Dof, geometry: Geometry, name: str = _NAME, std: ModesStd = USUAL
 ) -> ModalModel:
     """Return the modes of a sdypy-EMA `Model` as a modal model, which `updating.fit` and the others take.
 

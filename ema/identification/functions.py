@@ -20,12 +20,9 @@ from ema.types.frf import Quantity
 
 MOST_LINES = 20_000
 """Lines up to which a band is taken at once."""
-PART_LINES = 8192
-"""Lines of a part, about."""
 OVERLAP = 1024
 """Lines beyond each end of a part that it is fitted on: for a mode near its end, and the flank of one beyond it."""
 _ROOM = 0.25  # of a part, to either side of where it would end, for the end to be moved to a valley
-_SMOOTH = 9  # lines over which the power is smoothed: no valley is one quiet line of noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,13 +45,19 @@ class PartBand:
         return values[..., self.core.start - self.lines.start : self.core.stop - self.lines.start]
 
 
-def part_bands(value: NDArray[np.complex128]) -> tuple[PartBand, ...]:
+def part_bands(
+    value: NDArray[np.complex128], *, part_lines: int = 8192, smooth: int = 9
+) -> tuple[PartBand, ...]:
     """Cut a band where its functions are quiet; one that has few lines stays whole.
 
     Parameters
     ----------
     value : (..., n_frequency) complex
         The functions.
+    part_lines : int
+        Lines of a part, about.
+    smooth : int
+        Lines over which the power is smoothed: no valley is one quiet line of noise.
     """
     n_line = value.shape[-1]
     if n_line <= MOST_LINES:
@@ -65,8 +68,8 @@ def part_bands(value: NDArray[np.complex128]) -> tuple[PartBand, ...]:
     ):  # all squares at once would take half of the memory of the functions
         square = np.abs(one) ** 2
         power += square / (square.mean() or 1.0)
-    power = scipy.ndimage.uniform_filter1d(power, _SMOOTH)
-    even = np.linspace(0, n_line, round(n_line / PART_LINES) + 1)
+    power = scipy.ndimage.uniform_filter1d(power, smooth)
+    even = np.linspace(0, n_line, round(n_line / part_lines) + 1)
     room = int(_ROOM * (even[1] - even[0]))
     cuts = [int(at) - room + int(np.argmin(power[int(at) - room : int(at) + room])) for at in even[1:-1]]
     ends = [0, *cuts, n_line]
@@ -76,16 +79,13 @@ def part_bands(value: NDArray[np.complex128]) -> tuple[PartBand, ...]:
     )
 
 
-SMOOTHING = 5
-"""Lines over which the variance is averaged: an estimate from few averages scatters much itself."""
-LARGEST_RATIO = 1e4
-"""Limit on variances over their median: coherences are stored with few digits."""
-_ROUNDS = 50
-_SETTLED = 1e-9  # relative change of both parts
-_FACTOR = 5.0  # by which a part of the variance may fall in a step
-
-
-def coherence_weight(value: NDArray[np.complex128], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
+def coherence_weight(
+    value: NDArray[np.complex128],
+    coherence: NDArray[np.float64],
+    *,
+    smoothing: int = 5,
+    largest_ratio: float = 1e4,
+) -> NDArray[np.float64]:
     """Return inverse variances of functions, line by line, relative to one another.
 
     The variance of the magnitude of a function that is estimated from ``n`` averages is
@@ -98,6 +98,10 @@ def coherence_weight(value: NDArray[np.complex128], coherence: NDArray[np.float6
         Measured functions.
     coherence : (n_function, n_frequency) float
         Their ordinary coherences, 0 to 1; functions with values outside, or not finite, weigh all lines alike.
+    smoothing : int
+        Lines over which the variance is averaged: an estimate from few averages scatters much itself.
+    largest_ratio : float
+        Limit on variances over their median: coherences are stored with few digits.
 
     Returns
     -------
@@ -107,12 +111,12 @@ def coherence_weight(value: NDArray[np.complex128], coherence: NDArray[np.float6
     usable = np.all(np.isfinite(coherence) & (coherence >= 0.0) & (coherence <= 1.0 + 1e-6), axis=1)
     held = np.clip(np.where(usable[:, None], coherence, 0.5), 1e-6, 1.0)
     variance = scipy.ndimage.uniform_filter1d(
-        np.abs(value) ** 2 * (1.0 - held) / held, SMOOTHING, axis=1, mode="nearest"
+        np.abs(value) ** 2 * (1.0 - held) / held, smoothing, axis=1, mode="nearest"
     )
     middle = np.median(variance, axis=1, keepdims=True)
     usable &= middle[:, 0] > 0.0
     middle = np.where(usable[:, None], middle, 1.0)
-    weight = 1.0 / np.clip(variance / middle, 1.0 / LARGEST_RATIO, LARGEST_RATIO)
+    weight = 1.0 / np.clip(variance / middle, 1.0 / largest_ratio, largest_ratio)
     weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
     return np.where(usable[:, None], weight, 1.0)
 
@@ -138,12 +142,21 @@ def misfit_weight(fitted: NDArray[np.complex128], residual: NDArray[np.complex12
     return weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
 
 
-def _inverse_variance(power: NDArray[np.float64], left: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse_variance(
+    power: NDArray[np.float64],
+    left: NDArray[np.float64],
+    *,
+    # Relative change of both parts.
+    settled: float = 1e-9,
+    # By which a part of the variance may fall in a step.
+    factor: float = 5.0,
+    rounds: int = 50,
+) -> NDArray[np.float64]:
     """Return inverse variances of all functions, two unknowns each, (n_function, n_frequency)."""
     power, left = (own / np.mean(own, axis=1, keepdims=True) for own in (power, left))
     part = np.stack([np.median(left, axis=1), np.full(len(left), 1e-4)], axis=1)
     moving = np.arange(len(part))
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         own, constant, growing = power[moving], part[moving, :1], part[moving, 1:]
         first = 1.0 / (constant + growing * own)
         second, target = own * first, left[moving] * first - 1.0
@@ -152,8 +165,8 @@ def _inverse_variance(power: NDArray[np.float64], left: NDArray[np.float64]) -> 
         rows /= size
         normal = np.linalg.pinv(rows @ rows.swapaxes(1, 2), rcond=1e-12, hermitian=True)
         step = (normal @ (rows @ target[..., None]) / size)[..., 0]
-        changed = np.maximum(part[moving] + step, part[moving] / _FACTOR)
-        still = np.any(np.abs(changed - part[moving]) > _SETTLED * part[moving], axis=1)
+        changed = np.maximum(part[moving] + step, part[moving] / factor)
+        still = np.any(np.abs(changed - part[moving]) > settled * part[moving], axis=1)
         part[moving] = changed
         moving = moving[still]
         if not moving.size:

@@ -39,8 +39,6 @@ from ema.types.modal_model import ModalModel, UnexplainedPeak
 from ema.types.threads import single_threaded
 
 _LOG = logging.getLogger(__name__)
-MIN_LINES = 6
-"""Fewest lines that a band may hold."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -235,9 +233,18 @@ def identify_frf(
     return replace(model, unexplained=_unexplained(found.left, n_input))
 
 
-def _require_lines(lines: FRF, frf: FRF, order: int, band: tuple[float, float], name: str) -> None:
+def _require_lines(
+    lines: FRF,
+    frf: FRF,
+    order: int,
+    band: tuple[float, float],
+    name: str,
+    *,
+    # Fewest lines that a band may hold.
+    min_lines: int = 6,
+) -> None:
     """Refuse a band of functions that holds too few lines for a model order."""
-    if lines.frequency.size < max(MIN_LINES, 2 * order):
+    if lines.frequency.size < max(min_lines, 2 * order):
         message = (
             f"{name}: {lines.frequency.size} lines in {band[0]:g}-{band[1]:g} Hz of "
             f"{frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz are too few for order {order}: widen the band"

@@ -158,13 +158,10 @@ def split_coefficients(
     return complex_rows[:-2].T, complex_rows[-2], complex_rows[-1]
 
 
-MAX_STEP = 60
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
 _NONE = np.empty(0, dtype=complex)
-_ROUNDING = 1e-6  # gain of log-likelihood that a step promises
 _AT_ONCE = 1 << 19  # values of functions, 8 MB of them: more are taken in blocks
-_NEARLY = 10.0  # of a nearly orthogonal basis: orthonormal to 1e-14 after one round
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -326,6 +323,7 @@ def refine(
     *,
     held: NDArray[np.complex128] = _NONE,
     tolerance: float = TOLERANCE,
+    max_step: int = 60,
 ) -> Fit:
     """Refine poles to the maximum of the likelihood and return the fit with its covariance.
 
@@ -346,10 +344,12 @@ def refine(
         Poles that stay where they are; in the fit they come last.
     tolerance : float
         Gain of log-likelihood below which steps end.
+    max_step : int
+        Most steps.
     """
     target = _Target.of(frequency, value, quantity, weight, held)
     state, damping = _project(target, pole.astype(complex)), 1e-3
-    for _ in range(MAX_STEP):
+    for _ in range(max_step):
         likelier = _likelier(target, state, damping)
         if likelier is None:
             break
@@ -376,7 +376,14 @@ def linear_fit(
     return _finish(target, _project(target, pole))
 
 
-def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Projection, float] | None:
+def _likelier(
+    target: _Target,
+    state: _Projection,
+    damping: float,
+    *,
+    # Gain of log-likelihood that a step promises.
+    rounding: float = 1e-6,
+) -> tuple[_Projection, float] | None:
     """Return the fit after a step that does not raise the objective, and the damping it took; None where none does."""
     equations = _normal_equations(target, state)
     information, pull = equations.information, equations.pull
@@ -390,7 +397,7 @@ def _likelier(target: _Target, state: _Projection, damping: float) -> tuple[_Pro
         proposed = _project(target, _moved(state.pole, step / scale))
         if proposed.objective <= state.objective:
             return proposed, damping
-        if 0.5 * gradient @ (step / scale) < _ROUNDING:
+        if 0.5 * gradient @ (step / scale) < rounding:
             return None  # it is the end point, and the rest is rounding
         damping *= 10.0
     return None
@@ -454,7 +461,12 @@ def _left(target: _Target, state: _Projection, own: slice) -> NDArray[np.float64
     return _remainder(state.basis, state.part[:, own], target.rows(own))
 
 
-def _orthonormal(basis: NDArray[np.float64]) -> _Basis:
+def _orthonormal(
+    basis: NDArray[np.float64],
+    *,
+    # Of a nearly orthogonal basis: orthonormal to 1e-14 after one round.
+    nearly: float = 10.0,
+) -> _Basis:
     """Return what makes orthonormal rows of a basis of a few long rows, and the lower triangle that does.
 
     One round of Cholesky makes them orthogonal to rounding where the basis nearly is. That need not be done then: the
@@ -472,7 +484,7 @@ def _orthonormal(basis: NDArray[np.float64]) -> _Basis:
         return _by_householder(basis, length)
     onto = _inverse(first)
     # The square of its norm over their number bounds the square of the condition.
-    near, onto = np.sum(onto**2) < _NEARLY * len(basis), onto / length
+    near, onto = np.sum(onto**2) < nearly * len(basis), onto / length
     if near:
         return _Basis(rows=basis, turn=onto, onto=onto)
     orthogonal = onto @ basis

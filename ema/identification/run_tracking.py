@@ -28,15 +28,6 @@ from ema.types.frf import FRF
 _LOG = logging.getLogger(__name__)
 REACH = 0.06
 """Largest share by which a mode of one run may be off the median of the others."""
-APART, SLIGHTLY = 1.0, 0.3
-"""Half bandwidths by which runs must differ for their modes to be followed, and where peaks stay unexplained: less,
-and one pole serves all."""
-WORTH = 0.5
-"""Share of what common poles leave of the power that poles of each run may leave, to be worth their number."""
-_ROUNDS = 4
-_MOST_TRIED = 12  # poles of other runs that a mode is tried at which a run does not show
-_AROUND, _AROUND_LINES = 5.0, 16.0  # half bandwidths and lines around these on which they are compared
-_FEWEST = 2  # runs that show a mode by themselves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,7 +52,17 @@ class Followed:
     left: Left
 
 
-def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) -> bool:
+def runs_apart(
+    fit: Fit,
+    runs: RunPoles,
+    left: Left,
+    band: tuple[float, float],
+    *,
+    # Half bandwidths by which runs must differ for their modes to be followed, and where peaks stay unexplained:
+    # less, and one pole serves all.
+    apart: float = 1.0,
+    slightly: float = 0.3,
+) -> bool:
     """Whether runs differ by so much of the bandwidths that a fit by common poles may have missed or doubled modes.
 
     Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
@@ -69,7 +70,7 @@ def runs_apart(fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float]) 
     differs = (runs.probability < RUNS_DIFFER).any(axis=0) & resonant(fit.pole, band)
     known = np.isfinite(runs.frequency_std) & differs
     off = np.where(known, np.abs(runs.pole - fit.pole) / -fit.pole.real, 0.0)
-    return bool(np.any(off > (SLIGHTLY if left else APART)))
+    return bool(np.any(off > (slightly if left else apart)))
 
 
 def follow_runs(
@@ -122,7 +123,14 @@ def follow_runs(
     return found if _worth(data, found, together) else None
 
 
-def _worth(data: Functions, found: Followed, together: Fit) -> bool:
+def _worth(
+    data: Functions,
+    found: Followed,
+    together: Fit,
+    *,
+    # Share of what common poles leave of the power that poles of each run may leave, to be worth their number.
+    worth: float = 0.5,
+) -> bool:
     """Whether poles of each run explain more power, and are likelier, each counted (Akaike)."""
     power = np.sum(np.abs(data.value) ** 2, axis=1)
     mine, theirs = (
@@ -131,7 +139,7 @@ def _worth(data: Functions, found: Followed, together: Fit) -> bool:
     more = 2 * found.fit.pole.size * (found.runs.run.size - 1)
     unknowns = 2 * (found.fit.pole.size - together.pole.size) * (1 + data.value.shape[0])
     likelier = found.fit.objective + more + unknowns < together.objective
-    return bool(mine < WORTH * theirs and likelier)
+    return bool(mine < worth * theirs and likelier)
 
 
 def _alone(
@@ -143,7 +151,9 @@ def _alone(
     return fit.pole[resonant(fit.pole, band)]
 
 
-def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+def linked(
+    poles: list[NDArray[np.complex128]], *, rounds: int = 4, fewest: int = 2
+) -> NDArray[np.complex128]:
     """Link the poles of runs one to one.
 
     Tracks begin as the poles of the run that shows most. Each run's poles go to the nearest tracks, the sum of squared
@@ -154,6 +164,10 @@ def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
     ----------
     poles : list of (n_pole,) complex
         Poles of each run, rad/s.
+    rounds : int
+        How often medians are taken and poles assigned.
+    fewest : int
+        Runs that show a mode by themselves.
 
     Returns
     -------
@@ -161,7 +175,7 @@ def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         Poles of each mode, ascending, NaN where a run does not show it; modes that one run alone shows left out.
     """
     centre = np.log(np.abs(max(poles, key=len)))
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         row: list[dict[int, complex]] = [{} for _ in centre]
         for k, own in enumerate(poles):
             for i, t in _pairs(np.log(np.abs(own)), centre):
@@ -172,7 +186,7 @@ def linked(poles: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         shown = [own for own in row if own]
         centre = np.array([np.median(np.log(np.abs(list(own.values())))) for own in shown])
     kept = sorted(
-        (own for own in shown if len(own) >= _FEWEST),
+        (own for own in shown if len(own) >= fewest),
         key=lambda own: float(np.median(np.abs(list(own.values())))),
     )
     track = np.full((len(poles), len(kept)), complex(np.nan, np.nan))
@@ -209,20 +223,32 @@ def _filled(
     return filled
 
 
-def _spread(pole: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _spread(
+    pole: NDArray[np.complex128],
+    *,
+    # Poles of other runs that a mode is tried at which a run does not show.
+    most_tried: int = 12,
+) -> NDArray[np.complex128]:
     """Return some of many poles, from the lowest to the highest frequency: more runs are to cost no more than a run."""
-    if pole.size <= _MOST_TRIED:
+    if pole.size <= most_tried:
         return pole
     rank = np.argsort(np.abs(pole))
-    return pole[rank[np.linspace(0, pole.size - 1, _MOST_TRIED).round().astype(int)]]
+    return pole[rank[np.linspace(0, pole.size - 1, most_tried).round().astype(int)]]
 
 
 def _likeliest(
-    own: Functions, pole: NDArray[np.complex128], mode: int, tried: NDArray[np.complex128]
+    own: Functions,
+    pole: NDArray[np.complex128],
+    mode: int,
+    tried: NDArray[np.complex128],
+    *,
+    # Half bandwidths and lines around these on which they are compared.
+    around: float = 5.0,
+    around_lines: float = 16.0,
 ) -> complex:
     """Return which of some poles of a mode explains the functions of a run best on the lines around all of them."""
     spacing = 2.0 * np.pi * float(own.frequency[1] - own.frequency[0])
-    reach = max(_AROUND * float(-tried.real.min()), _AROUND_LINES * spacing)
+    reach = max(around * float(-tried.real.min()), around_lines * spacing)
     omega = 2.0 * np.pi * own.frequency
     lines = (omega > tried.imag.min() - reach) & (omega < tried.imag.max() + reach)
     near = (pole.imag > tried.imag.min() - reach) & (pole.imag < tried.imag.max() + reach)

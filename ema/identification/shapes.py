@@ -34,11 +34,6 @@ from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dofs, driving_points
 from ema.types.modal_model import ModalModel, synthesize
 
-PHASE_TOLERANCE = np.pi / 4
-"""Largest phase of a driving-point modal constant that still counts as positive."""
-LEAST_STRENGTH = 3.0
-"""Least driving-point modal constant that gives a scale, in standard deviations."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shapes:
@@ -65,6 +60,9 @@ def shapes_from_residues(
     variance: NDArray[np.float64],
     output: Dofs,
     inputs: Dofs,
+    *,
+    phase_tolerance: float = np.pi / 4,
+    least_strength: float = 3.0,
 ) -> Shapes:
     """Draw shapes from residues; with a valid driving point they are mass-normalised.
 
@@ -84,6 +82,10 @@ def shapes_from_residues(
         Variance of each residue's component along its own phase.
     output, inputs : Dofs
         Where responses and forces are.
+    phase_tolerance : float
+        Largest phase of a driving-point modal constant that still counts as positive.
+    least_strength : float
+        Least driving-point modal constant that gives a scale, in standard deviations.
     """
     n_output, _, n_mode = residue.shape
     shape = np.zeros((n_output, n_mode), dtype=complex)
@@ -102,7 +104,7 @@ def shapes_from_residues(
         for o, i, sign in pairs:
             square = sign * column[o] * participation[i]
             strength = np.abs(square) / (column_std[o] * np.abs(participation[i]) + np.finfo(float).tiny)
-            if strength > max(best, LEAST_STRENGTH) and np.abs(np.angle(square)) < PHASE_TOLERANCE:
+            if strength > max(best, least_strength) and np.abs(np.angle(square)) < phase_tolerance:
                 # shape_o = sign * shape_i at the point, hence phi_i = sqrt(sign * constant) up to a sign.
                 best, factor = strength, participation[i] / np.sqrt(square)
                 scaled[r] = True
@@ -111,18 +113,6 @@ def shapes_from_residues(
         relative = 0.5 / best if scaled[r] else 0.0
         std[:, r] = np.hypot(column_std * np.abs(factor), relative * np.abs(shape[:, r]))
     return Shapes(shape=shape, std=std, scaled=scaled)
-
-
-LEAST_PART = 0.02
-"""Part of a second mode in the residues, relative to the first, below which it may be an error of the measurement."""
-LEAST_DEFINITE = 1e-3
-"""Least over largest eigenvalue of what driving points say of the scale of shapes, for it to be used."""
-LEAST_LIKELIER = 2.0
-"""Log-likelihood by which a second mode is to explain a second part of the residues better than errors of gains."""
-LARGEST_ERROR = 0.1
-"""Errors of gains of single functions, relative, that are thought possible."""
-UNKNOWN_ANGLE = np.pi / 4.0
-"""Standard deviation, rad, of a rotation that nothing tells: any shape of the subspace is as good."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -222,7 +212,15 @@ def rank_one_modes(
     return _refined(around, factors, start, participation)
 
 
-def _factors(around: Around, pole: complex, most: int) -> _Factors:
+def _factors(
+    around: Around,
+    pole: complex,
+    most: int,
+    *,
+    # Part of a second mode in the residues, relative to the first, below which it may be an error of the
+    # measurement.
+    least_part: float = 0.02,
+) -> _Factors:
     """Factor modal constants into as many modes as stand out of the noise, one at least and some at most."""
     line = around.line(np.array([pole]))[0]
     constant: NDArray[np.complex128] = around.value @ line.conj() / np.linalg.norm(line) ** 2
@@ -236,7 +234,7 @@ def _factors(around: Around, pole: complex, most: int) -> _Factors:
         freedom = 2 * (n_output - n) * (n_input - n)
         beyond = float(np.sum(gain[n:] ** 2)) > variance * scipy.special.chdtri(freedom, FALSE_ALARM)
         own = gain[n] * np.outer(left[:, n], right[n])
-        if not beyond or gain[n] < LEAST_PART * gain[0] or not _real(own, variance):
+        if not beyond or gain[n] < least_part * gain[0] or not _real(own, variance):
             break
         strong, weak = (np.abs(around.output_noise * left[:, k] * gain[k]) for k in (0, n))
         if not _is_additive(strong, weak, np.sqrt(variance) * around.output_noise):
@@ -256,7 +254,17 @@ def _real(constant: NDArray[np.complex128], variance: float) -> bool:
     return total > 0.0 and distance**2 >= MIN_COLLINEARITY * total**2 and real >= MIN_REALNESS * total
 
 
-def _is_additive(strong: NDArray[np.float64], weak: NDArray[np.float64], noise: NDArray[np.float64]) -> bool:
+def _is_additive(
+    strong: NDArray[np.float64],
+    weak: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    *,
+    # Log-likelihood by which a second mode is to explain a second part of the residues better than errors of
+    # gains.
+    least_likelier: float = 2.0,
+    # Errors of gains of single functions, relative, that are thought possible.
+    largest_error: float = 0.1,
+) -> bool:
     """Whether a weak part of the modal constants is one of a mode, and not an error of gains or of places hit.
 
     Such errors grow with the response of the strong part and are nothing where that is at rest; a mode shows there.
@@ -268,13 +276,18 @@ def _is_additive(strong: NDArray[np.float64], weak: NDArray[np.float64], noise: 
         return float(np.max(-0.5 * np.sum(np.log(variance) + weak**2 / variance, axis=1)))
 
     size = np.geomspace(0.1, 10.0, 41)[:, None] * np.sqrt(np.mean(weak**2))
-    error = np.geomspace(1e-3, LARGEST_ERROR, 41)[:, None]
+    error = np.geomspace(1e-3, largest_error, 41)[:, None]
     additive = log_likelihood(size * np.ones(weak.size))
-    return additive > log_likelihood(error * strong) + LEAST_LIKELIER
+    return additive > log_likelihood(error * strong) + least_likelier
 
 
 def _common_basis(
-    factors: _Factors, around: Around, pairs: list[tuple[int, int, float]]
+    factors: _Factors,
+    around: Around,
+    pairs: list[tuple[int, int, float]],
+    *,
+    # Least over largest eigenvalue of what driving points say of the scale of shapes, for it to be used.
+    least_definite: float = 1e-3,
 ) -> NDArray[np.float64]:
     """Mixing X of the columns that makes shapes ``left X`` and participations ``right X**-T`` the same.
 
@@ -292,7 +305,7 @@ def _common_basis(
         known = (sign[:, None] * right[i]).reshape(-1)
         square = np.tensordot(np.linalg.lstsq(equations, known, rcond=None)[0], unit, axes=1)
         value = np.linalg.eigvalsh(square)
-        if value[0] > LEAST_DEFINITE * value[-1]:
+        if value[0] > least_definite * value[-1]:
             return np.linalg.cholesky(square)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(left.T @ left)).T)
 
@@ -322,6 +335,9 @@ def _refined(
     factors: _Factors,
     start: NDArray[np.complex128],
     participation: NDArray[np.float64],
+    *,
+    # Standard deviation, rad, of a rotation that nothing tells: any shape of the subspace is as good.
+    unknown_angle: float = np.pi / 4.0,
 ) -> RankOneModes:
     """Minimise the misfit over poles and a rotation of the participations, from a start."""
     from scipy.optimize import (
@@ -368,18 +384,13 @@ def _refined(
         pole_std=width * np.maximum(std[:n], std[n : 2 * n])[rank],
         residue=residue,
         residue_std=noise * np.sqrt(0.5 * grown) / (line * 2.0 * np.mean(pole.imag)),
-        angle_std=float(min(std[2 * n :].max(initial=0.0), UNKNOWN_ANGLE)),
+        angle_std=float(min(std[2 * n :].max(initial=0.0), unknown_angle)),
         left=float(np.sum(np.abs(rest) ** 2)) / grown,
     )
 
 
-NEAR = 1.0
-"""Half bandwidths within which residues of two poles are taken together: beyond, each pole has certain ones."""
 ALIKE = 0.9
 """MAC from which on neighbouring poles are one mode."""
-WINDOW = 10.0
-"""Half bandwidths on each side of a pole over which its modes are sought."""
-_FEWEST_LINES = 16
 
 
 def with_repeated_roots(model: ModalModel, frf: FRF) -> ModalModel:
@@ -422,11 +433,16 @@ def _alike(residue: NDArray[np.complex128]) -> bool:
     return bool(np.all(np.abs(np.sum(shape[1:].conj() * shape[:-1], axis=1)) ** 2 > ALIKE))
 
 
-def _clusters(pole: NDArray[np.complex128]) -> Iterator[NDArray[np.int64]]:
+def _clusters(
+    pole: NDArray[np.complex128],
+    *,
+    # Half bandwidths within which residues of two poles are taken together: beyond, each pole has certain ones.
+    near: float = 1.0,
+) -> Iterator[NDArray[np.int64]]:
     """Yield the positions of poles that are near each other, of one alone, too."""
     first = 0
     for r in range(1, pole.size + 1):
-        if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -NEAR * max(
+        if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -near * max(
             pole.real[r], pole.real[r - 1], key=abs
         ):
             yield np.arange(first, r)
@@ -439,10 +455,14 @@ def _around(
     frf: FRF,
     rest: NDArray[np.complex128],
     noises: tuple[NDArray[np.float64], NDArray[np.float64]],
+    *,
+    # Half bandwidths on each side of a pole over which its modes are sought.
+    window: float = 10.0,
+    fewest_lines: int = 16,
 ) -> tuple[Around, float]:
     """Return the functions around modes, less all other ones, and the power of what the model leaves of them."""
     spacing = 2.0 * np.pi * (frf.frequency[1] - frf.frequency[0])
-    reach = int(max(np.ceil(WINDOW * -model.pole[own].real.min() / spacing), _FEWEST_LINES))
+    reach = int(max(np.ceil(window * -model.pole[own].real.min() / spacing), fewest_lines))
     middle = int(np.argmin(np.abs(2.0 * np.pi * frf.frequency - model.pole[own].imag.mean())))
     lines = slice(max(0, middle - reach), middle + reach + 1)
     s = 2j * np.pi * frf.frequency[lines]

@@ -39,13 +39,16 @@ from ema.types.arrays import readonly
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
 
-_ROUNDS = 40
-_ENDED = 1e-14  # relative step of a root that has settled
-_ROUNDING = 1e-9  # relative step below which one that does not shrink is rounding
-_SUM = 1e-9  # error of the sum of all roots, relative to the sum of their sizes
 
-
-def nearby_roots(coefficient: NDArray[Any], known: NDArray[np.complex128]) -> NDArray[np.complex128] | None:
+def nearby_roots(
+    coefficient: NDArray[Any],
+    known: NDArray[np.complex128],
+    *,
+    ended: float = 1e-14,
+    rounding: float = 1e-9,
+    sum_error: float = 1e-9,
+    rounds: int = 40,
+) -> NDArray[np.complex128] | None:
     """Return the roots of ``z**n + sum_k coefficient[k] z**k``, ``(n,)``, or None where they must be found otherwise.
 
     Parameters
@@ -53,6 +56,14 @@ def nearby_roots(coefficient: NDArray[Any], known: NDArray[np.complex128]) -> ND
     coefficient : (n,) float or complex
     known : (n_known,) complex
         Where roots are sought, at most n; further ones begin between them around the unit circle.
+    ended : float
+        Relative step of a root that has settled.
+    rounding : float
+        Relative step below which one that does not shrink is rounding.
+    sum_error : float
+        Error of the sum of all roots, relative to the sum of their sizes.
+    rounds : int
+        Most steps.
     """
     n = coefficient.size
     root = np.concatenate([known, _between(known, n - known.size)])
@@ -62,19 +73,19 @@ def nearby_roots(coefficient: NDArray[Any], known: NDArray[np.complex128]) -> ND
     rows = [ascending, np.roll(ascending * power, -1), ascending[::-1], np.roll(ascending[::-1] * power, -1)]
     table = np.stack(rows, axis=1)
     active, before = np.arange(n), np.full(n, np.inf)
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         step = _steps(table, root, active)
         if not np.all(np.isfinite(step)):
             return None
         root[active] -= step
         size = np.abs(step) / np.maximum(np.abs(root[active]), np.finfo(float).tiny)
-        settled = (size < _ENDED) | ((size < _ROUNDING) & (size > 0.5 * before[active]))
+        settled = (size < ended) | ((size < rounding) & (size > 0.5 * before[active]))
         before[active] = size
         active = active[~settled]
         if not active.size:
             break
     off = abs(root.sum() + coefficient[-1])
-    return None if active.size or off > _SUM * np.abs(root).sum() else root
+    return None if active.size or off > sum_error * np.abs(root).sum() else root
 
 
 def _steps(
@@ -109,10 +120,6 @@ def _between(known: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
     gap = np.diff(angle, append=angle[0] + 2.0 * np.pi)
     widest = np.argsort(-gap)[:n]
     return np.asarray(1.01 * np.exp(1j * (angle[widest] + 0.5 * gap[widest] + 1e-3)))
-
-
-_AT_ONCE = 1 << 20  # values of functions that are summed over at once
-_MANY = 30  # roots from which on those of the order before them save time
 
 
 def lscf_poles(
@@ -214,13 +221,15 @@ def _denominators(
     step: int,
     *,
     real: bool,
+    # Values of functions that are summed over at once.
+    at_once: int = 1 << 20,
 ) -> list[NDArray[Any]]:
     """Solve for the denominators ``(k, m, m)`` of every degree ``k``, the monic coefficient left out."""
     n_output, m, n_frequency = value.shape
     size = degree + 1
     kernel = np.exp(1j * np.outer(np.arange(size), theta))
     cross_power, lags = np.zeros((m, m, n_frequency), complex), []
-    few = max(1, _AT_ONCE // (m * n_frequency))
+    few = max(1, at_once // (m * n_frequency))
     for first in range(0, n_output, few):
         own = value[first : first + few]
         weighted = own * weight
@@ -283,14 +292,20 @@ def _solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.lstsq(matrix, right, rcond=None)[0]
 
 
-def _roots(coefficient: NDArray[Any], known: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _roots(
+    coefficient: NDArray[Any],
+    known: NDArray[np.complex128],
+    *,
+    # Roots from which on those of the order before them save time.
+    many: int = 30,
+) -> NDArray[np.complex128]:
     """Roots of ``det(sum_k coefficient[k] z**k + I z**n)`` as eigenvalues of the block companion matrix.
 
     The coefficients stand in the first block row, the form that LAPACK reduces fastest. Many roots of one polynomial
     are found from `known` ones, those of the order before.
     """
     n, m, _ = coefficient.shape
-    if m == 1 and n > _MANY:
+    if m == 1 and n > many:
         near = nearby_roots(coefficient[:, 0, 0], known)
         if near is not None:
             real = np.abs(near.imag) < 1e-12 * np.abs(near)  # to rounding, which eigenvalues do not have
@@ -301,11 +316,6 @@ def _roots(coefficient: NDArray[Any], known: NDArray[np.complex128]) -> NDArray[
     return scipy.linalg.eigvals(companion, overwrite_a=True, check_finite=False).astype(complex)
 
 
-DEFAULT_ORDER = 60
-LINK_DISTANCE = 0.01
-"""Largest distance of linked poles of neighbouring orders over the magnitude of the pole."""
-MAX_GAP = 2
-"""A chain survives this many orders without its pole."""
 MIN_CHAIN = 6
 """Fewest poles in a cluster, or a third of the orders where they are few."""
 
@@ -356,9 +366,9 @@ class StabilizationDiagram:
         return self.cluster >= 0
 
 
-def highest_order(n_line: int) -> int:
+def highest_order(n_line: int, *, default_order: int = 60) -> int:
     """Return the highest model order where none is asked for: 60, less in bands of few lines."""
-    return max(1, min(DEFAULT_ORDER, n_line // 3))
+    return max(1, min(default_order, n_line // 3))
 
 
 def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram:
@@ -419,7 +429,14 @@ def _of_part(
     return all_orders, all_poles, *_clusters(all_orders, all_poles, chain, order)
 
 
-def _chain(poles: list[NDArray[np.complex128]]) -> NDArray[np.int64]:
+def _chain(
+    poles: list[NDArray[np.complex128]],
+    *,
+    # Largest distance of linked poles of neighbouring orders over the magnitude of the pole.
+    link_distance: float = 0.01,
+    # A chain survives this many orders without its pole.
+    max_gap: int = 2,
+) -> NDArray[np.int64]:
     """Give each pole the number of its chain, in the order of the concatenated poles."""
     numbers: list[NDArray[np.int64]] = []
     n_chain = 0
@@ -427,14 +444,14 @@ def _chain(poles: list[NDArray[np.complex128]]) -> NDArray[np.int64]:
     end_order = np.empty(0, dtype=int)
     end_number = np.empty(0, dtype=int)
     for k, current in enumerate(poles):
-        alive = k - end_order <= MAX_GAP + 1
+        alive = k - end_order <= max_gap + 1
         end_pole, end_order, end_number = end_pole[alive], end_order[alive], end_number[alive]
         number = np.full(current.size, -1)
         if current.size and end_pole.size:
             distance = np.abs(current[:, None] - end_pole) / np.abs(current)[:, None]
             nearest_end, nearest_pole = distance.argmin(axis=1), distance.argmin(axis=0)
             mutual = nearest_pole[nearest_end] == np.arange(current.size)
-            linked = mutual & (distance[np.arange(current.size), nearest_end] <= LINK_DISTANCE)
+            linked = mutual & (distance[np.arange(current.size), nearest_end] <= link_distance)
             number[linked] = end_number[nearest_end[linked]]
         new = number < 0
         number[new] = n_chain + np.arange(np.count_nonzero(new))

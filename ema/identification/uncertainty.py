@@ -40,10 +40,6 @@ from ema.types.modal_model import ModalModel
 
 _REACH = 4.0
 """Half bandwidths around a pole from which its noise is taken."""
-_FEWEST = 8  # lines on each side
-_BELIEVED = 2.0
-"""Standard deviations from which noise is taken to be more than what is independent."""
-_CORRELATED = 4.0  # likewise of the correlation from line to line, whose sum is what scatters most
 _TWO_SIDED = 0.975
 
 
@@ -163,7 +159,14 @@ def enlargement(runs: tuple[RunNoise, ...]) -> Enlargement:
     return Enlargement(each=each, together=together, freedom=freedoms)
 
 
-def _slope(g: NDArray[np.float64], ratio: NDArray[np.float64], freedom: NDArray[np.float64]) -> float:
+def _slope(
+    g: NDArray[np.float64],
+    ratio: NDArray[np.float64],
+    freedom: NDArray[np.float64],
+    *,
+    # Standard deviations from which noise is taken to be more than what is independent.
+    believed: float = 2.0,
+) -> float:
     """Rise of the variance ratio with the response, ``ratio = 1 + slope g``; 0 where chance makes as much.
 
     Weighted least squares, the weights from the rise itself: the variance of a ratio is its square over the freedom.
@@ -173,27 +176,39 @@ def _slope(g: NDArray[np.float64], ratio: NDArray[np.float64], freedom: NDArray[
         weight = freedom / (1.0 + slope * g) ** 2
         slope = max(0.0, float(np.sum(weight * g * (ratio - 1.0)) / np.sum(weight * g**2)))
     chance = float(np.sum(freedom * g**2)) ** -0.5
-    return slope if slope > _BELIEVED * chance else 0.0
+    return slope if slope > believed * chance else 0.0
 
 
-def _serial(correlations: list[NDArray[np.float64]], freedom: float) -> float:
+def _serial(
+    correlations: list[NDArray[np.float64]],
+    freedom: float,
+    *,
+    # Likewise of the correlation from line to line, whose sum is what scatters most.
+    correlated: float = 4.0,
+) -> float:
     """Spectral density over variance of what is left, where a correlation from line to line is significant."""
     length = min(c.size for c in correlations)
     total = np.sum([c[:length] for c in correlations], axis=0)
-    if length < 2 or total[1] < _CORRELATED / np.sqrt(2.0 * freedom) * total[0]:
+    if length < 2 or total[1] < correlated / np.sqrt(2.0 * freedom) * total[0]:
         return 1.0
     correlation = total / total[0]
     end = int(np.argmax(correlation <= 0.0)) or length  # beyond its first zero it is noise
     return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
-def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
+def _window(
+    frequency: NDArray[np.float64],
+    pole: complex,
+    *,
+    # Lines on each side.
+    fewest: int = 8,
+) -> slice:
     """Lines around a pole that its noise is taken from."""
     spacing = frequency[1] - frequency[0]
     centre = (pole.imag / (2.0 * np.pi) - frequency[0]) / spacing
-    reach = max(_REACH * -pole.real / (2.0 * np.pi * spacing), _FEWEST)
-    start = int(np.clip(centre - reach, 0, max(frequency.size - 2 * _FEWEST, 0)))
-    return slice(start, int(np.clip(centre + reach + 1, start + 2 * _FEWEST, frequency.size)))
+    reach = max(_REACH * -pole.real / (2.0 * np.pi * spacing), fewest)
+    start = int(np.clip(centre - reach, 0, max(frequency.size - 2 * fewest, 0)))
+    return slice(start, int(np.clip(centre + reach + 1, start + 2 * fewest, frequency.size)))
 
 
 def _read_from(
@@ -207,7 +222,6 @@ def _read_from(
 
 UNKNOWN_LINES = 0.4
 """Standard deviation of a half-power bandwidth of few lines, in lines."""
-_FADES = 1.0  # lines below `MIN_LINES` over which it fades out
 
 
 def with_unknown_lines(modal_model: ModalModel, frequency: NDArray[np.float64]) -> ModalModel:
@@ -239,7 +253,7 @@ def with_unknown_lines(modal_model: ModalModel, frequency: NDArray[np.float64]) 
 
 
 def decay_variance(
-    pole: NDArray[np.complex128], frequency: NDArray[np.float64], decay_rate: float
+    pole: NDArray[np.complex128], frequency: NDArray[np.float64], decay_rate: float, *, fades: float = 1.0
 ) -> NDArray[np.float64]:
     """Return the variance of the real part of poles, (rad/s)**2, of an unknown window, ``(n_mode,)``.
 
@@ -251,10 +265,12 @@ def decay_variance(
         Evenly spaced lines, Hz.
     decay_rate : float
         What a window is known to add to all decay rates, 1/s: where it is, there is nothing unknown.
+    fades : float
+        Lines below `MIN_LINES` over which it fades out.
     """
     if decay_rate > 0.0:
         return np.zeros(pole.size)
     step = float(frequency[1] - frequency[0])
     lines = -pole.real / (np.pi * step)
-    unknown = UNKNOWN_LINES * np.clip((MIN_LINES - lines) / _FADES, 0.0, 1.0)
+    unknown = UNKNOWN_LINES * np.clip((MIN_LINES - lines) / fades, 0.0, 1.0)
     return np.asarray((np.pi * step * unknown) ** 2)

@@ -26,21 +26,20 @@ from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
 
-_HEADER = 128  # bytes before the first element
-_MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
 _TEXT = frozenset((16, 17, 18))
 _NUMERIC_CLASSES = range(6, 16)
-_DEEPEST = 30  # structures in structures
 
 
-def check_elements(path: Path) -> None:
+def check_elements(path: Path, *, header: int = 128) -> None:
     """Walk through all elements that are not compressed; those carry a checksum.
 
     Parameters
     ----------
     path : Path
         MATLAB file of version 5 to 7.2.
+    header : int
+        Bytes before the first element.
 
     Raises
     ------
@@ -48,11 +47,22 @@ def check_elements(path: Path) -> None:
         An element has an unknown type, or is longer than what it is in; the message says at which byte.
     """
     with path.open("rb") as file:
-        order = ">" if file.read(_HEADER)[-2:] == b"MI" else "<"
-        _check(file, _HEADER, os.fstat(file.fileno()).st_size, order, 0)
+        order = ">" if file.read(header)[-2:] == b"MI" else "<"
+        _check(file, header, os.fstat(file.fileno()).st_size, order, 0)
 
 
-def _check(file: BinaryIO, position: int, end: int, order: str, depth: int) -> None:
+def _check(
+    file: BinaryIO,
+    position: int,
+    end: int,
+    order: str,
+    depth: int,
+    *,
+    matrix: int = 14,
+    compressed: int = 15,
+    # Structures in structures.
+    deepest: int = 30,
+) -> None:
     """Check the elements between two positions of a file; below the top they are the parts of one matrix."""
     numeric = False
     first = True
@@ -65,16 +75,16 @@ def _check(file: BinaryIO, position: int, end: int, order: str, depth: int) -> N
             kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
             stop = position + 8
         else:
-            stop = start + size + (-size % 8 if kind != _COMPRESSED else 0)
+            stop = start + size + (-size % 8 if kind != compressed else 0)
         expected = (
-            {_MATRIX, _COMPRESSED} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {_MATRIX}
+            {matrix, compressed} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {matrix}
         )
-        if kind not in expected or start + size > end or depth > _DEEPEST:
+        if kind not in expected or start + size > end or depth > deepest:
             message = f"the element at byte {position} has type {kind} and {size} bytes, which cannot be"
             raise ValueError(message)
         if depth > 0 and first and len(tag) > 8:  # the flags of a matrix, whose lowest byte is its class
             numeric = struct.unpack(f"{order}I", tag[8:12])[0] & 0xFF in _NUMERIC_CLASSES
-        if kind == _MATRIX and size:
+        if kind == matrix and size:
             _check(file, start, start + size, order, depth + 1)
         position, first = stop, False
 
@@ -183,7 +193,6 @@ LARGEST = 100_000_000
 """Values that one array may hold: five times 200 functions to 3 forces of 32000 lines. A damaged size is larger."""
 _PART = re.compile(r"(.+)\[([-\d:, ]+)\]")
 """A part of an array, as ``FRF[:, 0]``: places are counted from 0, as in Python."""
-_LISTED = 20  # names of a file that a message lists
 NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
 """First bytes of files of numpy.save, and of numpy.savez."""
 _UNITS = ("unit", "units", "Unit", "Units")  # attributes of HDF5
@@ -297,7 +306,9 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         raise MeasurementError(message) from error
 
 
-def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -> NDArray[Any]:
+def array(
+    path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, *, listed: int = 20
+) -> NDArray[Any]:
     """Read one array by its name.
 
     Parameters
@@ -310,6 +321,8 @@ def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) ->
         Key of the campaign file that asks for it, for messages.
     name : str
         Its name, perhaps with the part of it that is wanted, ``FRF[:, 0]``.
+    listed : int
+        Names of a file that a message lists.
 
     Returns
     -------
@@ -324,8 +337,8 @@ def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) ->
     try:
         found = arrays[name]
     except KeyError:
-        there = [f"{other} ({arrays[other]})" for other in list(arrays)[:_LISTED]]
-        more = f" and {len(arrays) - _LISTED} more" if len(arrays) > _LISTED else ""
+        there = [f"{other} ({arrays[other]})" for other in list(arrays)[:listed]]
+        more = f" and {len(arrays) - listed} more" if len(arrays) > listed else ""
         message = f"{path}: variable {name!r} ({key}): no numbers of that name; the file holds "
         raise MeasurementError(message + (", ".join(there) or "no numbers") + more) from None
     if not 0 < prod(found.shape) <= LARGEST:

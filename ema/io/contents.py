@@ -164,11 +164,6 @@ def with_names(
     return tuple((o, i or named[-1]) for o, i in dofs), ["the force's DOF is taken from the file names"]
 
 
-_LEAST_OF_DEGREES = 60.0
-"""Largest phase from which on numbers without a unit are taken as degrees. A phase that is not wrapped passes 2 pi in
-rad, but needs some twenty resonances to pass this; in degrees one resonance takes it beyond 90."""
-
-
 def from_polar(
     magnitude: NDArray[np.float64], phase: NDArray[np.float64], *, decibel: bool, degrees: bool
 ) -> NDArray[np.complex128]:
@@ -179,7 +174,12 @@ def from_polar(
 
 
 def polar_units(
-    titles: tuple[str, str], magnitude: NDArray[np.float64], phase: NDArray[np.float64], guesses: list[str]
+    titles: tuple[str, str],
+    magnitude: NDArray[np.float64],
+    phase: NDArray[np.float64],
+    guesses: list[str],
+    *,
+    least_of_degrees: float = 60.0,
 ) -> dict[str, str]:
     """Return `magnitude_unit` and `phase_unit` as a campaign file has them, where they are not the usual ones.
 
@@ -191,6 +191,9 @@ def polar_units(
         The numbers, of any shape.
     guesses : list of str
         What only the numbers tell is added to it.
+    least_of_degrees : float
+        Largest phase from which on numbers without a unit are taken as degrees. A phase that is not wrapped passes 2
+        pi in rad, but needs some twenty resonances to pass this; in degrees one resonance takes it beyond 90.
     """
     keys: dict[str, str] = {}
     of_magnitude, of_phase = (title.lower() for title in titles)
@@ -206,7 +209,7 @@ def polar_units(
     elif largest <= 2 * np.pi:
         keys["phase_unit"] = "rad"
         guesses.append(f"the phase is taken as rad, since it does not pass {largest:.3g}")
-    elif largest < _LEAST_OF_DEGREES:
+    elif largest < least_of_degrees:
         keys["phase_unit"] = UNKNOWN
         guesses.append(f"the phase reaches {largest:.3g}, which may be rad or degrees")
     else:

@@ -166,8 +166,6 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
 _DOF = re.compile(r"(\d{1,10})([+-])([xyz])(?:_(real|imag))?", re.IGNORECASE)
 _DELIMITERS = ";\t,"
 _YES = ("yes", "true", "1")
-_LARGEST_NODE = 2**31 - 1
-_LONGEST_ROW = 2**20  # characters of names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,11 +213,16 @@ def is_table_of_shapes(path: Path) -> bool:
     return {"node", "x", "y", "z"} <= names and ("mode_1_real" in names or "mode_1" in names)
 
 
-def _first_names(path: Path) -> set[str]:
+def _first_names(
+    path: Path,
+    *,
+    # Characters of names.
+    longest_row: int = 2**20,
+) -> set[str]:
     """Return the cells of the first row of a text file in small letters; none where it is no text."""
     try:
         with path.open(encoding="utf-8-sig") as file:
-            head = file.readline(_LONGEST_ROW).rstrip("\n")
+            head = file.readline(longest_row).rstrip("\n")
     except (OSError, ValueError):
         return set()
     return {cell.strip().strip('"').casefold() for cell in re.split("[;\t,]", head)}
@@ -322,10 +325,12 @@ def _beside(table: _Table) -> tuple[NDArray[np.int64], NDArray[np.float64], NDAr
     return np.array([node for node, _, _ in parts], dtype=np.int64), np.array(direction), np.array(shape)
 
 
-def _apart(table: _Table, n: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex128]]:
+def _apart(
+    table: _Table, n: int, *, largest_node: int = 2**31 - 1
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex128]]:
     """Return points, directions and shapes of a table that has a row for each DOF."""
     number = table.numbers("node")
-    odd = np.flatnonzero((number != np.round(number)) | (number < 0) | (number > _LARGEST_NODE))
+    odd = np.flatnonzero((number != np.round(number)) | (number < 0) | (number > largest_node))
     if odd.size:
         message = f"{table.path}: row {odd[0] + 2}: node is {number[odd[0]]:g}, expected a point number"
         raise MeasurementError(message)

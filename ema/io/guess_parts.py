@@ -30,8 +30,6 @@ _ENDS = {
 }
 """How a name ends that is written as one word, such as ``Hmag``."""
 _NO_FRF = re.compile(r"spec|psd|csd|cross|auto|fft|corr|coh", re.IGNORECASE)
-_FEWEST_LINES = 10
-_FULL_TURN = 360.0  # degrees, which no phase exceeds
 LONGEST_SAMPLE = 2e-3
 """Longest step of an axis without a name, s, that is one of time: as a step of Hz it would ask for records of 500 s."""
 
@@ -72,6 +70,9 @@ def parts_of_frfs(
 
 def table_of_frfs(
     arrays: _Arrays,
+    *,
+    # Degrees, which no phase exceeds.
+    full_turn: float = 360.0,
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]], list[str]] | None:
     """Return keys of FRFs that stand beside their frequencies in one real array, its parts, and what was guessed.
 
@@ -88,7 +89,7 @@ def table_of_frfs(
         if float(np.diff(axis).mean()) <= LONGEST_SAMPLE:
             continue  # a time
         first, second = columns[:, 1::2].astype(float), columns[:, 2::2].astype(float)
-        is_polar = bool(np.all(first >= 0.0)) and 1.0 < float(np.max(np.abs(second))) <= _FULL_TURN
+        is_polar = bool(np.all(first >= 0.0)) and 1.0 < float(np.max(np.abs(second))) <= full_turn
         kinds, guesses = (WAYS[2] if is_polar else WAYS[1]), list[str]()
         places = [f"{name}[:, {own}]" if along == 0 else f"{name}[{own}]" for own in ("0", "1::2", "2::2")]
         keys: dict[str, Any] = {kinds[0]: [places[1]], kinds[1]: [places[2]], "frequency": places[0]}
@@ -133,8 +134,8 @@ def _pairs(arrays: _Arrays, keys: tuple[str, ...]) -> list[tuple[str, str]]:
     return list(dict.fromkeys(pair for pair in pairs if pair[0] != pair[1]))
 
 
-def _is_function(name: str, value: NDArray[Any]) -> bool:
-    real = value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) >= _FEWEST_LINES
+def _is_function(name: str, value: NDArray[Any], *, fewest_lines: int = 10) -> bool:
+    real = value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) >= fewest_lines
     return real and not _NO_FRF.search(name)
 
 

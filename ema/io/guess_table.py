@@ -36,9 +36,6 @@ from ema.io.rows import (
     unpacked,
 )
 
-_FEWEST_ROWS = 10  # of numbers; less is no measured function
-_LOOKED_AT = 400  # rows of numbers
-_MOST_HEADER = 200  # rows
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
     r"frequency.?response|transfer|\bfrf|\bH[12v]?\b|response.?func|/\W?(?:[km]?N|lbf?)\b|accelerance|"
@@ -224,7 +221,16 @@ def _spectrum_in(text: _Text, columns: list[int]) -> str:
     return "" if found is None else found[0].strip()
 
 
-def _cut(path: Path) -> _Text | None:
+def _cut(
+    path: Path,
+    *,
+    # Of numbers; less is no measured function.
+    fewest_rows: int = 10,
+    # Rows of numbers.
+    looked_at: int = 400,
+    # Rows.
+    most_header: int = 200,
+) -> _Text | None:
     try:
         data = unpacked(path.read_bytes(), path.suffix)
     except (OSError, EOFError, gzip.zlib.error):  # type: ignore[attr-defined]
@@ -237,15 +243,15 @@ def _cut(path: Path) -> _Text | None:
             return None  # its first bytes tell another one, in which it cannot be read
         encoding = "latin-1"
         rows = decoded(data, encoding).splitlines()
-    quoted = any('"' in row for row in rows[: _MOST_HEADER + _LOOKED_AT])
+    quoted = any('"' in row for row in rows[: most_header + looked_at])
     for delimiter, decimal in ((d, p) for d in _DELIMITERS for p in ".,"):
         if (delimiter, decimal) == ("comma", ",") and not quoted:
             continue
-        numbers = [_numbers(row, delimiter, decimal) for row in rows[: _MOST_HEADER + _LOOKED_AT]]
-        for start in range(min(len(numbers), _MOST_HEADER)):
+        numbers = [_numbers(row, delimiter, decimal) for row in rows[: most_header + looked_at]]
+        for start in range(min(len(numbers), most_header)):
             width = len(numbers[start] or ())
-            block = numbers[start : start + _FEWEST_ROWS]
-            if width > 1 and len(block) == _FEWEST_ROWS and all(len(row or ()) == width for row in block):
+            block = numbers[start : start + fewest_rows]
+            if width > 1 and len(block) == fewest_rows and all(len(row or ()) == width for row in block):
                 segments = segments_of(rows, start)
                 last = start + len(segments[0].rows)
                 value = [row for row in numbers[start:last] if row is not None and len(row) == width]

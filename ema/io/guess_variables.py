@@ -30,12 +30,8 @@ _NUMBERED = re.compile(
 )  # no numbers of devices, as in LabVIEW's cDAQ1Mod2/ai0
 _OF_POINTS = r"point|node|dof|pos|punkt|knoten|to[cč]k|^p[^a-z]*$|^pt"
 _FEWEST_SAMPLES = 64
-_LONGEST_SAMPLE = 2e-3  # s, of a first channel that is taken for the time without being called so
-_OF_A_PULSE = 0.1
-"""Of the largest value, above which a sample belongs to the pulse of a hammer."""
 PULSE = 0.02
 """Share of a record that the pulse of a hammer takes at most."""
-_FEWEST_OF_A_PULSE = 512  # samples of a record of which nothing but a pulse tells that it is one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +45,12 @@ class HistoriesFound:
     guesses: tuple[str, ...]
 
 
-def pulse_share(value: NDArray[np.float64]) -> NDArray[np.float64]:
+def pulse_share(
+    value: NDArray[np.float64],
+    *,
+    # Of the largest value, above which a sample belongs to the pulse of a hammer.
+    of_a_pulse: float = 0.1,
+) -> NDArray[np.float64]:
     """Return the share of each record, (..., n_sample), in which it is above a tenth of its largest value: (...).
 
     The force of a hammer is a short pulse, a response rings on. 1 of a constant record, and of one that is not finite.
@@ -58,7 +59,7 @@ def pulse_share(value: NDArray[np.float64]) -> NDArray[np.float64]:
         size = np.abs(value - np.median(value, axis=-1, keepdims=True))
     most = size.max(axis=-1, keepdims=True)
     varies = np.isfinite(most[..., 0]) & (most[..., 0] > 0)
-    return np.asarray(np.where(varies, np.mean(size > _OF_A_PULSE * most, axis=-1), 1.0))
+    return np.asarray(np.where(varies, np.mean(size > of_a_pulse * most, axis=-1), 1.0))
 
 
 def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFound | None:
@@ -196,10 +197,16 @@ def _ascends(value: NDArray[Any]) -> bool:
     return value.size == max(value.shape) and bool(np.all(np.diff(value.ravel().astype(float)) > 0))
 
 
-def _has_pulse(value: NDArray[np.float64], n_sample: int) -> bool:
+def _has_pulse(
+    value: NDArray[np.float64],
+    n_sample: int,
+    *,
+    # Samples of a record of which nothing but a pulse tells that it is one.
+    fewest_of_a_pulse: int = 512,
+) -> bool:
     """Whether some record of an array is at rest but for a short pulse, which no mode shape or spectrum of few is."""
     share = pulse_share(np.moveaxis(value, value.shape.index(n_sample), -1))
-    return n_sample >= _FEWEST_OF_A_PULSE and bool(np.any(share < PULSE))
+    return n_sample >= fewest_of_a_pulse and bool(np.any(share < PULSE))
 
 
 def _axes_of_records(own: _Records, n_sample: int, guesses: list[str]) -> list[str]:
@@ -268,14 +275,20 @@ def _flat(share: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     return np.moveaxis(share, axis, 0).reshape(share.shape[axis], -1)
 
 
-def _first_is_time(value: NDArray[np.float64], axes: list[str]) -> bool:
+def _first_is_time(
+    value: NDArray[np.float64],
+    axes: list[str],
+    *,
+    # S, of a first channel that is taken for the time without being called so.
+    longest_sample: float = 2e-3,
+) -> bool:
     """Whether the first channel ascends in steps that are those of a time."""
     if "channel" not in axes:
         return False
     value = value.reshape([n for n in value.shape if n > 1])
     first = np.moveaxis(value, [axes.index("channel"), axes.index("time")], [0, -1])[0]
     step = np.diff(first.reshape(-1, first.shape[-1])[0])
-    return bool(np.all(step >= 0) and 0 < np.median(step) <= _LONGEST_SAMPLE)
+    return bool(np.all(step >= 0) and 0 < np.median(step) <= longest_sample)
 
 
 def _titles(own: _Records, axes: list[str], *, inside: bool) -> tuple[str, ...]:
@@ -306,7 +319,6 @@ _STEP = re.compile(
 )
 _START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0)$", re.IGNORECASE)
 _FEWEST_LINES = 10
-_LISTED = 6  # names of variables in a comment
 
 
 def guess_variables(
@@ -411,7 +423,13 @@ def _of_frfs(
     )
 
 
-def _frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
+def _frfs(
+    arrays: _Arrays,
+    units: Mapping[str, str],
+    *,
+    # Names of variables in a comment.
+    listed: int = 6,
+) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
     """Return the keys of the FRFs, an array in their shape, and what was guessed."""
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
     spectra = [n for n in whole if _is_spectrum(n)]
@@ -428,13 +446,13 @@ def _frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], ND
             n for n in free if _numberless(n) == _numberless(first) and whole[n].shape == whole[first].shape
         ]
         names = alike if len(alike) > 1 and max(_counts(whole[first])) == 1 else [first]
-        others = [name for name in whole if name not in names][:_LISTED]
+        others = [name for name in whole if name not in names][:listed]
         said = f"variable{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {'are' if len(names) > 1 else 'is'}"
         beside = f"; other complex variables are {', '.join(map(repr, others))}" if others else ""
         return {"frf": names}, whole[first], [f"{said} taken as the FRFs{beside}"]
     if (parts := parts_of_frfs(arrays, units)) is not None:
         return parts
-    said = f"complex variables {', '.join(map(repr, spectra[:_LISTED]))} look like spectra" if spectra else ""
+    said = f"complex variables {', '.join(map(repr, spectra[:listed]))} look like spectra" if spectra else ""
     said = said or magnitudes_alone(arrays)
     return {"frf": UNKNOWN}, None, [said] if said else []
 

@@ -59,13 +59,9 @@ class MeasuredFunction:
 
 
 _MOST_DIGITS = 9
-_FEWEST = 10  # samples that tell a rate
-_LONGEST = 1e9  # s
-_JITTER = 0.2  # of a step; a missing or a doubled sample is more
-_MOST_OFF = 0.35  # of a step, by which times of mixed digits lie off the line
 
 
-def rate_of_rounded(time: NDArray[np.float64]) -> float | None:
+def rate_of_rounded(time: NDArray[np.float64], *, fewest: int = 10, longest: float = 1e9) -> float | None:
     """Return the sampling rate of which times are the rounded ones, Hz; None where there is no such rate.
 
     Rounded times repeat, or come in steps of two sizes. A line through them tells the rate far better than its two
@@ -76,8 +72,12 @@ def rate_of_rounded(time: NDArray[np.float64]) -> float | None:
     ----------
     time : (n_sample,) float
         Times as the file holds them, s.
+    fewest : int
+        Samples that tell a rate.
+    longest : float
+        S.
     """
-    if time.size < _FEWEST or not np.all(np.abs(time) < _LONGEST) or np.any(np.diff(time) < 0):
+    if time.size < fewest or not np.all(np.abs(time) < longest) or np.any(np.diff(time) < 0):
         return None
     return _of_decimals(time) or _of_digits(time) or _of_mixed_digits(time)
 
@@ -119,21 +119,31 @@ def _line(time: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
     return float(step), time - start - step * sample
 
 
-def is_uneven(time: NDArray[np.float64]) -> bool:
+def is_uneven(
+    time: NDArray[np.float64],
+    *,
+    # Of a step; a missing or a doubled sample is more.
+    jitter: float = 0.2,
+) -> bool:
     """Whether samples, (n_sample,), lie farther from even steps than the last digit of printed times lets them."""
     with np.errstate(over="ignore", invalid="ignore"):  # times that are none
         step = np.diff(time)
     if step.size == 0 or not np.isfinite(step).all():
         return True
-    return bool(np.abs(step - step.mean()).max() > _JITTER * step.mean())
+    return bool(np.abs(step - step.mean()).max() > jitter * step.mean())
 
 
-def _of_mixed_digits(time: NDArray[np.float64]) -> float | None:
+def _of_mixed_digits(
+    time: NDArray[np.float64],
+    *,
+    # Of a step, by which times of mixed digits lie off the line.
+    most_off: float = 0.35,
+) -> float | None:
     """Return the rate of times with more digits in some rows than in others, which lie about a line without a break."""
     step, off = _line(time)
-    if step <= 0 or np.abs(off).max() > _MOST_OFF * step:
+    if step <= 0 or np.abs(off).max() > most_off * step:
         return None
-    if any(abs(part.mean()) > _MOST_OFF / 5 * step for part in np.array_split(off, 10)):
+    if any(abs(part.mean()) > most_off / 5 * step for part in np.array_split(off, 10)):
         return None  # a missing sample moves all that follow
     doubt = 3.0 * float(np.abs(off).max()) / (step * time.size)
     return _simplest((1 - doubt) / step, (1 + doubt) / step)

@@ -31,7 +31,6 @@ _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
 _ANALYSES = {0: "unknown", 1: "static", 4: "transient", 5: "frequency response", 6: "buckling"}
 _REAL, _COMPLEX = (2, 4), (5, 6)  # data types, single and double
 _DISPLACEMENT = 8
-_LARGEST_NODE = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -215,7 +214,9 @@ def _is_complex(data_set: DataSet, form: int) -> bool:
     return form in _COMPLEX
 
 
-def _values(data_set: DataSet, head: _Header) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
+def _values(
+    data_set: DataSet, head: _Header, *, largest_node: int = 2**31 - 1
+) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
     """Return the nodes of a data set and the values at each, (n_node,) and (n_node, n_value)."""
     n_number = head.n_value * (2 if head.is_complex else 1)
     nodes: list[int] = []
@@ -227,7 +228,7 @@ def _values(data_set: DataSet, head: _Header) -> tuple[NDArray[np.int64], NDArra
                 "off or was written with another number of values per node"
             )
             raise MeasurementError(message)
-        if not (re.fullmatch(r"\d+", text) and int(text) <= _LARGEST_NODE):
+        if not (re.fullmatch(r"\d+", text) and int(text) <= largest_node):
             message = f"{data_set.where}: expected a point number, found {text!r}"
             raise MeasurementError(message)
         nodes.append(int(text))

@@ -18,7 +18,6 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-_LOOKED_AT = 1000  # bytes
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 _WITHOUT_LETTER = re.compile(r"(\.\d+)([+-]\d{3})(?=$|[\s,;])")
 """An exponent of three digits takes the place of Fortran's letter, as in ``1.5-103``."""
@@ -36,12 +35,17 @@ def unpacked(data: bytes, suffix: str) -> bytes:
     return gzip.decompress(data) if suffix == ".gz" else data
 
 
-def encoding_of(data: bytes) -> str | None:
+def encoding_of(
+    data: bytes,
+    *,
+    # Bytes.
+    looked_at: int = 1000,
+) -> str | None:
     """Return the encoding that a file's first bytes tell: a mark of the byte order, or UTF-16 without one."""
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return encoding
-    head = data[: _LOOKED_AT // 2 * 2]
+    head = data[: looked_at // 2 * 2]
     even, odd = head[::2].count(0), head[1::2].count(0)
     if len(head) > 1 and max(even, odd) > 0.4 * len(head) and min(even, odd) == 0:
         return "utf-16-le" if odd > even else "utf-16-be"

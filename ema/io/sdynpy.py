@@ -23,7 +23,6 @@ FUNCTION_FIELDS = frozenset(("abscissa", "ordinate", "coordinate"))
 """Fields of such an array; `coordinate` has `node` and `direction`, of the response and of the force."""
 _TYPE = "function_type"  # number beside the array, as in universal files
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
-_LARGEST_POINT = 1e10  # as in universal files
 _LARGEST_BYTES = 16 * LARGEST
 
 
@@ -136,10 +135,15 @@ def _functions(
     return functions
 
 
-def _dof(coordinate: Any) -> tuple[int, int] | None:
+def _dof(
+    coordinate: Any,
+    *,
+    # As in universal files.
+    largest_point: float = 1e10,
+) -> tuple[int, int] | None:
     """Return point and signed direction; None where the file states none, or a rotation."""
     node, direction = int(coordinate["node"]), int(coordinate["direction"])
-    return (node, direction) if 0 < node < _LARGEST_POINT and 1 <= abs(direction) <= 3 else None
+    return (node, direction) if 0 < node < largest_point and 1 <= abs(direction) <= 3 else None
 
 
 SHAPE_FIELDS = ("frequency", "damping", "coordinate", "shape_matrix")

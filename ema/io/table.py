@@ -31,8 +31,6 @@ from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
 
 _BEYOND = "beyond the last column"
-_MOST_SHOWN = 40  # characters of a cell in a message
-_SAME_START = 0.5  # of a step: where a segment begins that goes on with the one before
 Column = Annotated[int, Field(ge=1)]
 
 
@@ -124,7 +122,12 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
 
 
 def read_records(
-    path: Path, layout: TableLayout, unit: Unit | None = None
+    path: Path,
+    layout: TableLayout,
+    unit: Unit | None = None,
+    *,
+    # Of a step: where a segment begins that goes on with the one before.
+    same_start: float = 0.5,
 ) -> tuple[tuple[MeasuredFunction, ...], ...]:
     """Read every record of a text table, each with its functions: one, and of LabVIEW's text one for each segment.
 
@@ -142,9 +145,7 @@ def read_records(
     for segment in segments_of(rows, layout.header_rows):
         functions = _record(path, layout, segment, unit)
         step = float(np.diff(functions[0].abscissa).mean()) if functions[0].abscissa.size > 1 else 0.0
-        goes_on = (
-            end is not None and abs(segment.start - end) < _SAME_START * step and layout.layout == "time"
-        )
+        goes_on = end is not None and abs(segment.start - end) < same_start * step and layout.layout == "time"
         if goes_on and len(functions) == len(records[-1]):
             records[-1] = tuple(_joined(a, b, step) for a, b in zip(records[-1], functions, strict=True))
         else:
@@ -306,9 +307,14 @@ def _points(path: Path, reader: csv.DictReader[str], decimal: str, unit: Unit) -
     )
 
 
-def _shown(cell: str) -> str:
+def _shown(
+    cell: str,
+    *,
+    # Characters of a cell in a message.
+    most_shown: int = 40,
+) -> str:
     """Return a cell as a message shows it: quoted, and only its beginning where it is long."""
-    return repr(cell if len(cell) <= _MOST_SHOWN else f"{cell[:_MOST_SHOWN]}...")
+    return repr(cell if len(cell) <= most_shown else f"{cell[:most_shown]}...")
 
 
 def _text(path: Path, encoding: str) -> str:

@@ -39,7 +39,6 @@ FIRST_CHANNEL = "first channel"
 WAYS = (("frf",), ("real", "imaginary"), ("magnitude", "phase"))
 """Keys of the FRFs, of which a file has one or one pair."""
 _OF_FRFS, _OF_HISTORIES = {"frequency", "output", "input"}, {"time", "channel", "hit", "run"}
-_LARGEST_POINT = 1e10  # as in universal files
 _Named = tuple[str, NDArray[Any]]  # a variable and its values (n_frequency, n_output, n_input)
 
 
@@ -391,6 +390,9 @@ def _dofs(
     layout: VariableLayout,
     end: Literal["output", "input"],
     count: int,
+    *,
+    # As in universal files.
+    largest_point: float = 1e10,
 ) -> list[tuple[int, int]] | list[None]:
     """Return points and signed directions along an axis, or none of them where the campaign file lists them."""
     point, direction = (getattr(layout, f"{end}_{what}") for what in ("point", "direction"))
@@ -407,7 +409,7 @@ def _dofs(
         else _whole(path, arrays, f"{end}_direction", direction, count)
     )
     for key, values, right, fits in (
-        ("point", points, "a point number", (points >= 1) & (points < _LARGEST_POINT)),
+        ("point", points, "a point number", (points >= 1) & (points < largest_point)),
         ("direction", codes, "a direction 1, 2, 3, -1, -2 or -3", np.isin(np.abs(codes), (1, 2, 3))),
     ):
         if not fits.all():

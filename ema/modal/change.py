@@ -36,9 +36,6 @@ STATED_FREEDOM = 8
 """Degrees of freedom that the stated scatter counts for: it is then right within a factor of 1.7 in nine of ten
 laboratories, which spans what is known of reassembly (`ema.campaign.campaign_file`)."""
 _FEWEST_DOFS = 5  # over which a change of shape is judged
-_EDGE = 0.02  # share of a band's ends within which a mode may be missed
-_TWIN = 0.8  # MAC of a mode with its neighbour from which it is that one twice
-_CLOSEST = 1e-3  # relative gap: closer modes are in one plane, and their mixing is not counted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -353,7 +350,13 @@ def _shift(
 
 
 def _angles(
-    after: _Side, before: _Side, stated: Reassembly, reference: tuple[NDArray[np.float64], NDArray[np.int64]]
+    after: _Side,
+    before: _Side,
+    stated: Reassembly,
+    reference: tuple[NDArray[np.float64], NDArray[np.int64]],
+    *,
+    # Relative gap: closer modes are in one plane, and their mixing is not counted.
+    closest: float = 1e-3,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the angle between the shapes of each mode, or the planes of close ones, and its expected sine, (n_mode,).
 
@@ -371,7 +374,7 @@ def _angles(
     for group in groups:
         others = np.delete(frequency, matched[group])
         gap = np.abs(own[group][:, None] / others - others / own[group][:, None])
-        mixed = 2.0 * np.sum((stated.frequency / np.maximum(gap, 2.0 * _CLOSEST)) ** 2, axis=1)
+        mixed = 2.0 * np.sum((stated.frequency / np.maximum(gap, 2.0 * closest)) ** 2, axis=1)
         assembly[group] = np.sum(stated.shape**2 + mixed)
         angle[group] = np.arcsin(sine(before.mean_shape[:, group], after.mean_shape[:, group]))
         for side in (before, after):
@@ -412,6 +415,9 @@ def _only(
     own_modes: Sequence[Modes],
     others: Sequence[ModalModel],
     other_modes: Sequence[Modes],
+    *,
+    # Share of a band's ends within which a mode may be missed.
+    edge: float = 0.02,
 ) -> NDArray[np.int64]:
     """Return numbers of modes that all repeats of one side have and none of the other, well within all bands."""
     first = own_modes[0]
@@ -420,13 +426,19 @@ def _only(
         kept &= np.isin(np.arange(kept.size), match(first, repeat)[0])
     for other in other_modes:
         kept &= ~np.isin(np.arange(kept.size), match(first, other)[0])
-    lower = max(model.band[0] for model in (*own, *others)) * (1.0 + _EDGE)
-    upper = min(model.band[1] for model in (*own, *others)) * (1.0 - _EDGE)
+    lower = max(model.band[0] for model in (*own, *others)) * (1.0 + edge)
+    upper = min(model.band[1] for model in (*own, *others)) * (1.0 - edge)
     return np.flatnonzero(kept & (first[0] > lower) & (first[0] < upper))
 
 
 def _like(
-    modes: Modes, single: NDArray[np.int64], matched: NDArray[np.int64], number: NDArray[np.int64]
+    modes: Modes,
+    single: NDArray[np.int64],
+    matched: NDArray[np.int64],
+    number: NDArray[np.int64],
+    *,
+    # MAC of a mode with its neighbour from which it is that one twice.
+    twin: float = 0.8,
 ) -> NDArray[np.int64]:
     """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1."""
     frequency, shape = modes
@@ -437,7 +449,7 @@ def _like(
     for k, r in enumerate(single):
         near = np.abs(np.log(frequency[matched] / frequency[r])) < CLOSE
         likeness = np.where(near, alike[k], 0.0)
-        if likeness.max() > _TWIN:
+        if likeness.max() > twin:
             found[k] = number[int(np.argmax(likeness))]
     return found
 

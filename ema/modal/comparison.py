@@ -20,7 +20,6 @@ from ema.types.modal_model import ModalModel
 
 MANY_DOFS = 5
 """Shared DOFs from which shapes alone tell modes apart: random shapes reach a MAC of 0.8 at five of them in 2 %."""
-_NEAR_BY_SHAPE = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,7 +109,7 @@ def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparis
 
 
 def _likeness_of_mode(
-    first: ModalModel, mode: int, second: ModalModel
+    first: ModalModel, mode: int, second: ModalModel, *, near_by_shape: float = 0.1
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """MAC ``(n_mode,)`` of one mode with those of another model over the DOFs that both have, and its use as a score.
 
@@ -126,7 +125,7 @@ def _likeness_of_mode(
     if len(pairs) >= MANY_DOFS:
         return value, value
     apart = np.abs(np.log(second.frequency / first.frequency[mode]))
-    score = np.where(apart <= _NEAR_BY_SHAPE, value * (1.0 - apart), 0.0)
+    score = np.where(apart <= near_by_shape, value * (1.0 - apart), 0.0)
     return (value if len(pairs) > 1 else np.full_like(value, np.nan)), score
 
 
@@ -139,13 +138,6 @@ Modes = tuple[NDArray[np.float64], NDArray[np.complex128]]
 CLOSE = 0.03
 """Relative gap of neighbouring frequencies below which modes are taken as a plane: a change of 6 % in stiffness closes
 it."""
-_ALIKE = 0.5
-"""MAC from which a mode is the same one: it then shares more of its shape with it than with all others together."""
-_WIDTH = 0.2
-"""Difference of the logarithms of two frequencies that halves a likeness: the larger cuts of measured plates move a
-mode by that much."""
-_FAR = 0.7  # of these logarithms, beyond which no change leaves a mode the same
-_NEAR = 0.1  # the same where few DOFs are shared, over which all shapes are alike
 
 
 def shared_dofs(models: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
@@ -155,13 +147,30 @@ def shared_dofs(models: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
     return tuple(np.array([place[key] for key in common], dtype=np.int64) for place in places)
 
 
-def match(first: Modes, second: Modes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def match(
+    first: Modes,
+    second: Modes,
+    *,
+    alike: float = 0.5,
+    width: float = 0.2,
+    far: float = 0.7,
+    near: float = 0.1,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match the modes of two states.
 
     Parameters
     ----------
     first, second : Modes
         Of each state, at the DOFs that both have.
+    alike : float
+        MAC from which a mode is the same one: it then shares more of its shape with it than with all others together.
+    width : float
+        Difference of the logarithms of two frequencies that halves a likeness: the larger cuts of measured plates
+        move a mode by that much.
+    far : float
+        Of these logarithms, beyond which no change leaves a mode the same.
+    near : float
+        The same where few DOFs are shared, over which all shapes are alike.
 
     Returns
     -------
@@ -171,12 +180,12 @@ def match(first: Modes, second: Modes) -> tuple[NDArray[np.int64], NDArray[np.in
     apart = np.abs(np.log(second[0][None, :] / first[0][:, None]))
     n_dof = first[1].shape[0]
     if n_dof >= MANY_DOFS:
-        likeness, farthest = _likeness(first, second), _FAR
+        likeness, farthest = _likeness(first, second), far
     else:  # shapes cannot tell modes apart: the nearest frequency does, unless its shape is another one
         likeness = mac(first[1], second[1]) if n_dof > 1 else np.ones(apart.shape)
-        farthest = _NEAR
-    possible = (likeness >= _ALIKE) & (apart <= farthest)
-    score = np.where(possible, likeness * np.exp(-np.log(2.0) * (apart / _WIDTH) ** 2), 0.0)
+        farthest = near
+    possible = (likeness >= alike) & (apart <= farthest)
+    score = np.where(possible, likeness * np.exp(-np.log(2.0) * (apart / width) ** 2), 0.0)
     rows, columns = scipy.optimize.linear_sum_assignment(score, maximize=True)
     found = score[rows, columns] > 0.0
     return rows[found].astype(np.int64), columns[found].astype(np.int64)
@@ -196,10 +205,7 @@ def sine(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float
     return float(np.sin(la.subspace_angles(first, second)[0]))
 
 
-def _likeness(
-    first: Modes,
-    second: Modes,
-) -> NDArray[np.float64]:
+def _likeness(first: Modes, second: Modes) -> NDArray[np.float64]:
     """MAC of every two modes; of close ones at least most of what lies in the plane of their neighbours."""
     own = mac(first[1], second[1])
     planes = np.minimum(_in_planes(first, second[1]), _in_planes(second, first[1]).T)

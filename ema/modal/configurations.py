@@ -119,36 +119,25 @@ _KNOWN = {
     2.0 * np.pi: "rad/s for Hz",
 }
 """Ratios of units that are taken for each other."""
-_NEAR = 0.15  # of the logarithm
 
 
-def factor_text(factor: float) -> str:
+def factor_text(
+    factor: float,
+    *,
+    # Of the logarithm.
+    near: float = 0.15,
+) -> str:
     """Return a factor as text, with the units that it is the ratio of, such as ``9.7 times (g for m/s²)``."""
     said = f"{factor:.3g} times"
     for ratio, what in _KNOWN.items():
-        if abs(abs(np.log(factor)) - np.log(ratio)) < _NEAR:
+        if abs(abs(np.log(factor)) - np.log(ratio)) < near:
             return f"{said} ({what} would do this)"
     return said
 
 
-_FALL = -2e-3
-"""Median change of the logarithms of frequencies under more pressure, below which a stack gets softer: a repeat of
-one state scatters less."""
 _MORE = 1.02  # ratio of two pressures or torques from which one is more
-_IN_PROPORTION = 0.1
-"""Relative difference of two pressures per torque up to which bolts and clamps are the same."""
-_SCALE = 1.5
-"""Ratio of the functions of two configurations from which they are not of one calibration: sensors agree to some per
-cent, and shapes of unit modal mass hardly change with the contact."""
-_GAIN = 0.03
-"""Change of the logarithm of a sensor's gain beside the others' from which its calibration changed between two
-configurations: a sensor keeps it within 1 %."""
-_CERTAIN = (
-    5.0  # standard errors over the modes: where a few shapes change, one sensor's places may change more
-)
 _PHASE = np.pi / 4.0
 _FEWEST_DOFS = 3
-_FEWEST_MODES = 4  # that tell of one sensor
 
 
 def contradicted(
@@ -188,7 +177,12 @@ def _pairs(
                 yield low, high
 
 
-def _out_of_proportion(configurations: Sequence[Configuration]) -> Iterator[str]:
+def _out_of_proportion(
+    configurations: Sequence[Configuration],
+    *,
+    # Relative difference of two pressures per torque up to which bolts and clamps are the same.
+    in_proportion: float = 0.1,
+) -> Iterator[str]:
     """Say where pressure does not grow with torque as it does at the other configurations of a stack."""
     for low, high in _pairs(configurations, "torque"):
         one, other = configurations[low], configurations[high]
@@ -199,7 +193,7 @@ def _out_of_proportion(configurations: Sequence[Configuration]) -> Iterator[str]
                 f"{_said(one)} and {_said(other)}: the pressure falls as the torque rises; one of the four numbers is "
                 "wrong, or two are exchanged"
             )
-        elif abs(np.log(other.pressure * one.torque / (one.pressure * other.torque))) > _IN_PROPORTION:
+        elif abs(np.log(other.pressure * one.torque / (one.pressure * other.torque))) > in_proportion:
             yield (
                 f"{_said(one)} and {_said(other)}: that is {1e-3 * one.pressure / one.torque:.4g} and "
                 f"{1e-3 * other.pressure / other.torque:.4g} kPa for each N m, but with the same bolts and clamps "
@@ -211,7 +205,14 @@ def _said(own: Configuration) -> str:
     return f"{own.name} states {own.torque:g} N m and {1e-3 * (own.pressure or 0.0):g} kPa"
 
 
-def _softer(configurations: Sequence[Configuration], comparison: Comparison) -> Iterator[str]:
+def _softer(
+    configurations: Sequence[Configuration],
+    comparison: Comparison,
+    *,
+    # Median change of the logarithms of frequencies under more pressure, below which a stack gets softer: a
+    # repeat of one state scatters less.
+    fall: float = -2e-3,
+) -> Iterator[str]:
     """Say where a stack gets softer under more pressure or, where none is stated, more torque."""
     for key, unit, factor in (("pressure", "kPa", 1e-3), ("torque", "N m", 1.0)):
         for low, high in _pairs(configurations, key):  # type: ignore[arg-type]
@@ -220,7 +221,7 @@ def _softer(configurations: Sequence[Configuration], comparison: Comparison) -> 
                 continue
             change = np.log(comparison.frequency[high] / comparison.frequency[low])
             change = change[np.isfinite(change)]
-            if change.size and np.median(change) < _FALL:
+            if change.size and np.median(change) < fall:
                 values = (f"{factor * getattr(c, key):g}" for c in (one, other))
                 yield (
                     f"the stack gets softer under pressure: from {one.name} to {other.name} the stated {key} rises "
@@ -230,7 +231,14 @@ def _softer(configurations: Sequence[Configuration], comparison: Comparison) -> 
                 )
 
 
-def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Iterator[str]:
+def _out_of_scale(
+    models: Sequence[ModalModel],
+    comparison: Comparison,
+    *,
+    # Ratio of the functions of two configurations from which they are not of one calibration: sensors agree to
+    # some per cent, and shapes of unit modal mass hardly change with the contact.
+    scale: float = 1.5,
+) -> Iterator[str]:
     """Say of which configurations all functions are larger than those of the first by one factor, or turned."""
     for k in range(1, len(models)):
         ratio = _ratios(models[0], models[k], comparison.frequency[[0, k]])
@@ -241,7 +249,7 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Itera
             float(np.angle(np.sum(ratio / np.abs(ratio)))),
         )
         name, first = models[k].name, models[0].name
-        if abs(np.log(size)) > np.log(_SCALE):
+        if abs(np.log(size)) > np.log(scale):
             yield (
                 f"all functions of {name} are {factor_text(size)} as large as those of {first} ({ratio.size} modes in "
                 "common), though the structure is the same: units or calibration differ"
@@ -258,11 +266,21 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison) -> Itera
             )
 
 
-def _sensor_changed(models: Sequence[ModalModel], comparison: Comparison) -> Iterator[str]:
+def _sensor_changed(
+    models: Sequence[ModalModel],
+    comparison: Comparison,
+    *,
+    # Change of the logarithm of a sensor's gain beside the others' from which its calibration changed between two
+    # configurations: a sensor keeps it within 1 %.
+    gain: float = 0.03,
+    certain: float = 5.0,
+    # That tell of one sensor.
+    fewest_modes: int = 4,
+) -> Iterator[str]:
     """Say of which configurations a sensor that roves reads more beside the others than in the first."""
     for k in range(1, len(models)):
         found = _constants(models[0], models[k], comparison.frequency[[0, k]])
-        if found is None or found[0].shape[1] < _FEWEST_MODES:
+        if found is None or found[0].shape[1] < fewest_modes:
             continue
         one, other, sensor = found
         number = int(sensor.max()) + 1
@@ -272,7 +290,7 @@ def _sensor_changed(models: Sequence[ModalModel], comparison: Comparison) -> Ite
             change = np.log(np.abs(_ratio(one, other, sensor == own) / _ratio(one, other, sensor != own)))
             median = float(np.median(change))
             error = 1.4826 * float(np.median(np.abs(change - median))) / np.sqrt(change.size)
-            if abs(median) > max(_GAIN, _CERTAIN * error):
+            if abs(median) > max(gain, certain * error):
                 yield (
                     f"sensor {own + 1} of each run reads {np.exp(median):.3g} times as much beside the others in "
                     f"{models[k].name} as in {models[0].name} (median of {change.size} modes), though the structure is "

@@ -170,7 +170,6 @@ LEAST_MPC = 0.8
 """Modal phase collinearity below which a mode is too complex to be compared as real. The consistent-mode indicator,
 which is the MPC times the consistency in time, speaks of high confidence from 80 % on (Pappa, Elliott and Schenk, A
 consistent-mode indicator for the eigensystem realization algorithm, NASA TM-107607, 1992)."""
-_MOST_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -246,9 +245,9 @@ def check_complexity(modal_model: ModalModel) -> tuple[Verdict, ...]:
     return (Verdict(check="complexity", level="pass", channel=(), band=None, message=text),)
 
 
-def _warnings(modal_model: ModalModel, found: Complexity) -> Iterator[Verdict]:
+def _warnings(modal_model: ModalModel, found: Complexity, *, most_listed: int = 8) -> Iterator[Verdict]:
     complex_ones = np.flatnonzero(found.is_complex)
-    for r in complex_ones[:_MOST_LISTED]:
+    for r in complex_ones[:most_listed]:
         f = float(modal_model.frequency[r])
         most = 0.5 * (1.0 + np.sqrt(found.mpc[r]))  # of a real shape along the longer axis of the components
         why = (
@@ -262,8 +261,8 @@ def _warnings(modal_model: ModalModel, found: Complexity) -> Iterator[Verdict]:
             f"with it; {why}"
         )
         yield Verdict(check="complexity", level="warn", channel=(), band=(f, f), message=text)
-    if complex_ones.size > _MOST_LISTED:
-        f = float(modal_model.frequency[complex_ones[_MOST_LISTED]])
-        number = complex_ones.size - _MOST_LISTED
+    if complex_ones.size > most_listed:
+        f = float(modal_model.frequency[complex_ones[most_listed]])
+        number = complex_ones.size - most_listed
         text = f"{number} further modes from {f:.5g} Hz on are too complex to be compared as real"
         yield Verdict(check="complexity", level="warn", channel=(), band=(f, f), message=text)

@@ -55,10 +55,6 @@ def moved_by_beyond(square: NDArray[np.float64], lost: NDArray[np.float64]) -> N
     return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
 
 
-_MOST_YIELDING = 0.5
-"""Share of the motion of a sensor's mass that may be the yielding of its point."""
-
-
 def loaded(
     square: NDArray[np.float64], shape: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,7 +96,11 @@ def _places(size: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def yielding(
-    pair: NDArray[np.int64], size: NDArray[np.float64], flexibility: NDArray[np.float64]
+    pair: NDArray[np.int64],
+    size: NDArray[np.float64],
+    flexibility: NDArray[np.float64],
+    *,
+    most_yielding: float = 0.5,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return by what sensors move more than the modes of the band have them move, for modes above it let points yield.
 
@@ -115,6 +115,8 @@ def yielding(
         Squared angular frequencies times masses and the unit of the flexibilities.
     flexibility : (n, n_pair) float
         Of n structures.
+    most_yielding : float
+        Share of the motion of a sensor's mass that may be the yielding of its point.
 
     Returns
     -------
@@ -126,18 +128,13 @@ def yielding(
     matrix = np.zeros((len(flexibility), n_sensor, n_sensor))
     matrix[:, a, b] = matrix[:, b, a] = flexibility
     value, vector = np.linalg.eigh(matrix)
-    moves = 1.0 / (1.0 - np.clip(size[:, :, None] * value[:, None], -_MOST_YIELDING, _MOST_YIELDING))
+    moves = 1.0 / (1.0 - np.clip(size[:, :, None] * value[:, None], -most_yielding, most_yielding))
     root, whole = (
         np.einsum("nai,nri,nbi->nrab", vector, factor, vector) for factor in (np.sqrt(moves), moves)
     )
     return root, whole
 
 
-_MAX_STEP = 100
-_CONVERGED = 1e-11  # of the unknowns, relative
-_LEAST_GAIN, _ROUGH_GAIN = 1e-7, 1e-4
-"""Share of the squared misfit by which a step must lower it, in a first fit the latter: directions that no data tell go
-on for long."""
 _WIDE = 1e-2
 """Standard deviation of squared frequencies, relative, that is added to theirs in a first fit: exact ones make a valley
 so narrow that a fit ends on its side."""
@@ -146,8 +143,6 @@ _MOST_SCALED = 5.0
 _DIFFERENCE = 1e-6  # of an unknown, for derivatives
 _MOST_AT_FORCE = 10.0
 """Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
-_FEW_SENSORS = 4
-"""Sensors of a run up to which it counts that a force at one lets the point of another yield."""
 _UNEVEN = 0.5
 """By how much, relative to their mean, the flexibilities that modes above the band have differ from place to place."""
 _SECOND_ORDER = 0.02
@@ -234,7 +229,9 @@ class BareModes:
     off_as_measured: NDArray[np.float64]
 
 
-def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> BareModes:
+def without_sensors(
+    modes: RovedModes, load: NDArray[np.float64] | None, *, least_gain: float = 1e-7, rough_gain: float = 1e-4
+) -> BareModes:
     """Return the modes that the structure has without the sensors of any run.
 
     From a first guess, each run is loaded by its own sensors (`loaded`); what its poles and modal constants then differ
@@ -247,20 +244,29 @@ def without_sensors(modes: RovedModes, load: NDArray[np.float64] | None) -> Bare
     load : (n_mode,) float or None
         Mass of one sensor in the unit of the shapes; NaN for a mode where the shifts from run to run are to tell it,
         None where they tell one mass for all modes.
+    least_gain, rough_gain : float
+        Share of the squared misfit by which a step must lower it, in a first fit the latter: directions that no data
+        tell go on for long.
     """
     _LOG.info("take the mass of the sensors out of %d runs", len(modes.frequency))
     problem = _Problem.of(modes, load)
     wide = replace(problem, rough=np.hypot(problem.rough, _WIDE))
-    ends = [_fitted(problem, _fitted(wide, start, _ROUGH_GAIN)[0], _LEAST_GAIN) for start in problem.starts()]
+    ends = [_fitted(problem, _fitted(wide, start, rough_gain)[0], least_gain) for start in problem.starts()]
     return _result(problem, *min(ends, key=lambda end: float(end[2] @ end[2])))
 
 
 def _fitted(
-    problem: _Problem, x: NDArray[np.float64], least_gain: float
+    problem: _Problem,
+    x: NDArray[np.float64],
+    least_gain: float,
+    *,
+    max_step: int = 100,
+    # Of the unknowns, relative.
+    converged: float = 1e-11,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the vector of least misfit near another, its covariance, and its misfit."""
     damping, misfit = 1e-3, problem.misfit(x)
-    for _ in range(_MAX_STEP):
+    for _ in range(max_step):
         jacobian = problem.jacobian(x, misfit)
         scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
         normal, gradient = (jacobian / scale).T @ (jacobian / scale), (jacobian / scale).T @ misfit
@@ -275,7 +281,7 @@ def _fitted(
         useless = misfit @ misfit - proposed @ proposed < least_gain * (misfit @ misfit)
         x, misfit, damping = problem.limited(x + step), proposed, max(damping / 10.0, 1e-9)
         moved = np.max(np.abs(step) / np.maximum(np.abs(x), 1e-3 * problem.size))
-        if useless or moved < _CONVERGED:
+        if useless or moved < converged:
             break
     return x, np.linalg.pinv(normal) / np.outer(scale, scale), misfit
 
@@ -535,12 +541,18 @@ def _result(
     )
 
 
-def _pairs(run: NDArray[np.int64], n_run: int) -> NDArray[np.int64]:
+def _pairs(
+    run: NDArray[np.int64],
+    n_run: int,
+    *,
+    # Sensors of a run up to which it counts that a force at one lets the point of another yield.
+    few_sensors: int = 4,
+) -> NDArray[np.int64]:
     """Return run and sensors, by their place in it, between which there are flexibilities; with many, each alone."""
     found = []
     for k in range(n_run):
         n = int(np.count_nonzero(run == k))
-        found += [(k, a, b) for a in range(n) for b in range(a + 1) if a == b or n <= _FEW_SENSORS]
+        found += [(k, a, b) for a in range(n) for b in range(a + 1) if a == b or n <= few_sensors]
     return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 

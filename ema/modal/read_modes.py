@@ -27,10 +27,6 @@ damping / (2 pi N) of its square and that of a damping ratio 1 / (2 pi N damping
 damping ratio of 0.5 %, 0.05 to 0.1 % and 10 to 20 %. 1 % of a shape is what the calibration of sensors leaves."""
 _DAMPING = 1e-2
 """Damping ratio that stands where none is stated."""
-_UNKNOWN = 1e3
-"""Relative standard deviation of what was not measured."""
-NOWHERE = 0
-"""Point of a force that nobody stated; a list of points seldom has it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,7 +193,7 @@ def _in_band(found: FoundModes, band: tuple[float, float] | None) -> FoundModes:
     return replace(found, shape=found.shape[:, inside], **kept)
 
 
-def completed(found: FoundModes, std: ModesStd) -> FoundModes:
+def completed(found: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> FoundModes:
     """Return modes ascending in frequency, with standard deviations and damping ratios where none are stated.
 
     Parameters
@@ -206,6 +202,8 @@ def completed(found: FoundModes, std: ModesStd) -> FoundModes:
         The modes.
     std : ModesStd
         Relative standard deviations for those that have none; those that it lacks are the usual ones.
+    unknown : float
+        Relative standard deviation of what was not measured.
     """
     order = np.argsort(found.frequency)
     relative = {
@@ -216,7 +214,7 @@ def completed(found: FoundModes, std: ModesStd) -> FoundModes:
     known = ~np.isnan(damping)
     damping = np.where(known, damping, _DAMPING)
     stated = [own[order] for own in (found.frequency_std, found.damping_std, found.shape_std)]
-    usual = np.where(known, relative["damping"], _UNKNOWN) * damping
+    usual = np.where(known, relative["damping"], unknown) * damping
     return replace(
         found,
         frequency=frequency,
@@ -243,9 +241,14 @@ def _residues(
     return residue
 
 
-def _at(force: Dof | None) -> Dofs:
+def _at(
+    force: Dof | None,
+    *,
+    # Point of a force that nobody stated; a list of points seldom has it.
+    nowhere: int = 0,
+) -> Dofs:
     """Return the DOF of a force as those of a model; nowhere, along z, where it is not known."""
-    own = Dof(NOWHERE, (0.0, 0.0, 1.0)) if force is None else force
+    own = Dof(nowhere, (0.0, 0.0, 1.0)) if force is None else force
     return Dofs(node=np.array([own.node]), direction=np.array([own.direction]))
 
 

@@ -22,8 +22,6 @@ from ema.modal.mass_cancellation import BareModes, RovedModes, without_sensors
 from ema.types.geometry import Dofs, driving_points
 from ema.types.modal_model import ModalModel, frequency_text, synthesize
 
-_TWO_SIDED = 0.975
-
 
 def run_scatter(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the standard deviation between runs of each mode, ``(n_mode,)``, beyond what their noise explains.
@@ -55,7 +53,11 @@ def _between(value: NDArray[np.float64], std: NDArray[np.float64]) -> float:
 
 
 def std_with_scatter(
-    std: NDArray[np.float64], run_std: NDArray[np.float64], scatter: NDArray[np.float64]
+    std: NDArray[np.float64],
+    run_std: NDArray[np.float64],
+    scatter: NDArray[np.float64],
+    *,
+    two_sided: float = 0.975,
 ) -> NDArray[np.float64]:
     """Return standard deviations ``(n_mode,)`` of means over runs with the scatter between runs in them.
 
@@ -70,6 +72,8 @@ def std_with_scatter(
         Of each run, from noise; infinite where a run says nothing.
     scatter : (n_mode,) float
         Standard deviation between runs.
+    two_sided : float
+        Probability whose quantiles are compared: that of a two-sided interval of 95 %.
     """
     known = np.isfinite(run_std)
     weight = np.where(known, 1.0, 0.0)
@@ -79,7 +83,7 @@ def std_with_scatter(
         for s in (0.0, scatter)
     )
     freedom = np.maximum(known.sum(axis=0) - 1.0, 1.0)
-    quantile = scipy.special.stdtrit(freedom, _TWO_SIDED) / scipy.special.ndtri(_TWO_SIDED)
+    quantile = scipy.special.stdtrit(freedom, two_sided) / scipy.special.ndtri(two_sided)
     more = np.where(scatter > 0.0, both - within, 0.0)
     return np.sqrt(std**2 + quantile**2 * more)
 
@@ -137,12 +141,6 @@ def usable(run_std: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np
 
 
 Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
-_EXPLAINED = 0.5
-"""Share of the squared shifts that a cause must explain."""
-_TO_FIRST_ORDER = 0.25
-"""The same of a mass to first order, below which it is not asked what it explains altogether, which takes long."""
-_CHANCE = 0.01
-"""Probability that scatter alone explains as much, below which a cause is named."""
 _EACH = 3  # runs whose modes are told one by one
 
 
@@ -172,7 +170,15 @@ class _Pattern:
     text: str
 
 
-def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove: bool) -> RunChanges:
+def run_changes(
+    modal_model: ModalModel,
+    run: NDArray[np.int64],
+    *,
+    sensors_rove: bool,
+    explained: float = 0.5,
+    to_first_order: float = 0.25,
+    chance: float = 0.01,
+) -> RunChanges:
     """Say whether runs differ, and what makes them differ.
 
     Parameters
@@ -182,6 +188,12 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
         Run of each of its outputs.
     sensors_rove : bool
         Whether its outputs are where sensors sat; not so where a hammer roved and one sensor stayed.
+    explained : float
+        Share of the squared shifts that a cause must explain.
+    to_first_order : float
+        The same of a mass to first order, below which it is not asked what it explains altogether, which takes long.
+    chance : float
+        Probability that scatter alone explains as much, below which a cause is named.
     """
     differs = modal_model.disagreeing_runs()
     if not differs.any():
@@ -194,16 +206,16 @@ def run_changes(modal_model: ModalModel, run: NDArray[np.int64], *, sensors_rove
     whole = float(np.sum(weight * shift**2))
     best, least = _Pattern(cause="scatter", shift=np.zeros_like(shift), unknowns=0, text=""), np.log(whole)
     patterns = [*_patterns(shift, weight)]
-    if sensors_rove and _falls_with_shape(modal_model, run, shift, weight) > _TO_FIRST_ORDER:
+    if sensors_rove and _falls_with_shape(modal_model, run, shift, weight) > to_first_order:
         patterns.append(_mass(modal_model, run, shift, weight))
     for pattern in patterns:
         left = float(np.sum(weight * (shift - pattern.shift) ** 2))
         spare = freedom - pattern.unknowns
-        if spare < 1 or left > (1.0 - _EXPLAINED) * whole:
+        if spare < 1 or left > (1.0 - explained) * whole:
             continue
         ratio = (whole - left) / pattern.unknowns / max(left / spare, 1.0)
         likelihood = np.log(max(left, spare)) + pattern.unknowns * np.log(freedom) / freedom
-        if scipy.special.fdtrc(pattern.unknowns, spare, ratio) < _CHANCE and likelihood < least:
+        if scipy.special.fdtrc(pattern.unknowns, spare, ratio) < chance and likelihood < least:
             best, least = pattern, likelihood
     if best.cause == "sensor mass" and modal_model.sensor_mass > 0.0:
         best = replace(best, text=f"{1e3 * modal_model.sensor_mass:.2g} g each")
@@ -234,10 +246,7 @@ def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_
 
 
 def _falls_with_shape(
-    modal_model: ModalModel,
-    run: NDArray[np.int64],
-    shift: NDArray[np.float64],
-    weight: NDArray[np.float64],
+    modal_model: ModalModel, run: NDArray[np.int64], shift: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> float:
     """Return the share of squared shifts that falls with the squared shapes at the sensors, a slope for each mode."""
     felt = np.array([np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run])
@@ -249,10 +258,7 @@ def _falls_with_shape(
 
 
 def _mass(
-    modal_model: ModalModel,
-    run: NDArray[np.int64],
-    shift: NDArray[np.float64],
-    weight: NDArray[np.float64],
+    modal_model: ModalModel, run: NDArray[np.int64], shift: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> _Pattern:
     """Return the shifts by the mass of the sensors: one of all modes, or each over a modal mass that nobody knows."""
     scaled = bool(modal_model.scaled.all())
@@ -311,10 +317,6 @@ def _shift(modal_model: ModalModel, run: int) -> NDArray[np.float64]:
     """Return by which shares of their frequencies a run's modes are off those of the others, (n_mode,)."""
     others = np.delete(modal_model.run_frequency, run, axis=0)
     return np.asarray(modal_model.run_frequency[run] / np.median(others, axis=0) - 1.0)
-
-
-_CERTAIN = 3.0
-"""Standard deviations from which a mass that the runs tell is taken out."""
 
 
 def over_runs(
@@ -402,11 +404,17 @@ def _weighted_median(value: NDArray[np.float64], weight: NDArray[np.float64]) ->
     return np.take_along_axis(value, rank, axis=0)[middle, np.arange(value.shape[1])]
 
 
-def _certain(modes: RovedModes, load: NDArray[np.float64] | None) -> BareModes:
+def _certain(
+    modes: RovedModes,
+    load: NDArray[np.float64] | None,
+    *,
+    # Standard deviations from which a mass that the runs tell is taken out.
+    certain: float = 3.0,
+) -> BareModes:
     """Take the mass out, the scatter that it does not explain in the weights, and not where its size is uncertain."""
     bare = without_sensors(modes, load)
     if load is not None:
-        uncertain = np.isnan(load) & (bare.load < _CERTAIN * bare.load_std)
+        uncertain = np.isnan(load) & (bare.load < certain * bare.load_std)
         load = np.where(uncertain, 0.0, load)
     scatter = run_scatter(bare.off * modes.frequency, modes.std)
     return without_sensors(replace(modes, std=np.hypot(modes.std, scatter)), load)

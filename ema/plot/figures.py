@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNIT = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s²)"}
-MAX_POINTS = 2000
-"""Lines drawn of one function; wider ones are thinned to the extremes of every bin."""
 
 
 def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Figure:
@@ -210,12 +208,17 @@ def _mark_poles(panels: tuple[Axes, ...], frequency: NDArray[np.float64]) -> Non
             axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
 
 
-def _thinned(magnitude: NDArray[np.float64]) -> NDArray[np.intp]:
+def _thinned(
+    magnitude: NDArray[np.float64],
+    *,
+    # Lines drawn of one function; wider ones are thinned to the extremes of every bin.
+    max_points: int = 2000,
+) -> NDArray[np.intp]:
     """Choose the smallest and the largest value of every bin, so that no peak is lost."""
     n = magnitude.size
-    if n <= MAX_POINTS:
+    if n <= max_points:
         return np.arange(n)
-    bins = np.array_split(np.arange(n), MAX_POINTS // 2)
+    bins = np.array_split(np.arange(n), max_points // 2)
     extremes = [(b[magnitude[b].argmin()], b[magnitude[b].argmax()]) for b in bins]
     return np.unique(np.array(extremes).ravel())
 

@@ -34,14 +34,8 @@ _MIN_OTHERS = 6
 """Fewer channels do not hold the resonances that another one should be made of."""
 _MOST_OTHERS = 128
 """Channels of which one is compared with the others; of more each group is compared within itself."""
-_LINES_OF_MASS = 512
-_DEAD_LEVEL = 1e-3
-_UNSHARED_DEAD = 0.8
-_UNSHARED_WARN = 0.05
-_ABOVE_ONE = 0.01  # that a coherence may be above 1
 _BELIEVED = 30.0
 """Rise of the log-likelihood; sound synthetic sets of 44 channels stayed below 26 in 240 of 240 cases."""
-_SCALE_WARN, _SCALE_FAIL = 1.15, 1.4
 _MASSES = (1e-4, 1e6)
 _SIZES = (1e-3, 300.0)
 
@@ -138,12 +132,7 @@ def _names(frf: FRF, channels: tuple[int, ...]) -> str:
 
 
 def _verdict(
-    frf: FRF,
-    check: str,
-    level: str,
-    channel: int,
-    message: str,
-    band: tuple[float, float] | None = None,
+    frf: FRF, check: str, level: str, channel: int, message: str, band: tuple[float, float] | None = None
 ) -> Verdict:
     text = f"{_label(frf, channel)}: {message}"
     return Verdict(check=check, level=level, channel=(channel,), band=band, message=text)  # type: ignore[arg-type]
@@ -192,7 +181,7 @@ def _not_finite(frf: FRF) -> Iterator[Verdict]:
         yield _verdict(frf, "number", "fail", int(channel), f"{lines.size} values are not numbers", band)
 
 
-def _dead(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _dead(frf: FRF, sound: NDArray[np.int64], *, dead_level: float = 1e-3) -> Iterator[Verdict]:
     power: list[NDArray[np.float64]] = [
         (np.abs(frf.value[block]) ** 2).mean(axis=(1, 2)) for block in in_blocks(sound)
     ]
@@ -200,7 +189,7 @@ def _dead(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     middle = float(np.median(level)) if sound.size else 0.0
     for channel, value in zip(sound, level, strict=True):
         constant = np.ptp(frf.value[channel].real) == 0 and np.ptp(frf.value[channel].imag) == 0
-        if constant or value < _DEAD_LEVEL * middle:
+        if constant or value < dead_level * middle:
             message = (
                 f"dead, its level is {value / middle if middle else 0:.2g} of the median of all channels"
             )
@@ -306,7 +295,9 @@ def _states(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
         yield from run_states(frf, direction)
 
 
-def _unshared(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _unshared(
+    frf: FRF, sound: NDArray[np.int64], *, unshared_dead: float = 0.8, unshared_warn: float = 0.05
+) -> Iterator[Verdict]:
     """Find channels that do not share the resonances of the others: unplugged, loose, overloaded, noisy."""
     if sound.size < _MIN_OTHERS:
         return
@@ -317,16 +308,22 @@ def _unshared(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     usual = float(np.median(share))
     for channel, part in zip(sound, share, strict=True):
         text = f"{100 * part:.0f} % of its power is not in the resonances of the other channels"
-        if part > max(_UNSHARED_DEAD, 3 * usual):
+        if part > max(unshared_dead, 3 * usual):
             message = f"dead, {text}: unplugged, or of another test"
             yield _verdict(frf, "dead", "fail", int(channel), message)
-        elif part > max(_UNSHARED_WARN, 10 * usual):
+        elif part > max(unshared_warn, 10 * usual):
             level = "fail" if part > 0.3 else "warn"
             message = f"{text} ({100 * usual:.2g} % is usual here): noisy, loose or overloaded"
             yield _verdict(frf, "unshared", level, int(channel), message)
 
 
-def _coherence(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _coherence(
+    frf: FRF,
+    sound: NDArray[np.int64],
+    *,
+    # That a coherence may be above 1.
+    above_one: float = 0.01,
+) -> Iterator[Verdict]:
     if frf.coherence is None:
         return
     moving = (
@@ -335,7 +332,7 @@ def _coherence(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     for channel in sound:
         power = np.abs(frf.value[channel]) ** 2 * moving
         coherence = frf.coherence[channel]
-        above = np.flatnonzero((moving & (coherence > 1.0 + _ABOVE_ONE)).any(axis=0))
+        above = np.flatnonzero((moving & (coherence > 1.0 + above_one)).any(axis=0))
         if above.size:
             most = float(coherence[:, above].max())
             message = (
@@ -433,7 +430,9 @@ def _fits_neighbours(measurement: Measurement, sound: NDArray[np.int64], channel
     return not any(channel in fault.channel or fault.kind == "unexplained" for fault in faults)
 
 
-def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _spatial(
+    measurement: Measurement, sound: NDArray[np.int64], *, scale_warn: float = 1.15, scale_fail: float = 1.4
+) -> Iterator[Verdict]:
     """Compare channels with their neighbours, leaving out noisy ones, which are rough without being wrong."""
     frf = measurement.frf
     for direction in _parallel(frf, sound):
@@ -452,7 +451,7 @@ def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Ver
                 continue
             names = _names(frf, fault.channel)
             off = max(fault.factor, 1 / fault.factor) if fault.factor > 0 else np.inf
-            if fault.kind == "scale" and off < _SCALE_WARN:
+            if fault.kind == "scale" and off < scale_warn:
                 continue
             what = {
                 "sign": "is turned: its neighbours have the other sign"
@@ -463,7 +462,7 @@ def _spatial(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Ver
             }[fault.kind]
             yield Verdict(
                 check=fault.kind,
-                level="warn" if off < _SCALE_FAIL else "fail",
+                level="warn" if off < scale_fail else "fail",
                 channel=tuple(sorted(fault.channel)),
                 band=None,
                 message=f"{names} {what}; confirm, then correct it in the campaign file",
@@ -505,7 +504,9 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
                 yield Verdict(check="reciprocity", level="warn", channel=pair, band=None, message=text)
 
 
-def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _units(
+    measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass: int = 512
+) -> Iterator[Verdict]:
     frf = measurement.frf
     several = measurement.geometry.node.size > 1
     size = float(np.ptp(measurement.geometry.coordinate, axis=0).max()) if several else 0.0
@@ -516,7 +517,7 @@ def _units(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdi
     if not sound.size or not lines.any():
         return
     omega = 2 * np.pi * frf.frequency[lines]
-    every = max(1, omega.size // _LINES_OF_MASS)  # an order of magnitude needs no more
+    every = max(1, omega.size // lines_of_mass)  # an order of magnitude needs no more
     factor = omega[::every] ** (2 - DERIVATIVE[frf.quantity])
     sizes = [np.abs(frf.value[block][..., lines][..., ::every]) * factor for block in in_blocks(sound)]
     mass = 1 / float(np.median(np.concatenate(sizes)))

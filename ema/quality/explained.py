@@ -15,13 +15,7 @@ from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel, synthesize_runs
 
-WARN, FAIL = 0.9, 0.7
-"""Shares of the power explained below which a set is warned of, and below which its identification has failed."""
-BESIDE = 2.0
-"""Half bandwidths of a mode within which a further peak is of its resonance, or of what stands for two."""
 _LINES = 1024  # that are compared at a time: all functions may be large
-_LISTED = 6
-_MOST_TOLD = 12  # peaks that are told one by one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -133,33 +127,46 @@ def check_explained(explained: ExplainedPower, modal_model: ModalModel) -> tuple
     return (_whole(explained, modal_model.quantity), *_peaks(explained.channel, modal_model))
 
 
-def _whole(explained: ExplainedPower, measured: Quantity) -> Verdict:
+def _whole(
+    explained: ExplainedPower,
+    measured: Quantity,
+    *,
+    # Shares of the power explained below which a set is warned of, and below which its identification has failed.
+    warn: float = 0.9,
+    fail: float = 0.7,
+) -> Verdict:
     mean = explained.mean
     counted = "" if explained.quantity == measured else f", as {explained.quantity},"
     text = f"the modes explain {mean:.3f} of the measured power{counted} in the mean over the channels"
-    poor = np.flatnonzero(explained.whole < WARN)
+    poor = np.flatnonzero(explained.whole < warn)
     if poor.size:
         text += f"; {_listed([f'{explained.channel[c]} {explained.whole[c]:.2f}' for c in poor])}"
     around, edge = explained.around, explained.edge
-    weak = [k for k in np.argsort(around) if around[k] < WARN]
+    weak = [k for k in np.argsort(around) if around[k] < warn]
     bands = [f"{edge[k]:.5g}-{edge[k + 1]:.5g} Hz {around[k]:.2f}" for k in weak]
     text += f"; least in {_listed(bands)}" if bands else ""
-    if mean >= WARN and not weak:
+    if mean >= warn and not weak:
         return Verdict(check="explained", level="pass", channel=(), band=None, message=text)
-    if mean >= WARN:
+    if mean >= warn:
         band = (float(edge[min(weak)]), float(edge[max(weak) + 1]))
         text += ": noise, modes that are missing, or runs that differ"
         return Verdict(check="explained", level="warn", channel=(), band=band, message=text)
     text += ": modes are missing, runs differ, or the structure is not linear"
-    if mean >= FAIL:
+    if mean >= fail:
         channels = tuple(int(c) for c in poor)
         return Verdict(check="explained", level="warn", channel=channels, band=None, message=text)
     text = f"the identification has failed: {text}; do not use these modes"
     return Verdict(check="explained", level="fail", channel=(), band=None, message=text)
 
 
-def _peaks(channel: tuple[str, ...], modal_model: ModalModel) -> Iterator[Verdict]:
-    told, further = modal_model.unexplained[:_MOST_TOLD], modal_model.unexplained[_MOST_TOLD:]
+def _peaks(
+    channel: tuple[str, ...],
+    modal_model: ModalModel,
+    *,
+    # Peaks that are told one by one.
+    most_told: int = 12,
+) -> Iterator[Verdict]:
+    told, further = modal_model.unexplained[:most_told], modal_model.unexplained[most_told:]
     for peak in told:
         names = _listed([channel[c] for c in peak.channel])
         beside = _beside(peak.frequency, modal_model)
@@ -189,14 +196,20 @@ def _unexplained(share: float) -> str:
     return f"the modes are off by {share:.3g} times its power"
 
 
-def _beside(frequency: float, modal_model: ModalModel) -> float | None:
+def _beside(
+    frequency: float,
+    modal_model: ModalModel,
+    *,
+    # Half bandwidths of a mode within which a further peak is of its resonance, or of what stands for two.
+    beside: float = 2.0,
+) -> float | None:
     """Return the frequency of the mode in whose resonance, of all runs or of some, a frequency lies; None of none."""
     pole = np.concatenate([modal_model.pole[None], modal_model.run_pole])
     half = -pole.real.min(axis=0) / (2.0 * np.pi)
     lowest, highest = (own(np.abs(pole), axis=0) / (2.0 * np.pi) for own in (np.min, np.max))
     off = np.maximum(lowest - frequency, frequency - highest) / half
-    return float(modal_model.frequency[np.argmin(off)]) if off.min(initial=np.inf) < BESIDE else None
+    return float(modal_model.frequency[np.argmin(off)]) if off.min(initial=np.inf) < beside else None
 
 
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
+def _listed(names: list[str], *, listed: int = 6) -> str:
+    return ", ".join(names[:listed]) + (", ..." if len(names) > listed else "")

@@ -18,15 +18,12 @@ from ema.types.geometry import Dofs
 
 NOT_LINEAR = ": not linear"
 """End of the finding on a resonance that moves with the force."""
-_TOLERANCE = 0.1
 _STRONG = 0.3
 """Channels below this share of a resonance's largest height are near its nodal lines and not judged."""
 _SAME = 2.0
 """Bandwidths within which a resonance of the other level is taken for the same one."""
 _FAINT = 3.0
 """Prominence, dB, of a resonance of the other level that is lower there, where no clear one is near."""
-_LEAST_HEIGHT = 0.5
-"""Share of its height below which a resonance is gone."""
 
 
 def check_force_levels(
@@ -140,14 +137,23 @@ def _verdict(
 
 
 def _resonances(
-    name: str, other_name: str, frf: FRF, own: NDArray[np.int64], other: FRF, its: NDArray[np.int64]
+    name: str,
+    other_name: str,
+    frf: FRF,
+    own: NDArray[np.int64],
+    other: FRF,
+    its: NDArray[np.int64],
+    *,
+    tolerance: float = 0.1,
+    # Share of its height below which a resonance is gone.
+    least_height: float = 0.5,
 ) -> Iterator[Verdict]:
     clear, faint = peaks(other, its), peaks(other, its, _FAINT)
     for peak in peaks(frf, own):
         band = (peak.frequency - peak.bandwidth, peak.frequency + peak.bandwidth)
         label = f"{peak.frequency:.5g} Hz: from {name} to {other_name}"
         partner = _nearest(clear, peak) or _nearest(
-            [p for p in faint if _level(other, its, p) > _LEAST_HEIGHT * _level(frf, own, peak)], peak
+            [p for p in faint if _level(other, its, p) > least_height * _level(frf, own, peak)], peak
         )
         if partner is None:
             text = f"{label} the resonance is gone, or moves by more than {_SAME:g} bandwidths; that is not linear"
@@ -157,8 +163,8 @@ def _resonances(
         before, after = _height(frf, own, peak), _height(other, its, partner, peak.bandwidth)
         strong = before > _STRONG * before.max()
         change = float(np.median(after[strong] / before[strong])) - 1
-        odd = np.flatnonzero(strong & (np.abs(after / before - 1 - change) > _TOLERANCE))
-        moved = abs(shift) > _TOLERANCE or abs(change) > _TOLERANCE
+        odd = np.flatnonzero(strong & (np.abs(after / before - 1 - change) > tolerance))
+        moved = abs(shift) > tolerance or abs(change) > tolerance
         text = (
             f"{label} it moves by {100 * shift:+.0f} % of its bandwidth and its height changes "
             f"by {100 * change:+.0f} %"

@@ -86,15 +86,10 @@ def _crossing(level: NDArray[np.float64], height: float) -> float:
     return float(k - (height - level[k]) / (level[k - 1] - level[k]))
 
 
-BLOCKS = 16
-"""Parts of the band in which the noise is measured."""
-LEANING = 0.3
-"""By how much accelerance, as which most functions are measured, is preferred to what the slope says."""
 _FEWEST = 8  # second differences in each
-_LOUD = 10.0
 
 
-def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128]) -> float:
+def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128], *, blocks: int = 16) -> float:
     """Exponent of the frequency that the noise of functions follows.
 
     The noise is that of the second differences from line to line, their median in each part of the band, which neither
@@ -105,54 +100,58 @@ def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128]) -
     frequency : (n_frequency,) float
         Lines above 0 Hz.
     value : (n_function, n_frequency) complex
+    blocks : int
+        Parts of the band in which the noise is measured.
 
     Returns
     -------
     float
         Slope of the logarithm of the noise over that of the frequency; 0 where there are too few lines to tell.
     """
-    size = (frequency.size - 2) // BLOCKS
+    size = (frequency.size - 2) // blocks
     if size < _FEWEST:
         return 0.0
-    difference = (np.abs(np.diff(own, 2))[: size * BLOCKS].reshape(BLOCKS, size) for own in value)
+    difference = (np.abs(np.diff(own, 2))[: size * blocks].reshape(blocks, size) for own in value)
     noise = np.array([np.median(own, axis=1) for own in difference])
-    middle = frequency[1 : size * BLOCKS + 1].reshape(BLOCKS, size).mean(axis=1)
+    middle = frequency[1 : size * blocks + 1].reshape(blocks, size).mean(axis=1)
     if not noise.min() > 0.0:
         return 0.0
     level = np.log(noise).mean(axis=0)
-    pairs = np.triu_indices(BLOCKS, 1)
+    pairs = np.triu_indices(blocks, 1)
     slopes = (level[pairs[1]] - level[pairs[0]]) / np.log(middle[pairs[1]] / middle[pairs[0]])
     return float(np.median(slopes))  # Theil and Sen: blocks that resonances fill do not count
 
 
-def whitest(frf: FRF) -> Quantity:
+def whitest(
+    frf: FRF,
+    *,
+    # By how much accelerance, as which most functions are measured, is preferred to what the slope says.
+    leaning: float = 0.3,
+) -> Quantity:
     """Return the quantity in which the noise of functions, on lines above 0 Hz, is the most even.
 
     Integration raises the lowest lines of a band that begins near 0 Hz; it goes no further than these bear.
     """
     slope = noise_slope(frf.frequency, frf.value.reshape(-1, frf.frequency.size))
-    wanted = DERIVATIVE[frf.quantity] - slope + LEANING
+    wanted = DERIVATIVE[frf.quantity] - slope + leaning
     ranked = sorted(DERIVATIVE, key=lambda quantity: abs(DERIVATIVE[quantity] - wanted))
     likely = [q for q in DERIVATIVE if DERIVATIVE[q] >= DERIVATIVE[ranked[0]]]
     return next((q for q in likely if _even_at_the_start(frf.convert(q))), likely[-1])
 
 
-def _even_at_the_start(frf: FRF) -> bool:
+def _even_at_the_start(frf: FRF, *, loud: float = 10.0) -> bool:
     """Whether the noise of the first lines is no larger than some times that of the others."""
     difference = (np.abs(np.diff(own, 2)) for own in frf.value.reshape(-1, frf.frequency.size))
     first, whole = np.array([(np.median(own[:_FEWEST]), np.median(own)) for own in difference]).T
-    return bool(np.median(first) <= _LOUD * np.median(whole))
+    return bool(np.median(first) <= loud * np.median(whole))
 
 
 MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""
 CLEAR = 10.0
 """Prominence of a clear resonance over the valleys beside it, dB."""
-_NARROW_OVER_NOISE = 50.0
 _REACH = 8
 """Lines on each side of a peak, and at least twice its bandwidth, on which its residues are fitted."""
-_ROUNDS = 8
-_NARROWEST = 0.02  # lines of a half bandwidth below which the fit cannot tell it from none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +196,9 @@ def summed_power(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     return total
 
 
-def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> list[Peak]:
+def peaks(
+    frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR, *, narrow_over_noise: float = 50.0
+) -> list[Peak]:
     """Return the resonances of the summed power that stand out by `prominence` (dB), with half-power bandwidths.
 
     A peak of few lines is measured by the parabola that the inverse power of a resonance is, and believed
@@ -217,7 +218,7 @@ def peaks(frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR) -> l
         curvature = (inverse[0] - 2 * inverse[1] + inverse[2]) / 2
         if width < 2 * MIN_LINES:
             around = power[max(line - 50, 0) : line + 51]
-            if curvature <= 0 or power[line] < _NARROW_OVER_NOISE * np.median(around):
+            if curvature <= 0 or power[line] < narrow_over_noise * np.median(around):
                 continue
             offset = (inverse[0] - inverse[2]) / (4 * curvature)
             least = inverse[1] - curvature * offset**2
@@ -247,7 +248,14 @@ def residues(frf: FRF, channels: NDArray[np.int64], found: list[Peak]) -> Iterat
             yield LocalFit(residue=2j * np.pi * step * residue, lines=2.0 * abs(pole.imag))
 
 
-def _local_fit(value: NDArray[np.complex128], peak: int) -> tuple[complex, NDArray[np.complex128]] | None:
+def _local_fit(
+    value: NDArray[np.complex128],
+    peak: int,
+    *,
+    rounds: int = 8,
+    # Lines of a half bandwidth below which the fit cannot tell it from none.
+    narrowest: float = 0.02,
+) -> tuple[complex, NDArray[np.complex128]] | None:
     """Fit ``residue / (x - pole) + straight part`` over line numbers x from a peak; None where lines are too few.
 
     Equations that are multiplied by ``x - pole`` are linear in the pole; divided by that of the round before, they end
@@ -259,7 +267,7 @@ def _local_fit(value: NDArray[np.complex128], peak: int) -> tuple[complex, NDArr
     if x.size < 5 or not len(value):
         return None
     powers, pole = np.stack([np.ones(x.size), x, x**2]), 0.5j
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         weight = 1.0 / (x - pole)
         basis = np.linalg.qr((powers * weight).T)[0]
 
@@ -273,7 +281,7 @@ def _local_fit(value: NDArray[np.complex128], peak: int) -> tuple[complex, NDArr
         if denominator == 0.0:
             return None
         pole = complex(np.vdot(without, times) / denominator)
-        pole = complex(pole.real, max(abs(pole.imag), _NARROWEST))
+        pole = complex(pole.real, max(abs(pole.imag), narrowest))
     columns = np.stack([1.0 / (x - pole), np.ones(x.size), x])
     coefficient = np.linalg.lstsq(columns.T, value.T, rcond=None)[0]
     if not x[0] < pole.real < x[-1]:

@@ -26,11 +26,7 @@ from ema.types.arrays import inner_products
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
 
-_LONGEST = 0.75
-"""Largest delay that is thought of, in periods of the last line: less than two samples of a usual recorder."""
 _TRIED = 151
-_SOUND, _TURNED = 0.1, 0.9
-"""Shares of negative power below which a delay mends a driving point, and above which a turned sign does."""
 
 
 def negative_share(mobility: NDArray[np.complex128]) -> float:
@@ -39,7 +35,14 @@ def negative_share(mobility: NDArray[np.complex128]) -> float:
     return float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
 
 
-def delay(mobility: NDArray[np.complex128], frequency: NDArray[np.float64]) -> float | None:
+def delay(
+    mobility: NDArray[np.complex128],
+    frequency: NDArray[np.float64],
+    *,
+    longest: float = 0.75,
+    sound: float = 0.1,
+    turned: float = 0.9,
+) -> float | None:
     """Return the delay of the response, s, that makes a driving point of one of negative power; None where none does.
 
     Parameters
@@ -48,23 +51,29 @@ def delay(mobility: NDArray[np.complex128], frequency: NDArray[np.float64]) -> f
         Of a driving point, along the force.
     frequency : (n_frequency,) float
         Hz, above 0.
+    longest : float
+        Largest delay that is thought of, in periods of the last line: less than two samples of a usual recorder.
+    sound, turned : float
+        Shares of negative power below which a delay mends a driving point, and above which a turned sign does.
     """
-    if negative_share(mobility) > _TURNED:
+    if negative_share(mobility) > turned:
         return None
-    tried = np.linspace(-_LONGEST, _LONGEST, _TRIED) / frequency[-1]
+    tried = np.linspace(-longest, longest, _TRIED) / frequency[-1]
     share = [negative_share(mobility * np.exp(2j * np.pi * frequency * time)) for time in tried]
     best = int(np.argmin(share))
-    return float(tried[best]) if share[best] < _SOUND else None
+    return float(tried[best]) if share[best] < sound else None
 
 
-_IN_PHASE = 0.7
-"""Mean cosine of twice the angle between residues and a phase from which on they have that phase."""
-_FEWEST_LINES = 0.25
-"""Lines in a half-power bandwidth from which on a record is long enough for phases: its end turns them by 27 degrees at
-most, the angle whose sine is exp(-pi 0.25), where nothing else has faded the response out."""
-
-
-def phases(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def phases(
+    frf: FRF,
+    sound: NDArray[np.int64],
+    *,
+    # Mean cosine of twice the angle between residues and a phase from which on they have that phase.
+    in_phase: float = 0.7,
+    # Lines in a half-power bandwidth from which on a record is long enough for phases: its end turns them by 27
+    # degrees at most, the angle whose sine is exp(-pi 0.25), where nothing else has faded the response out.
+    fewest_lines: float = 0.25,
+) -> Iterator[Verdict]:
     """Compare the phase of the residues with that of the quantity.
 
     Residues of real modes are imaginary in receptance and accelerance, and real in mobility, if time is counted from
@@ -75,8 +84,8 @@ def phases(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     wrong, resolved = [], []
     for around in residues(frf, sound, peaks(frf, sound)):
         square, power = np.sum(around.residue**2).real, np.sum(np.abs(around.residue) ** 2)
-        wrong.append(bool(expected * square < -_IN_PHASE * power))
-        resolved.append(around.lines > _FEWEST_LINES)
+        wrong.append(bool(expected * square < -in_phase * power))
+        resolved.append(around.lines > fewest_lines)
     told = np.array(wrong)[resolved] if any(resolved) else np.array(wrong)
     if told.size < 2 or told.sum() <= 0.75 * told.size:
         return
@@ -96,9 +105,6 @@ FEWEST_POINTS = 6
 """Points from which on most of them say what the proportion of the forces is."""
 FEWEST_RESONANCES = 2
 """Resonances at which a function must be turned."""
-_PROMINENCE = 3.0  # of a resonance, dB
-_FITS, _CONTRADICTS = 0.9, 0.5  # share of a point's power that has the proportion of the others
-_MOST = 0.7  # share of the points that must have it, for a resonance to be of one mode
 _SEEN = 0.3  # least size of a point's functions over their median, for its sign to be told
 
 
@@ -119,7 +125,15 @@ class TurnedFunction:
     resonances: tuple[float, ...]
 
 
-def turned_functions(frf: FRF, channels: NDArray[np.int64]) -> tuple[TurnedFunction, ...]:
+def turned_functions(
+    frf: FRF,
+    channels: NDArray[np.int64],
+    *,
+    prominence: float = 3.0,
+    fits: float = 0.9,
+    contradicts: float = 0.5,
+    most: float = 0.7,
+) -> tuple[TurnedFunction, ...]:
     """Find functions that fit the proportion of the forces at no resonance, and at all of them if they are turned.
 
     Parameters
@@ -128,12 +142,18 @@ def turned_functions(frf: FRF, channels: NDArray[np.int64]) -> tuple[TurnedFunct
         Functions of several inputs. Of two inputs nothing tells which function is turned; the first is named.
     channels : (n_channel,) int
         Outputs to be compared.
+    prominence : float
+        Of a resonance, dB.
+    fits, contradicts : float
+        Share of a point's power that has the proportion of the others.
+    most : float
+        Share of the points that must have it, for a resonance to be of one mode.
     """
     if channels.size < FEWEST_POINTS or frf.input.node.size == 1:
         return ()
     found: dict[tuple[int, int], list[float]] = {}
     fitting: set[int] = set()
-    for peak in peaks(frf, channels, _PROMINENCE):
+    for peak in peaks(frf, channels, prominence):
         value = frf.value[channels, :, peak.line]
         value = value / np.linalg.norm(value, axis=0)
         size = np.linalg.norm(value, axis=1)
@@ -142,11 +162,11 @@ def turned_functions(frf: FRF, channels: NDArray[np.int64]) -> tuple[TurnedFunct
         proportion = np.linalg.svd(row, full_matrices=False)[2][0].conj()
         part = row * proportion
         whole = np.abs(part.sum(axis=1)) ** 2
-        if np.mean(whole > _FITS) < _MOST:
+        if np.mean(whole > fits) < most:
             continue
         turned = np.abs(part.sum(axis=1, keepdims=True) - 2.0 * part) ** 2
-        fitting |= {int(channels[k]) for k in seen[whole > _FITS]}
-        for k in np.flatnonzero((whole < _CONTRADICTS) & (turned.max(axis=1) > _FITS)):
+        fitting |= {int(channels[k]) for k in seen[whole > fits]}
+        for k in np.flatnonzero((whole < contradicts) & (turned.max(axis=1) > fits)):
             which = int(channels[seen[k]]), int(turned[k].argmax())
             found.setdefault(which, []).append(float(peak.frequency))
     return tuple(

@@ -21,8 +21,6 @@ from ema.types.frf import FRF
 
 FEWEST_LINES = 64
 """Fewer lines do not tell noise from a function."""
-_PARTS = 8
-"""Parts of the band, of which one with a function in it is enough: above what a hammer excites is noise alone."""
 _APART = (8, 13)
 """Lines, of which noise shares nothing even where a window has smeared it over its neighbours."""
 _NOISE, _MOST = 3.5, 0.45
@@ -30,8 +28,6 @@ _NOISE, _MOST = 3.5, 0.45
 _STEADY = 0.5
 """Steadiness that some output must have before another is called one of noise; of measured sets it is 0.58 or more."""
 _ENDS = (5.0, 95.0)
-_FLAT, _NOT_FLAT = 3.0, 15.0
-"""Range of levels, dB, of an output without a resonance, and of the usual one beside which it is told."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +39,9 @@ class Formless:
     message: str
 
 
-def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
+def formless(
+    frf: FRF, channels: NDArray[np.int64], *, flat: float = 3.0, not_flat: float = 15.0
+) -> Iterator[Formless]:
     """Give outputs that are noise alone or flat beside others that are functions; of noise alone, all at once.
 
     Parameters
@@ -51,6 +49,8 @@ def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
     frf : FRF
     channels : (n_channel,) int
         Outputs that are looked at.
+    flat, not_flat : float
+        Range of levels, dB, of an output without a resonance, and of the usual one beside which it is told.
     """
     if frf.frequency.size < FEWEST_LINES or not channels.size:
         return
@@ -73,7 +73,7 @@ def formless(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Formless]:
                 f"{usual:.2f} in the median): unplugged, broken, or its response is below its noise"
             )
             yield Formless(channel=int(channel), is_noise=True, message=message)
-        elif width < _FLAT and np.median(levels) > _NOT_FLAT:
+        elif width < flat and np.median(levels) > not_flat:
             message = (
                 f"its level spans {width:.2g} dB where that of the others spans {np.median(levels):.2g} dB in the "
                 "median: it follows the force without a resonance, as a channel does that picks up the force's signal"
@@ -109,9 +109,14 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.concatenate(found)
 
 
-def _lines(frf: FRF) -> int:
+def _lines(
+    frf: FRF,
+    *,
+    # Parts of the band, of which one with a function in it is enough: above what a hammer excites is noise alone.
+    parts: int = 8,
+) -> int:
     """Return how many lines a part of the band has."""
-    return max(FEWEST_LINES, frf.frequency.size // _PARTS)
+    return max(FEWEST_LINES, frf.frequency.size // parts)
 
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -123,9 +128,6 @@ def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
         low, high = np.percentile(level, _ENDS, axis=2)
         found.append((high - low).max(axis=1))
     return np.concatenate(found)
-
-
-_TOLD = 3  # that are told one by one
 
 
 def content_digests(frf: FRF) -> tuple[str, ...]:
@@ -156,13 +158,15 @@ def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
             )
 
 
-def shared_functions(digests: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+def shared_functions(digests: Mapping[str, tuple[str, ...]], *, told: int = 3) -> tuple[str, ...]:
     """Say which configurations hold functions of another one.
 
     Parameters
     ----------
     digests : mapping of str to tuple of str
         Of each configuration the digests of its functions, see `content_digests`.
+    told : int
+        That are told one by one.
     """
     names, found = list(digests), []
     for i, name in enumerate(names):
@@ -173,30 +177,22 @@ def shared_functions(digests: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
                     f"{other} and {name} share {len(common)} of {len(digests[name])} functions to the last digit: "
                     "files of one stand in the other, too, which is no second measurement"
                 )
-    more = (
-        [f"{len(found) - _TOLD} more pairs of configurations share functions"] if len(found) > _TOLD else []
-    )
-    return (*found[:_TOLD], *more)
+    more = [f"{len(found) - told} more pairs of configurations share functions"] if len(found) > told else []
+    return (*found[:told], *more)
 
 
 def _label(frf: FRF, channel: int) -> str:
     return f"{frf.output.name(channel)} (run {frf.run[channel] + 1}, {frf.source[channel]})"
 
 
-_FEWEST_RUNS = 4
-_FEWEST_PEAKS = 3
-"""Peaks that a run must show to be compared; fewer coincide by chance."""
-_MOST_OF = 0.5
-"""Share of the runs that must show as many: where bandwidths overlap, a few runs show the peaks that their sensors'
-places let stand out, and others show others."""
-_SAME = 0.008
-"""Relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by less."""
 _WITHIN, _BETWEEN = 0.6, 0.35
 """Share of peaks that runs of one state have in common at least, and runs of two states at most, in the mean. Runs
 miss a peak where all their sensors are at a node; runs of other states meet a few by chance."""
 
 
-def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
+def run_states(
+    frf: FRF, channels: NDArray[np.int64], *, fewest_runs: int = 4, most_of: float = 0.5
+) -> Iterator[Verdict]:
     """Find runs of two states among channels of one direction.
 
     Each run's resonances are the peaks of its summed power, and two runs are as alike as the share of peaks that they
@@ -209,9 +205,14 @@ def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
         Finite functions.
     channels : (n,) int
         Positions of sound outputs of one direction: another direction has other resonances.
+    fewest_runs : int
+        Fewest runs of which some are said to differ.
+    most_of : float
+        Share of the runs that must show as many: where bandwidths overlap, a few runs show the peaks that their
+        sensors' places let stand out, and others show others.
     """
     number, found = _resonances(frf, channels)
-    if number.size < max(_FEWEST_RUNS, _MOST_OF * np.unique(frf.run[channels]).size):
+    if number.size < max(fewest_runs, most_of * np.unique(frf.run[channels]).size):
         return
     step = float(np.median(np.diff(frf.frequency)))
     alike = np.array([[_alike(a, b, MIN_LINES * step) for b in found] for a in found])
@@ -238,21 +239,34 @@ def run_states(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
     yield Verdict(check="states", level="fail", channel=(), band=None, message=message)
 
 
-def _resonances(frf: FRF, channels: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
+def _resonances(
+    frf: FRF,
+    channels: NDArray[np.int64],
+    *,
+    # Peaks that a run must show to be compared; fewer coincide by chance.
+    fewest_peaks: int = 3,
+) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
     """Return the runs that show enough peaks, and of each their frequencies, Hz."""
     numbers, found = [], []
     for run in np.unique(frf.run[channels]):
         own = np.array([p.frequency for p in peaks(frf, channels[frf.run[channels] == run])])
-        if own.size >= _FEWEST_PEAKS:
+        if own.size >= fewest_peaks:
             numbers.append(int(run))
             found.append(own)
     return np.array(numbers, dtype=np.int64), found
 
 
-def _alike(one: NDArray[np.float64], other: NDArray[np.float64], near: float) -> float:
+def _alike(
+    one: NDArray[np.float64],
+    other: NDArray[np.float64],
+    near: float,
+    *,
+    # Relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by less.
+    same: float = 0.008,
+) -> float:
     """Return the share of peaks that two runs have in common."""
     apart = np.abs(one[:, None] - other)
-    close = apart <= np.maximum(near, _SAME * one[:, None])
+    close = apart <= np.maximum(near, same * one[:, None])
     return float(close.any(axis=1).sum() + close.any(axis=0).sum()) / (one.size + other.size)
 
 

@@ -60,7 +60,6 @@ def _is_frozen(value: object) -> bool:
 
 BLOCK = 8
 """Outputs whose functions are worked on at a time."""
-_LINES = 1024  # worked on at a time
 
 
 def in_blocks(channels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
@@ -69,10 +68,15 @@ def in_blocks(channels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         yield channels[start : start + BLOCK]
 
 
-def inner_products(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def inner_products(
+    value: NDArray[np.complex128],
+    *,
+    # Worked on at a time.
+    lines: int = 1024,
+) -> NDArray[np.complex128]:
     """Return the inner products, (n, n), of functions (n, n_frequency), without a copy of all of them."""
     total = np.zeros((len(value), len(value)), complex)
-    for start in range(0, value.shape[1], _LINES):
-        part = value[:, start : start + _LINES]
+    for start in range(0, value.shape[1], lines):
+        part = value[:, start : start + lines]
         total += part @ part.conj().T
     return total

@@ -267,10 +267,7 @@ def synthesize(
 
 
 def synthesize_runs(
-    modal_model: ModalModel,
-    frequency: NDArray[np.float64],
-    quantity: Quantity,
-    run: NDArray[np.int64],
+    modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity, run: NDArray[np.int64]
 ) -> NDArray[np.complex128]:
     """Evaluate the functions that were measured, each as its own run has it.
 
